@@ -2,27 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, reduce
+from itertools import chain, islice
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from hpop import limits
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import is_symbolic
 from hpop.motions.bodies import Body, standing
 from hpop.motions.hold import stands
 from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
-from hpop.motions.panels import elapsed_before, kinks_between, panel_counts, quadrature_nodes
+from hpop.motions.panels import INTEGRATED, Nodes, elapsed_before, panel_counts, quadrature_nodes, runs
 from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
 from hpop.motions.states import States, picked_states
 
 if TYPE_CHECKING:
     from hpop.world import World
 
-AT_ONCE = 2**18  # panels, where time matters, that are integrated together: what lasts takes time, not memory
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
 DIGITS = 9  # of the numbers by which such ends are found
@@ -136,8 +137,6 @@ class Motions:
         if constant is not None:
             return constant * self.duration
         timed = "t" in probe.read
-        if parts := self._parts(timed):
-            return np.concatenate([part.integrate(rate, jumps=jumps) for part in parts])
         if self._adaptive and probe.read <= set(self.start.names):
             return self._integral_of_places(rate, jumps)
         total: Column = 0.0
@@ -158,8 +157,6 @@ class Motions:
         if constant is not None:
             return constant
         timed = "t" in probe.read
-        if parts := self._parts(timed):
-            return np.concatenate([part.worst(rate) for part in parts])
         if self.whole and probe.read <= set(self.start.names) and (self.twins != np.arange(len(self))).any():
             own, which = np.unique(self.twins, return_inverse=True)
             start, end = self.start.take(own), self.end.take(own)
@@ -253,8 +250,11 @@ class Motions:
                 pieces = np.maximum(pieces, panel_counts(self, phase, timed))
             some = np.flatnonzero(phase.duration)
             return adaptive_integrals(self._at(rate, phase), evenly, some, pieces, jumps=jumps)
-        owner, u, weight, columns = self._quadrature(phase, timed)
-        return np.bincount(owner, weight * rate(self._instants(phase, u, owner, columns)), minlength=len(self))
+        mean = np.zeros(len(self))
+        for nodes, columns in self._quadrature(phase, timed):
+            values = rate(self._instants(phase, nodes.u, nodes.owner, columns))
+            mean[nodes.run] += nodes.sums(nodes.weight * values)
+        return mean
 
     @property
     def _adaptive(self) -> bool:
@@ -278,17 +278,22 @@ class Motions:
         """The rate at fractions of a phase, of motions that are named."""
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
-    def _quadrature(self, phase: Phase, timed: bool) -> tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]:
-        """What `quadrature_nodes` gives, and the states at the nodes that criteria have read: once for all criteria.
+    def _quadrature(self, phase: Phase, timed: bool) -> Iterable[tuple[Nodes, dict[str, Column]]]:
+        """What `quadrature_nodes` gives, and the states at the nodes that criteria have read.
 
-        Arrays alone are kept: moments refer to their motions, and would only be freed by a collection of garbage.
+        Of motions that are cut together they are kept for all criteria. Arrays alone are kept: moments refer to their
+        motions, and would only be freed by a collection of garbage.
         """
-        kept: dict[tuple[int, bool], tuple[IntArray, FloatArray, FloatArray, dict[str, Column]]]
-        kept = self.__dict__.setdefault("_quadratures", {})
-        number = next(i for i, other in enumerate(self.phases) if other is phase)
-        if (number, timed) not in kept:
-            kept[number, timed] = (*quadrature_nodes(self, phase, GAUSS_NODES, timed), {})
-        return kept[number, timed]
+        kept: dict[tuple[int, bool], tuple[Nodes, dict[str, Column]]] = self.__dict__.setdefault("_quadratures", {})
+        key = next(i for i, other in enumerate(self.phases) if other is phase), timed
+        if key in kept:
+            return [kept[key]]
+        blocks = quadrature_nodes(self, phase, GAUSS_NODES, timed)
+        together = list(islice(blocks, 2))
+        if len(together) == 1:
+            kept[key] = together[0], {}
+            return [kept[key]]
+        return ((nodes, {}) for nodes in chain(together, blocks))
 
     def _phase_worst(self, rate: Rate, phase: Phase, probe: _Probe, timed: bool) -> Column:
         ends_and_middles = np.array([0.0, 0.5, 1.0])
@@ -296,30 +301,32 @@ class Motions:
             count = self.panels or SYMBOLIC_PANELS
             nodes = sorted({(i + e) / count for i in range(count) for e in ends_and_middles})
             return reduce(np.maximum, self._at_nodes(rate, phase, probe, nodes))
-        owner, u, _ = quadrature_nodes(
-            self, phase, ends_and_middles[:-1], timed
-        )  # a panel ends where the next one begins
-        inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
-        within = np.maximum.reduceat(inside, np.flatnonzero(np.diff(owner, prepend=-1)))
-        return np.maximum(within, rate(self._instants(phase, np.ones(len(self)), np.arange(len(self)))))
+        largest = np.empty(len(self))
+        largest[:] = rate(self._instants(phase, np.ones(len(self)), np.arange(len(self))))
+        for _, owner, u, _ in quadrature_nodes(self, phase, ends_and_middles[:-1], timed):  # the next panel has the end
+            inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
+            first = np.flatnonzero(np.diff(owner, prepend=-1))
+            own = owner[first]
+            largest[own] = np.maximum(np.maximum.reduceat(inside, first), largest[own])
+        return largest
 
-    def _parts(self, timed: bool) -> tuple[Motions, ...]:
-        """Two halves of whole motions of which time matters and that take too many panels at once; none of others."""
-        if not (timed and self.whole and len(self) > 1 and self.panels is None) or self._symbolic:
-            return ()
-        kinks = (np.subtract(*kinks_between(self, phase)[::-1]).sum() for phase in self.phases)
-        if sum(panel_counts(self, phase, timed).sum() for phase in self.phases) + sum(kinks) <= AT_ONCE:
-            return ()
-        halves = slice(None, len(self) // 2), slice(len(self) // 2, None)
-        return tuple(
-            replace(
-                self,
-                start=self.start.take(at),
-                end=self.end.take(at),
-                t0=None if self.t0 is None else self.t0[at],
-                turns=None if self.turns is None else (self.turns[0][at], self.turns[1][at]),
-            )
-            for at in halves
+    def portions(self) -> Iterator[tuple[slice, Motions]]:
+        """The motions in runs of few enough panels that several criteria read the same nodes."""
+        if not self.whole or self.panels is not None or self._symbolic or self._adaptive:
+            yield slice(0, len(self)), self
+            return
+        for run in runs(sum(panel_counts(self, phase, timed=self.t0 is not None) for phase in self.phases)):
+            if run.start:
+                limits.check(INTEGRATED)
+            yield run, self if run.stop - run.start == len(self) else self._some(run)
+
+    def _some(self, run: slice) -> Motions:
+        return replace(
+            self,
+            start=self.start.take(run),
+            end=self.end.take(run),
+            t0=None if self.t0 is None else self.t0[run],
+            turns=None if self.turns is None else (self.turns[0][run], self.turns[1][run]),
         )
 
     def _instants(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hpop import limits
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.motions.laws import Phase
 
@@ -15,38 +17,92 @@ if TYPE_CHECKING:
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 HELD = 1.0  # s: no panel of a hold lasts longer
 FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
+AT_ONCE = 2**18  # panels that are cut together
+INTEGRATED = "costs were integrated along motions"
 CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 
 
-def quadrature_nodes(
-    motions: Motions, phase: Phase, within: FloatArray, timed: bool
-) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Motion, fraction of the phase's time and weight of every node, panels no coarser than promised."""
+class Nodes(NamedTuple):
+    """Nodes of a phase, of a run of motions or of a part of one motion.
+
+    run     the motions
+    owner   (N,) motion of each node
+    u       (N,) fraction of the phase's time
+    weight  (N,) of a mean over the phase
+    """
+
+    run: slice
+    owner: IntArray
+    u: FloatArray
+    weight: FloatArray
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """Sums of values (N,) over each motion of the run."""
+        return np.bincount(self.owner - self.run.start, values, minlength=self.run.stop - self.run.start)
+
+
+def quadrature_nodes(motions: Motions, phase: Phase, within: FloatArray, timed: bool) -> Iterator[Nodes]:
+    """Yield the nodes of all motions, panels no coarser than promised.
+
+    About `AT_ONCE` panels are cut together, so that long motions take time and not memory; in between, the limits are
+    asked.
+    """
     panels = panel_counts(motions, phase, timed)
-    owner = np.repeat(np.arange(len(motions)), panels)
+    first, last = kinks_between(motions, phase) if timed else (0 * panels, 0 * panels)
+    for run in runs(panels + last - first):
+        if run.start:
+            limits.check(INTEGRATED)
+        yield from _nodes(motions, phase, within, run, panels[run], (first[run], last[run]))
+
+
+def runs(sizes: IntArray) -> Iterator[slice]:
+    """Runs of so many panels (M,) each motion, of at most `AT_ONCE` together, or of one motion."""
+    until, begin = np.cumsum(sizes), 0
+    while begin < sizes.size:
+        before = int(until[begin - 1]) if begin else 0
+        end = max(begin + 1, int(np.searchsorted(until, before + AT_ONCE, side="right")))
+        yield slice(begin, end)
+        begin = end
+
+
+def _nodes(
+    motions: Motions, phase: Phase, within: FloatArray, run: slice, panels: IntArray, kinks: tuple[IntArray, IntArray]
+) -> Iterator[Nodes]:
+    """Nodes of a run of motions of so many panels each, cut at kinks, the first of each and the first beyond."""
+    owner = np.repeat(np.arange(run.start, run.stop), panels)
     panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
-    count = panels[owner]
-    whose, at = kinks_in(motions, phase) if timed else (np.empty(0, np.int64), np.empty(0))
-    if not at.size:
-        u = ((panel[:, None] + within) / count[:, None]).ravel()  # (nodes,)
-        weight = np.repeat(1.0 / (count * within.size), within.size)
-        return np.repeat(owner, within.size), u, weight
-    owner, begin = np.concatenate([owner, whose]), np.concatenate([panel / count, at])
-    order = np.lexsort((begin, owner))
-    owner, begin = owner[order], begin[order]
-    end = np.where(np.diff(owner, append=len(motions)) > 0, 1.0, np.append(begin[1:], 1.0))
-    u = (begin[:, None] + (end - begin)[:, None] * within).ravel()
-    return np.repeat(owner, within.size), u, np.repeat((end - begin) / within.size, within.size)
+    count = np.repeat(panels, panels)
+    whose, at = _kinks_in(motions, phase, run, *kinks)
+    if at.size:
+        owner, begin = np.concatenate([owner, whose]), np.concatenate([panel / count, at])
+        order = np.lexsort((begin, owner))
+        owner, begin = owner[order], begin[order]
+        end = np.where(np.diff(owner, append=run.stop) > 0, 1.0, np.append(begin[1:], 1.0))
+    for low in range(0, owner.size, 2 * AT_ONCE):
+        if low:
+            limits.check(INTEGRATED)
+        part = slice(low, low + 2 * AT_ONCE)
+        if at.size:
+            share = end[part] - begin[part]
+            u = (begin[part, None] + share[:, None] * within).ravel()
+        else:
+            share = 1.0 / count[part]
+            u = ((panel[part, None] + within) / count[part, None]).ravel()  # (nodes,)
+        yield Nodes(run, np.repeat(owner[part], within.size), u, np.repeat(share / within.size, within.size))
 
 
-def kinks_in(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
+def _kinks_in(
+    motions: Motions, phase: Phase, run: slice, first: IntArray, last: IntArray
+) -> tuple[IntArray, FloatArray]:
     """Motion and fraction of the phase's time of every moment within it at which a prediction has a kink."""
-    first, last = kinks_between(motions, phase)
     each = last - first
-    owner = np.repeat(np.arange(len(motions)), each)
+    if not each.any():
+        return np.empty(0, np.int64), np.empty(0)
+    owner = np.repeat(np.arange(each.size), each)
     number = np.arange(owner.size) - np.repeat(np.cumsum(each) - each, each)
-    since = motions.world.content.kinks[first[owner] + number] - (motions.t0 + elapsed_before(motions, phase))[owner]
-    return owner, np.minimum(since / phase.duration[owner], 1.0)
+    whose = owner + run.start
+    since = motions.world.content.kinks[first[owner] + number] - (motions.t0 + elapsed_before(motions, phase))[whose]
+    return whose, np.minimum(since / phase.duration[whose], 1.0)
 
 
 def kinks_between(motions: Motions, phase: Phase) -> tuple[IntArray, IntArray]:

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria import Exposure, Obstruction
+from hpop.limits import LimitPassed
 from hpop.problem import Problem
 from hpop.view.ends import end_poses
 from hpop.view.paths import Heights
@@ -60,6 +61,10 @@ class View:
     def height(self) -> float:
         """Extent along y, m."""
         return self.y_max - self.y_min
+
+
+class Unresolved(LimitPassed):
+    """The ball is smaller than a pixel of the map."""
 
 
 @dataclass(frozen=True)
@@ -113,9 +118,13 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
     Colours range from 0 to what 99 in 100 free places stay below, and grow faster at first: the corners of a
     room are several times as obstructed as the places where a robot drives.
 
-    Raises LimitPassed where a limit of whoever draws does not allow for the field.
+    Raises LimitPassed where a limit of whoever draws does not allow for the field, and Unresolved where the ball is
+    smaller than a pixel: on a map so large a field that shows anything would need more samples than memory has room
+    for.
     """
     pixel = max(view.width, view.height) / PIXELS
+    if pixel > 2 * ball.radius:
+        raise Unresolved
     x = np.arange(view.x_min + pixel / 2, view.x_max, pixel)
     y = np.arange(view.y_min + pixel / 2, view.y_max, pixel)
     X, Y = np.meshgrid(x, y)  # (h, w)

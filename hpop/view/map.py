@@ -21,6 +21,7 @@ from hpop.view.canvas import checked, new_figure
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, EndPose, Ends, draw_ends, end_poses, goal_words
 from hpop.view.ground import (
+    Unresolved,
     View,
     ball_of,
     draw_bare_floor,
@@ -110,9 +111,10 @@ def draw_map(
         bars += draw_all(axes, front, scale, rows, line)
     try:
         bars += _draw_floor(axes, problem, view, heights)
-    except LimitPassed:
+    except LimitPassed as passed:
         draw_bare_floor(axes, problem.world)
-        symbols.append(Patch(color="none", label="obstructed fraction left out:\nit takes more than max_memory"))
+        why = "its ball is smaller than a pixel" if isinstance(passed, Unresolved) else "it takes more than max_memory"
+        symbols.append(Patch(color="none", label=f"obstructed fraction left out:\n{why}"))
     symbols += planner_entries(front)
     if looks_aside(model, picked):
         for layer, mark in enumerate(named):

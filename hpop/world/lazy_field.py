@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.world.field import PAD, Field
 
-BLOCK = 32  # nodes along a side of what is sampled together
+BLOCK = 32  # nodes along a side of a block
+AT_ONCE = 256  # blocks that are sampled together
 
 
 class LazyField(Field):
@@ -88,22 +89,30 @@ class LazyField(Field):
             self._filled(wanted)
 
     def _filled(self, wanted: Any) -> None:
-        asked, done, whole = (self.__dict__[name] for name in ("_asked", "_done", "_whole"))
-        wanted = wanted & ~asked
-        if not wanted.any():
-            return
+        wanted = wanted & ~self.__dict__["_asked"]
+        blocks = np.argwhere(wanted)
+        for begin in range(0, len(blocks), AT_ONCE):
+            self._sampled(blocks[begin : begin + AT_ONCE])
+
+    def _sampled(self, blocks: IntArray) -> None:
+        """Sample the nodes of some blocks (B, 2), sorted by row, that are not there."""
+        asked, whole = (self.__dict__[name] for name in ("_asked", "_whole"))
+        corners = blocks * BLOCK - PAD
+        first = max(int(corners[0, 0]) - 1, 0)
+        done: BoolArray = self.__dict__["_done"][first : int(corners[-1, 0]) + BLOCK + 2]
         todo = np.zeros_like(done)
-        for i, j in np.argwhere(wanted) * BLOCK - PAD:
+        for i, j in (corners - [first, 0]).tolist():
             # A point takes the coefficients from one before its own to two after it.
             todo[max(i - 1, 0) : i + BLOCK + 2, max(j - 1, 0) : j + BLOCK + 2] = True
         todo &= ~done
         rows, columns = np.nonzero(todo)
+        rows += first
         xs, ys = self.__dict__["_axes"]
         inside = whole[PAD:-PAD, PAD:-PAD]
         inside[rows, columns] = self.__dict__["_sample"](xs[columns], ys[rows])
         done |= todo
         _repeat_border(whole)
-        asked |= wanted  # last: neither Ctrl-C nor another thread finds a block that is only half there
+        asked[blocks[:, 0], blocks[:, 1]] = True  # last: neither Ctrl-C nor another thread finds a half of a block
 
 
 class TiledField(LazyField):

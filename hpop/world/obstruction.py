@@ -13,6 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -145,12 +146,14 @@ def prism_obstruction(
     volume = np.zeros(x.shape)
     if not parts:
         return volume
-    tree = shapely.STRtree(parts)
-    for points, box in _tiles(x, y, radius):
+    order, cuts, boxes = _tiles(x, y, radius)
+    tile, part_of = shapely.STRtree(parts).query(boxes, predicate="intersects")
+    by_tile = np.lexsort((part_of, tile))
+    tile, part_of = tile[by_tile], part_of[by_tile]
+    first = np.flatnonzero(np.diff(tile, prepend=-1))
+    for i, begin, end in zip(tile[first].tolist(), first, np.append(first, tile.size)[1:], strict=True):
         limits.check("the obstruction was sampled")
-        found = np.sort(tree.query(box, predicate="intersects"))
-        if not found.size:
-            continue
+        points, box, found = order[cuts[i] : cuts[i + 1]], boxes[i], part_of[begin:end]
         edges, slab = _edges([shapely.intersection(parts[i], box) for i in found])
         part = np.zeros(points.size)
         ball_volumes(edges, slab, heights[found], x[points], y[points], z[points], radius, part)
@@ -193,20 +196,16 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
     return np.split(order, np.flatnonzero(np.diff(label[order])) + 1)
 
 
-def _tiles(x: FloatArray, y: FloatArray, radius: float) -> list[tuple[IntArray, Polygon]]:
-    """Points by square tile of side 2 r, with the square that their balls can reach."""
+def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntArray, NDArray[np.object_]]:
+    """Order points by square tile of side 2 r: where each tile begins (T + 1,), and the boxes that its balls reach."""
     side = 2.0 * radius
     column, row = np.floor(x / side), np.floor(y / side)
     order = np.lexsort((row, column))
-    new = (np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)
-    cuts = np.flatnonzero(new) + 1
-    tiles = []
-    for points in np.split(order, cuts):
-        if points.size:
-            x0, y0 = column[points[0]] * side, row[points[0]] * side
-            low, high = -1.01 * radius, side + 1.01 * radius
-            tiles.append((points, shapely.box(x0 + low, y0 + low, x0 + high, y0 + high)))
-    return tiles
+    cuts = np.flatnonzero((np.diff(column[order]) != 0) | (np.diff(row[order]) != 0)) + 1
+    cuts = np.concatenate([[0], cuts, [order.size]]) if order.size else np.zeros(1, np.int64)
+    x0, y0 = (corner[order[cuts[:-1]]] * side for corner in (column, row))
+    low, high = -1.01 * radius, side + 1.01 * radius
+    return order, cuts, np.atleast_1d(shapely.box(x0 + low, y0 + low, x0 + high, y0 + high))
 
 
 def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:

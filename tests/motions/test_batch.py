@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
+from hpop import limits
 from hpop.errors import UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States, lacking
@@ -274,3 +275,58 @@ def test_motions_with_numbers_in_some_states_and_symbols_in_others_are_symbolic(
 def test_what_a_criterion_requires_and_nobody_has_is_missing():
     assert lacking(("camera", "obstacles"), OFF_AXIS, WORLD) == []
     assert lacking(("people", "camera", "arm"), OFF_AXIS, WORLD) == ["arm", "people"]
+
+
+def long_moves():
+    """A move of 2 km beside three short ones, 20,000 panels of 0.1 m."""
+    world = World.from_polygons([shapely.box(900, 4, 901, 5)], extent=shapely.box(0, 0, 2100, 10))
+    x, lengths = np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.5, 2000.0, 1.0, 0.0])
+    start = States(x=x, y=np.full(4, 2.0), yaw=np.zeros(4))
+    end = States(x=x + lengths, y=start.y, yaw=start.yaw)
+    model = DifferentialDrive()
+    return Motions(world, model, model.laws["move"], start, end)
+
+
+def test_a_long_motion_is_integrated_in_blocks_to_the_same_cost(monkeypatch):
+    sizes = []
+
+    def rate(s):
+        sizes.append(s.base.x.size)
+        return np.exp(-s.base.x / 500.0)
+
+    expected = [[f(rate)] for f in (long_moves().integrate, long_moves().worst)]
+    assert max(sizes) == 40_032  # two nodes a panel: 20,000 panels, 5, 10 and 1
+    sizes.clear()
+    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 500)
+    found = [[f(rate)] for f in (long_moves().integrate, long_moves().worst)]
+    assert max(sizes) <= 2 * 2 * 500
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+    begins = np.exp(-np.array([1.0, 2.0, 3.0, 4.0]) / 500.0)
+    lengths = np.array([0.5, 2000.0, 1.0, 0.0])
+    np.testing.assert_allclose(found[0][0], 500.0 * begins * -np.expm1(-lengths / 500.0) / DifferentialDrive().speed)
+    np.testing.assert_allclose(found[1][0], begins)
+
+
+def test_limits_are_asked_between_the_blocks_of_a_long_motion(monkeypatch):
+    class Late(Exception):
+        pass
+
+    class Limits:
+        def check(self, doing, memory=0):
+            assert doing == "costs were integrated along motions"
+            raise Late
+
+    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 500)
+    moves = long_moves()
+    for read in (moves.integrate, moves.worst, lambda rate: list(moves.portions())):
+        with pytest.raises(Late), limits.within(Limits()):
+            read(lambda s: np.exp(-s.base.x))
+
+
+def test_portions_are_all_motions_in_order(monkeypatch):
+    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 12)
+    moves = long_moves()
+    runs = list(moves.portions())
+    assert [(run.start, run.stop) for run, _ in runs] == [(0, 1), (1, 2), (2, 4)]  # panels: 5; 20,000; 10 and 1
+    costs = np.concatenate([some.integrate(lambda s: s.base.x) for _, some in runs])
+    np.testing.assert_allclose(costs, moves.integrate(lambda s: s.base.x), rtol=1e-12)

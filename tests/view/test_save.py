@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import shapely
 from PIL import Image
 
-from hpop import limits
+from hpop import DifferentialDrive, Problem, World, limits
 from hpop.errors import OutputError
 from hpop.planners.spending import Spending
 from hpop.status import Budget
@@ -80,6 +81,15 @@ def test_a_field_that_takes_more_memory_than_it_may_is_left_out_and_the_map_says
     assert any("left out:\nit takes more than max_memory" in text.get_text() for text in legend.get_texts())
     draw_map(problem, empty)
     assert any(key[0] == "obstruction" for key in ground.cache._values)
+
+
+def test_the_field_of_a_map_so_large_that_its_ball_is_no_pixel_is_not_sampled(empty):
+    """A field of balls of 2 m over 100 km would be 25 million samples 17 m apart, which show nothing."""
+    world = World.from_polygons([shapely.box(45e3, 30e3, 55e3, 45e3)], extent=shapely.box(0, 0, 100e3, 75e3))
+    country = Problem(world, DifferentialDrive(), (12.5e3, 37.5e3, 0.0), (87.5e3, 37.5e3, 0.0), ["exposure", "turns"])
+    (legend,) = draw_map(country, empty).legends
+    assert any("left out:\nits ball is smaller than a pixel" in text.get_text() for text in legend.get_texts())
+    assert not any(key[0] == "obstruction" for key in world.ground.cache._values)
 
 
 def test_pictures_that_are_there_are_replaced(problem, empty, tmp_path):

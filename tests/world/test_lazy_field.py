@@ -12,7 +12,7 @@ import hpop
 from hpop.arrays import FloatArray
 from hpop.planners.programs.nlp import SparseField
 from hpop.world.field import Field
-from hpop.world.lazy_field import LazyField
+from hpop.world.lazy_field import BLOCK, LazyField
 
 XS, YS, SPACING = 3.0 + 0.5 * np.arange(150.0), -2.0 + 0.5 * np.arange(101.0), 0.5
 Sample = Callable[[FloatArray, FloatArray], FloatArray]
@@ -98,3 +98,17 @@ def test_a_large_world_of_polygons_samples_obstruction_where_it_is_asked_for() -
     part = field(x, y)
     rest = Field(field.values, field.spacing, field.origin)
     assert (part == rest(x, y)).all()
+
+
+def test_however_much_is_asked_for_a_few_blocks_are_sampled_at_once(
+    whole: Field, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hpop.world.lazy_field.AT_ONCE", 3)
+    sizes: list[int] = []
+
+    def sample(x: FloatArray, y: FloatArray) -> FloatArray:
+        sizes.append(x.size)
+        return wave(x, y)
+
+    assert (lazy(sample).values == whole.values).all()
+    assert max(sizes) <= 3 * (BLOCK + 3) ** 2

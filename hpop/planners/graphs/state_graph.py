@@ -148,8 +148,10 @@ class StateGraph(TrajectoryGraph):
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
             counts = [np.empty(part.stop - part.start, np.int64) for _ in missing]
             for own, _, _, motions in self._batches(part):
-                for count, j in zip(counts, missing, strict=True):
-                    count[own] = quantised(motion_costs(criteria[j], motions), criteria[j])
+                places = np.flatnonzero(own)
+                for run, some in motions.portions():
+                    for count, j in zip(counts, missing, strict=True):
+                        count[places[run]] = quantised(motion_costs(criteria[j], some), criteria[j])
             return part, counts
 
         for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
