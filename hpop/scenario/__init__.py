@@ -271,7 +271,7 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
             for role, named in (("landmarks", given.landmarks), ("flows", given.flows), ("zones", given.zones))
         }
         found = cast(dict[str, Any], world.source)["options"]  # what was not given is known now
-        placed = {key: found[key] for key in ("scale", "origin", "units")}
+        placed = {key: found.get(key) for key in ("scale", "origin", "units", "crs")}
         read, notes = geojson_content.read(**paths, **placed, width=given.flow_width)
         landmarks, zones = read.landmarks + landmarks, read.zones + zones
         world = _with_notes(world, notes)

@@ -27,6 +27,7 @@ PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namesp
 DEFAULT_MODEL = "differential_drive"
 DEFAULT_PLANNER = "lattice"
 Paths = str | list[str]
+Choice = str | int | float | bool
 Named = dict[str, dict[str, Any] | None]
 Entry = dict[str, Any]
 
@@ -100,9 +101,11 @@ class GeoJSON(MapFile):
     beside = frozenset({"landmarks", "flows", "zones", "flow_width"})
     scale: float = Field(default=1.0, gt=0)
     origin: Annotated[Pair, _form("an origin [x, y] in the file's units")] | None = None
-    polygons: Literal["obstacles", "free", "outline"] = "obstacles"
+    polygons: Literal["obstacles", "free", "outline", "rooms"] = "obstacles"
     units: Literal["m", "deg"] | None = None
     wall_width: float | None = Field(default=None, gt=0)
+    crs: str | None = None  # of the coordinates, such as EPSG:3857; what the file says if left out
+    where: dict[str, Choice | list[Choice]] | None = None  # properties that its features must have
     landmarks: Paths = []  # GeoJSON files whose points are landmarks
     flows: Paths = []  # GeoJSON files whose lines are flows of visitors: one-way zones
     zones: Paths = []  # GeoJSON files whose polygons are zones

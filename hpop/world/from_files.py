@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -58,14 +59,17 @@ class FromFiles:
         *,
         scale: float = 1.0,
         origin: tuple[float, float] | None = None,
-        polygons: Literal["obstacles", "free", "outline"] = "obstacles",
+        polygons: Literal["obstacles", "free", "outline", "rooms"] = "obstacles",
         units: Literal["m", "deg"] | None = None,
         wall_width: float | None = None,
+        crs: str | None = None,
+        where: Mapping[str, Any] | None = None,
     ) -> World:
-        """Read a vector floor plan, in metres or in degrees; see `hpop.world.geojson.read`."""
+        """Read a vector floor plan, in metres, degrees or a projection; see `hpop.world.geojson.read`."""
         from hpop.world import geojson
 
-        return geojson.read(path, scale=scale, origin=origin, polygons=polygons, units=units, wall_width=wall_width)
+        placed: dict[str, Any] = {"scale": scale, "origin": origin, "units": units, "crs": crs}
+        return geojson.read(path, **placed, polygons=polygons, wall_width=wall_width, where=where)
 
     @staticmethod
     def from_image(

@@ -2,44 +2,40 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
-from itertools import islice
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import Polygon, shape
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop import limits
-from hpop.arrays import BoolArray
-from hpop.errors import MapError
-from hpop.limits import READING
+from hpop.errors import MapError, did_you_mean
 from hpop.options import one_of
-from hpop.text import shown
-from hpop.world.crossings import check_each_joinable, check_joinable, check_mendable
+from hpop.text import shown, some
+from hpop.world import crs as systems
+from hpop.world.crossings import check_joinable
 from hpop.world.features import Feature, FeatureNotes
-from hpop.world.files import file_source, read_bytes, read_text
+from hpop.world.files import file_source, read_bytes
+from hpop.world.geojson_shapes import LINES, POINTS, POLYGONS, left_out, placed, shaped
+from hpop.world.geojson_text import Document, read_document
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.placement import Placement, Units
+from hpop.world.rooms import WALL_WIDTH, Door, Room, is_door, touching, walled
 from hpop.world.shapes import Obstacle, check_heights
+from hpop.world.tags import Choice, length, values
 from hpop.world.walls import check_width, walls
 from hpop.world.world import World
 
-Meaning = Literal["obstacles", "free", "outline"]
-POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
-POLYGONS = ("Polygon", "MultiPolygon")
-GEOMETRIES = (*POINTS, *LINES, *POLYGONS)
-AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
-WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
-WORDS[POLYGONS + LINES] = "polygon or line"
-BLOCK = 1_000
-"""Features that are read between two looks at the limits, or objects of JSON: hundredths of a second."""
-STAYS, PARSED = 6, 24
-"""Bytes for each of a file: of geometries, and of Python's objects while it is read."""
+Meaning = Literal["obstacles", "free", "outline", "rooms"]
+LEVELS = ("level", "floor")
+"""Properties that say on which floor a feature is."""
+FAR = 100_000.0
+"""Coordinates, m, that no plan has whose origin is in the building: those of projections are larger."""
+TOLD = 8
+"""Values of a property that a message lists, at most."""
 
 
 def read(
@@ -50,80 +46,206 @@ def read(
     polygons: Meaning = "obstacles",
     units: Units | None = None,
     wall_width: float | None = None,
+    crs: str | None = None,
+    where: Mapping[str, Any] | None = None,
 ) -> World:
     """Read the polygons and lines of a GeoJSON file as a `World`.
 
     Parameters
     ----------
     path : path of the file
+        A FeatureCollection, a Feature, a geometry, or several of them one a line (GeoJSONSeq, RFC 8142).
     scale : float
         Metres per unit of the file. EPSG:3857 stretches lengths: its scale is cos(latitude).
     origin : (x, y)
         The file's point that becomes (0, 0), in its units; projected coordinates are millions of metres otherwise.
-        Without it, (0, 0) stays where it is, and of degrees it is the plan's south-west corner.
-    polygons : "obstacles", "free" or "outline"
+        Without it, (0, 0) stays where it is, and of degrees or a ``crs`` it is the plan's south-west corner.
+    polygons : "obstacles", "free", "outline" or "rooms"
         What a polygon stands for. *obstacles*: the extent is their bounding box. *free*: the robot must stay
         in their union, and all beyond is obstacle to the camera. *outline*: the same for the largest polygon;
-        every other is an obstacle: a building and its columns.
+        every other is an obstacle: a building and its columns. *rooms*: as free, with walls along the outlines of
+        rooms, which points and lines with a property ``door`` or ``entrance`` open.
     units : "m" or "deg", optional
         Degrees of longitude and latitude (RFC 7946: geojson.io, QGIS) are put on a plane that touches the earth at
         the origin, x east and y north, on which lengths are right to 0.02 %. Without ``units`` a file is in degrees if
         all of it lies within 180 and 90 and spans less than 0.1 each way, and no ``scale`` is given.
     wall_width : float, optional
-        Thickness of walls, m: lines are walls, as thick as that. Without it lines are left out.
+        Thickness of walls, m: lines are walls, as thick as that. Without it lines are left out, and the walls of
+        rooms are 0.1 m thick.
+    crs : str, optional
+        What the coordinates are in, such as "EPSG:3857"; without it what the file's member ``crs`` says, unless scale
+        or units are given. Such coordinates are put on the same plane as degrees. pyproj (extra ``plans``) is needed.
+    where : mapping, optional
+        Properties that a feature must have, each with a value or several: ``{"indoor": "room", "level": [0, 1]}``.
+        Text and numbers are compared as text; a feature's "0;1" is each of the two, and its level "0-2" all three.
+        Doors are chosen by their level alone.
 
-    An obstacle's property ``height`` is the number of metres from the floor, or a pair [z_min, z_max]; it has
-    the whole height without. What is left out or mended is told in ``world.notes``: features without
-    geometry, properties, or polygons, and self-crossing outlines; and how degrees became metres.
+    An obstacle's property ``height`` is the number of metres from the floor, also as text ("3", "12 ft"), or a pair
+    [z_min, z_max]; ``min_height`` is where it begins. It has the whole height without, and where it is 0 or cannot be
+    read. What is left out or mended is told in ``world.notes``: features without geometry, properties, or polygons,
+    self-crossing and open outlines; how degrees became metres, and that rooms which touch are one.
 
     Raises
     ------
     MapError
-        If the file is missing or no GeoJSON, has no polygons, mixes degrees with metres, or a polygon or height makes
-        no sense.
+        If the file is missing or no GeoJSON, has no polygons, mixes degrees with metres, is in a crs that cannot be
+        read, or a polygon or pair of heights makes no sense.
     """
     one_of("polygons", polygons, get_args(Meaning), error=MapError)
-    placement, wall_width = Placement(scale, origin, units), check_width(wall_width)
+    given = Placement(scale, origin, units)
+    width = check_width(wall_width)
+    chosen = Choice(where)
+    if crs is not None and (units is not None or given.scale != 1.0):
+        raise MapError(f"crs {shown(crs)} says what the coordinates are in; leave out scale and units.")
     content = read_bytes(path, "GeoJSON file")
+    document = read_document(content, path)
     noted = FeatureNotes()
-    of, shapes = shaped(content, path, POLYGONS if wall_width is None else POLYGONS + LINES, noted)
-    placement = placement.settled(of, shapes)
-    areas: list[_Part] = []
-    lines: list[_Part] = []
+    are_rooms = polygons == "rooms"
+    width = width or (WALL_WIDTH if are_rooms else None)
+    kinds = POLYGONS if width is None else POLYGONS + LINES
+    features, said = _chosen(document.features, chosen, path, doors=are_rooms)
+    of, shapes = _shapes(features, kinds, noted, doors=are_rooms)
+    placement, shapes, options = _placed_by(given, crs, document, of, shapes, path)
+    plan = _Plan([], [], [])
     for feature, parts in placed(of, shapes, placement, noted):
-        heights = _heights(feature, noted)
-        for part in parts:
-            if isinstance(part, Polygon):
-                areas.append(_Part(feature, part, heights))
-            elif wall_width is not None:
-                lines += [_Part(feature, wall, heights) for wall in walls(part, wall_width, str(feature))]
+        plan.add(feature, parts, width if width is not None else 0.0, noted, doors=are_rooms)
     hint = (f"{path}: wall_width: 0.1 makes walls of its lines, 0.1 m thick.",) * any(
-        _left_out(kind, POLYGONS) in noted for kind in LINES
+        left_out(kind, POLYGONS) in noted for kind in LINES
     )
+    areas, lines = plan.areas, plan.lines
     if not areas and (polygons != "obstacles" or not lines):
-        what = "polygon" if wall_width is None or polygons != "obstacles" else "polygon or line"
+        what = "polygon" if width is None or polygons != "obstacles" else "polygon or line"
         raise MapError(f"{path} has no {what}: nothing to make a world of. {' '.join((*noted.lines(), *hint))}")
-    options = {
-        "scale": placement.scale,
-        "origin": list(placement.origin or (0.0, 0.0)),
-        "polygons": polygons,
-        "units": placement.units,
-        "wall_width": wall_width,
-    }
+    options |= {"polygons": polygons, "wall_width": wall_width if wall_width is None else width}
+    options |= {"where": chosen.given} if chosen else {}
     source = file_source("geojson", path, options, content)
-    notes = (*placement.note(path), *noted.lines(), *hint)
-    if polygons == "obstacles":
-        notes += tuple(_closing(areas, lines, wall_width or 0.0))
-        return World(Ground(tuple(part.obstacle for part in areas + lines)), notes=notes).read_from(source)
-    free = areas if polygons == "free" else [max(areas, key=lambda part: part.area.area)]
-    check_joinable([part.area for part in free], str(path))
-    solid = [part for part in areas + lines if all(part is not other for other in free)]
-    ground = Ground(
-        tuple(part.obstacle for part in solid),
-        extent=shapely.union_all([part.area for part in free]),
-        outside_is_obstacle=True,
-    )
+    ground, more = _ground(plan, polygons, width, noted, path)
+    notes = (*document.notes, *placement.note(path, options.get("crs")), *said)
+    if given.units is None and crs is None and options["scale"] == 1.0 and placement.units == "m":
+        notes += _in_metres(document.crs, shapes, path)
+    notes += (*noted.lines(), *hint, *more, *_levels(of, chosen, path))
     return World(ground, notes=notes).read_from(source)
+
+
+def _ground(
+    plan: _Plan, polygons: Meaning, width: float | None, noted: FeatureNotes, path: str | Path
+) -> tuple[Ground, list[str]]:
+    """The ground of a plan whose polygons mean something, and notes on it."""
+    areas, lines = plan.areas, plan.lines
+    if polygons == "obstacles":
+        notes = [*_closing(areas, lines, width or 0.0)]
+        return Ground(tuple(part.obstacle for part in areas + lines)), notes
+    if polygons == "rooms":
+        check_joinable([part.area for part in areas], str(path))
+        rooms = [Room(part.feature, part.area) for part in areas]
+        free, solid = walled(rooms, plan.doors, [part.area for part in lines], width or WALL_WIDTH, noted)
+        notes = [
+            f"{path}: {len(rooms):,} rooms have walls {width or WALL_WIDTH:g} m thick, with {len(plan.doors):,} doors."
+        ]
+        if not plan.doors:
+            notes = [f"{notes[0]} Points with a property door open walls."]
+        return Ground(tuple(Obstacle(part) for part in solid), extent=free, outside_is_obstacle=True), notes
+    free_parts = areas if polygons == "free" else [max(areas, key=lambda part: part.area.area)]
+    check_joinable([part.area for part in free_parts], str(path))
+    joined = touching([Room(part.feature, part.area) for part in free_parts]) if polygons == "free" else None
+    notes = []
+    if joined is not None:
+        first, second = (each.feature.called for each in joined)
+        notes = [
+            f"{path}: polygons that touch, such as features {first} and {second}, are one free space without a wall "
+            "between them. polygons: rooms puts walls there, which doors open."
+        ]
+    inner = [part for part in areas + lines if all(part is not other for other in free_parts)]
+    extent = shapely.union_all([part.area for part in free_parts])
+    return Ground(tuple(part.obstacle for part in inner), extent=extent, outside_is_obstacle=True), notes
+
+
+def _shapes(
+    features: Sequence[Feature], kinds: tuple[str, ...], noted: FeatureNotes, *, doors: bool
+) -> tuple[list[Feature], NDArray[np.object_]]:
+    """Features and their geometries, those of doors included where these are read."""
+    if not doors:
+        return shaped(features, kinds, noted)
+    opening = [feature for feature in features if is_door(feature)]
+    others = [feature for feature in features if not is_door(feature)]
+    of, shapes = shaped(others, kinds, noted)
+    of_doors, shapes_of_doors = shaped(opening, POLYGONS + LINES + POINTS, noted)
+    return of + of_doors, np.concatenate([shapes, shapes_of_doors])
+
+
+def _chosen(
+    features: Sequence[Feature], choice: Choice, path: str | Path, *, doors: bool
+) -> tuple[list[Feature], tuple[str, ...]]:
+    """The features that are asked for, and a note; `MapError` where there are none."""
+    if not choice:
+        return list(features), ()
+    found = [
+        feature
+        for feature in features
+        if choice.takes(feature.properties, LEVELS if doors and is_door(feature) else None)
+    ]
+    if found:
+        return found, (f"{path}: {len(found):,} of {len(features):,} features are read, those with {choice}.",)
+    for key in choice.given:
+        there: dict[str, None] = {}
+        for feature in features:
+            if key in feature.properties:
+                there.update(dict.fromkeys(sorted(values(key, feature.properties[key]))))
+        if not there:
+            known = dict.fromkeys(str(name) for feature in features for name in feature.properties)
+            raise MapError(
+                f"{path}: where: no feature has a property {shown(key)}.{did_you_mean(key, known)} Properties there: "
+                f"{shown(some(list(known), TOLD), 300) if known else 'none'}."
+            )
+        if not any(Choice({key: choice.given[key]}).takes(feature.properties) for feature in features):
+            raise MapError(
+                f"{path}: where: no feature has {key}: {shown(choice.given[key])}. Its values there: "
+                f"{shown(some(list(there), TOLD), 300)}."
+            )
+    raise MapError(f"{path}: where: no feature has all of {choice}.")
+
+
+def _levels(of: Sequence[Feature], choice: Choice, path: str | Path) -> Iterator[str]:
+    """A note where features of several floors are read as one."""
+    for key in LEVELS:
+        if key in choice.given:
+            continue
+        there = sorted({v for feature in of if key in feature.properties for v in values(key, feature.properties[key])})
+        if len(there) > 1:
+            yield (
+                f"{path}: its features have several values of {key} ({shown(some(there, TOLD), 200)}), all read as one "
+                f"floor. where: {{{key}: {there[0]}}} chooses."
+            )
+
+
+def _placed_by(
+    given: Placement,
+    crs: str | None,
+    document: Document,
+    of: Sequence[Feature],
+    shapes: NDArray[np.object_],
+    path: str | Path,
+) -> tuple[Placement, NDArray[np.object_], dict[str, Any]]:
+    """Return where geometries lie, the geometries in its units, and the options that say so."""
+    is_open = given.units is None and given.scale == 1.0
+    system = systems.crs_of(crs) if crs is not None else document.crs if is_open else None
+    if system is None or system == systems.DEGREES:
+        units: Units | None = "deg" if crs is not None else given.units
+        settled = Placement(given.scale, given.origin, units).settled(of, shapes)
+        return (
+            settled,
+            shapes,
+            {"scale": settled.scale, "origin": list(settled.origin or (0.0, 0.0)), "units": settled.units},
+        )
+    points = shapely.get_coordinates(shapes)
+    if not len(points):
+        return given.settled(of, shapes), shapes, {"scale": 1.0}
+    Placement(1.0, None, "m").settled(of, shapes)  # finite
+    origin = given.origin or (float(points[:, 0].min()), float(points[:, 1].min()))
+    ((x, y),) = systems.degrees_of(np.array([origin]), system, path).tolist()
+    shapes = systems.on_earth(shapes, system, path)
+    placement = Placement(1.0, (x, y), "deg").settled(of, shapes)
+    return placement, shapes, {"scale": 1.0, "origin": list(origin), "units": None, "crs": system}
 
 
 class _Part(NamedTuple):
@@ -136,6 +258,22 @@ class _Part(NamedTuple):
     @property
     def obstacle(self) -> Obstacle:
         return Obstacle(self.area, *self.heights, name=self.feature.name)
+
+
+def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Path) -> tuple[str, ...]:
+    """Notes on coordinates that are read as metres though their crs, or their size, says otherwise."""
+    x0, y0, x1, y1 = shapely.total_bounds(shapes)
+    if declared is not None:
+        return (
+            f"{path}: its crs ({declared}) says degrees, but it spans {x1 - x0:.4g} x {y1 - y0:.4g} at ({x0:.6g}, "
+            f"{y0:.6g}), so it is read as metres. units: m or deg says which is right.",
+        )
+    if max(abs(x0), abs(y0), abs(x1), abs(y1)) > FAR:
+        return (
+            f"{path}: its coordinates, such as ({x0:.9g}, {y0:.9g}), are those of a projection, and are read as metres."
+            " If they are none, crs: EPSG:3857, or another code, makes metres of them; units: m says that they are.",
+        )
+    return ()
 
 
 def _closing(areas: Sequence[_Part], lines: Sequence[_Part], width: float) -> Iterator[str]:
@@ -153,133 +291,53 @@ def _closing(areas: Sequence[_Part], lines: Sequence[_Part], width: float) -> It
         )
 
 
-def _parse(text: str, path: str | Path) -> Any:
-    count = 0
+class _Plan(NamedTuple):
+    """What the features of a plan are: areas, walls along lines, and doors."""
 
-    def look(parsed: Any) -> Any:
-        nonlocal count
-        count += 1
-        if count % BLOCK == 0:
-            limits.check(READING)
-        return parsed
+    areas: list[_Part]
+    lines: list[_Part]
+    doors: list[Door]
 
-    try:
-        return json.loads(text, object_hook=look)
-    except (ValueError, RecursionError) as error:
-        raise MapError(f"{path} is not JSON: {error}.") from None
-
-
-def features(content: bytes, path: str | Path) -> Iterator[Feature]:
-    """Yield the features of a file that holds a FeatureCollection, a Feature, or a bare geometry."""
-    limits.hold(READING, STAYS * len(content), PARSED * len(content))
-    data = _parse(read_text(content, path, "GeoJSON file"), path)
-    kind = data.get("type") if isinstance(data, dict) else None
-    if kind == "FeatureCollection":
-        found = data.get("features")
-        if not isinstance(found, list):
-            raise MapError(f"{path}: a FeatureCollection must have a list of features; got {shown(found)}.")
-    elif kind == "Feature":
-        found = [data]
-    elif isinstance(kind, str) and kind in GEOMETRIES:
-        found = [{"type": "Feature", "properties": {}, "geometry": data}]
-    else:
-        got = f"type {shown(kind)}" if isinstance(data, dict) else shown(data)
-        raise MapError(f"{path} must hold a GeoJSON FeatureCollection, Feature or geometry; got {got}.")
-    for number, data in enumerate(found):
-        if not isinstance(data, dict):
-            raise MapError(f"{path}: feature {number} must be an object; got {shown(data)}.")
-        yield Feature(path, number, data)
-
-
-def shaped(
-    content: bytes, path: str | Path, kinds: tuple[str, ...], notes: FeatureNotes
-) -> tuple[list[Feature], NDArray[np.object_]]:
-    """The features of some kinds and their geometries (n,), in the file's units; what is left out is noted."""
-    of: list[Feature] = []
-    shapes: list[BaseGeometry] = []
-    rest = features(content, path)
-    while block := list(islice(rest, BLOCK)):
-        limits.check(READING)
-        for feature in block:
-            if (found := _shaped(feature, kinds, notes)) is not None:
-                of.append(feature)
-                shapes.append(found)
-    return of, np.array(shapes, dtype=object)
-
-
-def placed(
-    of: Sequence[Feature], shapes: NDArray[np.object_], placement: Placement, notes: FeatureNotes
-) -> Iterator[tuple[Feature, list[Any]]]:
-    """Yield features, each with the parts of its geometry, m; what is mended is noted.
-
-    In blocks, between which the limits are looked at. Polygons are valid, and a self-crossing outline is mended;
-    `MapError` for one that crosses itself so often that to mend it would take for ever.
-    """
-    for begin in range(0, len(of), BLOCK):
-        limits.check(READING)
-        some = of[begin : begin + BLOCK]
-        there = placement.place(shapes[begin : begin + BLOCK])
-        areas = np.isin(shapely.get_type_id(there), AREAS)
-        there = _mended(some, there, areas, notes)
-        parts, owner = shapely.get_parts(there, return_index=True)
-        parts, outer = shapely.get_parts(parts, return_index=True)  # what was mended may be nested
-        owner = owner[outer]
-        kept = ~areas[owner] | (np.isin(shapely.get_type_id(parts), AREAS) & (shapely.area(parts) > 0))
-        parts, owner = parts[kept], owner[kept]
-        ends = np.searchsorted(owner, np.arange(len(some) + 1)).tolist()
-        yield from ((each, parts[ends[i] : ends[i + 1]].tolist()) for i, each in enumerate(some))
-
-
-def _left_out(kind: Any, kinds: tuple[str, ...]) -> str:
-    return f"a {shown(kind)}, not a {WORDS[kinds]}, left out"
-
-
-def _shaped(feature: Feature, kinds: tuple[str, ...], notes: FeatureNotes) -> BaseGeometry | None:
-    """A feature's geometry, in the file's units; None, and a note, unless it is one of the kinds."""
-    data = feature.data.get("geometry")
-    if data is None:
-        notes.add(feature, "no geometry, left out")
-        return None
-    kind = data.get("type") if isinstance(data, dict) else None
-    if kind not in kinds:
-        notes.add(feature, _left_out(kind, kinds))
-        return None
-    try:
-        with np.errstate(invalid="ignore"):
-            geometry = shape(data)
-    except Exception as error:  # shapely passes on whatever the coordinates provoke
-        raise MapError(f"{feature}: its coordinates make no {kind}: {error!s:.200}.") from None
-    if geometry.is_empty:
-        notes.add(feature, f"an empty {kind}, left out")
-        return None
-    return geometry
-
-
-def _mended(
-    of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes
-) -> NDArray[np.object_]:
-    """Geometries of features, those among the areas made valid that were not."""
-    check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
-    for i in np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist():
-        limits.check(READING)
-        reason, *_ = shapely.is_valid_reason(shapes[i]).split("[")  # less where, which no other feature shares
-        notes.add(of[i], f"no valid polygon ({reason}), mended")
-        check_mendable(shapes[i], str(of[i]))
-        shapes[i] = shapely.make_valid(shapes[i])
-    return shapes
+    def add(
+        self, feature: Feature, parts: Sequence[BaseGeometry], width: float, notes: FeatureNotes, *, doors: bool
+    ) -> None:
+        """Add the parts of a feature, m."""
+        if doors and is_door(feature):
+            self.doors.extend(Door(feature, part.boundary if isinstance(part, Polygon) else part) for part in parts)
+            return
+        heights = _heights(feature, notes)
+        for part in parts:
+            if isinstance(part, Polygon):
+                self.areas.append(_Part(feature, part, heights))
+            else:
+                self.lines.extend(_Part(feature, wall, heights) for wall in walls(part, width, str(feature)))
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
+    """The heights between which a feature stands, m; notes on what cannot be read, which is the whole height."""
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
         notes.add(feature, "no properties, so of the whole height")
         return WHOLE
-    height = properties.get("height")
-    if height is None:
+    given = properties.get("height")
+    if isinstance(given, list):
+        try:
+            return check_heights(given)
+        except MapError as error:
+            raise MapError(f"{feature}: property height must be a number or [z_min, z_max]: {error}") from None
+    low, high = (length(properties.get(key)) for key in ("min_height", "height"))
+    if given is None and properties.get("min_height") is None:
         return WHOLE
-    if isinstance(height, int | float) and not isinstance(height, bool):
-        height = (0.0, height)
-    try:
-        return check_heights(height)
-    except MapError as error:
-        raise MapError(f"{feature}: property height must be a number or [z_min, z_max]: {error}") from None
+    if (given is not None and (high is None or high <= 0)) or (
+        low is None and properties.get("min_height") is not None
+    ):
+        what = {key: properties[key] for key in ("height", "min_height") if properties.get(key) is not None}
+        said = ", ".join(f"{key} {shown(value)}" for key, value in what.items())
+        notes.add(feature, f"{said}, which is no height above 0 in m, so of the whole height")
+        return WHOLE
+    z_min = low if low is not None else 0.0 if high is not None else WHOLE[0]
+    z_max = WHOLE[1] if high is None else high
+    if not z_min < z_max:
+        notes.add(feature, f"min_height {z_min:g} is not below height {z_max:g}, so of the whole height")
+        return WHOLE
+    return check_heights((z_min, z_max))

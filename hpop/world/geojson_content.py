@@ -7,18 +7,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import shapely
+from numpy.typing import NDArray
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError
 from hpop.text import shown
+from hpop.world import crs as systems
 from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_widenable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import read_bytes
-from hpop.world.geojson import LINES, POINTS, POLYGONS, WORDS, placed, shaped
-from hpop.world.placement import Placement, Units
+from hpop.world.geojson_shapes import LINES, POINTS, POLYGONS, WORDS, placed, shaped
+from hpop.world.geojson_text import read_document
+from hpop.world.placement import MOST_DEGREES, Placement, Units
 from hpop.world.shapes import check_positive
+from hpop.world.tags import length, number, truth
 
 FLOW_WIDTH = 3.0
 """Width of the way along a flow, m."""
@@ -32,8 +38,9 @@ def read(
     zones: Paths = (),
     scale: float = 1.0,
     origin: tuple[float, float] = (0.0, 0.0),
-    units: Units = "m",
+    units: Units | None = "m",
     width: float = FLOW_WIDTH,
+    crs: str | None = None,
 ) -> tuple[Content, tuple[str, ...]]:
     """Read the content of a world from GeoJSON files: ``world.with_content(landmarks=content.landmarks, ...)``.
 
@@ -47,11 +54,12 @@ def read(
         Each line is a one-way `Zone` in the direction in which it is drawn, ``width`` across, or as the property
         ``width`` (m) says; it ends where the line ends.
     zones : path or paths
-        Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, or a
+        Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, yes, or a
         number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
-    scale, origin, units
+    scale, origin, units, crs
         As `hpop.world.geojson.read` has them for the plan to which this belongs; ``world.source["options"]`` says which
-        it found where they were not given.
+        it found where they were not given. Beside a plan in degrees or of a crs, a file may be in another crs, which
+        its member ``crs`` says, or in degrees.
     width : float
         Of the way along a flow, m.
 
@@ -67,7 +75,11 @@ def read(
         sense.
     """
     width = check_positive("width", width)
-    source = _Source(Placement(scale, origin, units), FeatureNotes())
+    plan = systems.DEGREES if crs is None else systems.crs_of(crs)
+    if plan != systems.DEGREES:
+        ((x, y),) = systems.degrees_of(np.array([origin]), plan, "the plan's origin").tolist()
+        origin, units = (x, y), "deg"
+    source = _Source(Placement(scale, origin, units), plan, FeatureNotes())
     seen = source.made(landmarks, POINTS, _landmark)
     ways = source.made(flows, LINES, lambda line, feature: _flow(line, feature, width))
     rules = source.made(zones, POLYGONS, _zone)
@@ -84,9 +96,10 @@ Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
 
 @dataclass(frozen=True)
 class _Source:
-    """Where files lie in the world, and notes on what they hold."""
+    """Where files lie in the world, the crs of their plan, and notes on what they hold."""
 
     placement: Placement
+    crs: str
     notes: FeatureNotes
 
     def made(self, paths: Paths, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
@@ -94,9 +107,10 @@ class _Source:
         things: list[Landmark | Zone] = []
         for path in [paths] if isinstance(paths, str | Path) else paths:
             found = False
-            content = read_bytes(path, "GeoJSON file")
-            of, shapes = shaped(content, path, kinds, self.notes)
+            document = read_document(read_bytes(path, "GeoJSON file"), path)
+            of, shapes = shaped(document.features, kinds, self.notes)
             self.placement.refuse_degrees(of, shapes)
+            shapes = self._in_degrees(shapes, document.crs, path)
             for feature, parts in placed(of, shapes, self.placement.settled(of, shapes), self.notes):
                 found = True
                 if not isinstance(feature.data.get("properties"), dict):
@@ -111,6 +125,15 @@ class _Source:
                 raise MapError(f"{path} has no {WORDS[kinds]}. {' '.join(self.notes.lines(path))}".rstrip())
         return things
 
+    def _in_degrees(self, shapes: NDArray[np.object_], crs: str | None, path: str | Path) -> NDArray[np.object_]:
+        """Geometries of a file as they are, or in degrees where those of the plan are."""
+        if self.placement.units != "deg" or not len(shapes):
+            return shapes
+        if crs is None:
+            away = np.abs(shapely.get_coordinates(shapes)) > MOST_DEGREES
+            crs = self.crs if away.any() else systems.DEGREES
+        return systems.on_earth(shapes, crs, path)
+
 
 def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
     """What a part stands for; an error says where."""
@@ -121,7 +144,7 @@ def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone 
 
 
 def _landmark(point: Point, feature: Feature) -> Landmark:
-    given = {key: feature.properties.get(key) for key in ("z", "facing", "weight")}
+    given = {key: number(feature.properties.get(key)) for key in ("z", "facing", "weight")}
     return Landmark(
         point.x, point.y, name=feature.name, **{key: value for key, value in given.items() if value is not None}
     )
@@ -129,7 +152,9 @@ def _landmark(point: Point, feature: Feature) -> Landmark:
 
 def _flow(line: LineString, feature: Feature, width: float) -> Zone | str:
     own = feature.properties.get("width")
-    width = width if own is None else check_positive("property width", own)
+    if own is not None:
+        across = length(own)
+        width = check_positive("property width", own if across is None else across)
     if line.length == 0:
         return "a line without length, left out"
     check_widenable(line, width / 2, "the flow")
@@ -137,12 +162,18 @@ def _flow(line: LineString, feature: Feature, width: float) -> Zone | str:
 
 
 def _zone(area: Polygon, feature: Feature) -> Zone | str | None:
-    kind, limit, closed = (feature.properties.get(key) for key in ("kind", "limit", "closed"))
+    kind, limit, closed = (number(feature.properties.get(key)) for key in ("kind", "limit", "closed"))
     if kind == "speed" or (kind is None and limit is not None):
         return Zone("speed", area, limit=limit, name=feature.name)
-    if kind == "keep-out" or (kind is None and isinstance(closed, int | float) and closed):
+    if kind == "keep-out" or (kind is None and truth(closed)):
         return Zone("keep-out", area, name=feature.name)
-    if kind is None and closed is not None:
+    if kind is None and truth(closed) is False:
         return None  # it says that it is open
-    got = "" if kind is None else f"; its kind is {shown(kind)}"
+    got = (
+        f"; its kind is {shown(kind)}"
+        if kind is not None
+        else ""
+        if closed is None
+        else f"; its closed is {shown(closed)}"
+    )
     return f"no rule (kind speed or keep-out, limit, or closed){got}, left out"

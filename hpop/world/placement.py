@@ -15,6 +15,7 @@ from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import MapError
 from hpop.options import FARTHEST, one_of
 from hpop.text import shown
+from hpop.world.crs import RADIUS
 from hpop.world.features import Feature
 from hpop.world.shapes import check_coordinates, check_positive
 
@@ -29,8 +30,8 @@ SMALL = 0.01
 """Degrees that a thing in a building spans, at most, each way: 1.1 km. As metres that is a centimetre."""
 NEAR = 1.0
 """Degrees from the origin within which lengths on the plane are those on the earth, to 0.02 %."""
-RADIUS, FLATTENING = 6378137.0, 1 / 298.257223563
-"""The earth's of WGS 84: equatorial radius, m."""
+FLATTENING = 1 / 298.257223563
+"""The earth's of WGS 84."""
 
 
 @dataclass(frozen=True)
@@ -120,12 +121,13 @@ class Placement:
         check_coordinates(placed, "a geometry, less the origin and times the scale,")
         return np.asarray(placed, dtype=object)
 
-    def note(self, path: Any) -> tuple[str, ...]:
-        """What is told of a placement that is settled: how degrees became metres."""
+    def note(self, path: Any, crs: str | None = None) -> tuple[str, ...]:
+        """Return what is told of a placement that is settled: how degrees, or coordinates of a crs, became metres."""
         if self.units != "deg" or self.origin is None:
             return ()
+        what = "degrees" if crs is None else f"in {crs}"
         return (
-            f"{path}: its coordinates are degrees, put on a plane in metres, x east and y north; (0, 0) is longitude "
+            f"{path}: its coordinates are {what}, put on a plane in metres, x east and y north; (0, 0) is longitude "
             f"{self.origin[0]:.7f}, latitude {self.origin[1]:.7f}. units: m says that they are metres.",
         )
 

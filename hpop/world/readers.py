@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ readers.add("ros_bag", ros_bag.read)
 readers.add("ros_map", ros_map.read)
 
 ENDINGS = {
-    **dict.fromkeys((".geojson", ".json"), "geojson"),
+    **dict.fromkeys((".geojson", ".json", ".geojsonl", ".geojsons", ".geojsonseq", ".ndjson", ".jsonl"), "geojson"),
     **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp", ".gif", ".pgm", ".ppm"), "image"),
     **dict.fromkeys((".bag", ".mcap", ".db3"), "ros_bag"),
     **dict.fromkeys((".yaml", ".yml"), "ros_map"),
@@ -43,6 +44,17 @@ ENDINGS = {
     ".pdf": "pdf",
 }
 """Readers by how the names of their files end."""
+CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson {}"
+OTHERS = {
+    **dict.fromkeys((".shp", ".gpkg", ".kml", ".gml", ".gdb", ".fgb", ".parquet", ".gpx"), CONVERT),
+    ".zip": "unpack it",
+    ".topojson": "convert it to GeoJSON, such as by mapshaper {} -o format=geojson plan.geojson",
+    **dict.fromkeys((".osm", ".pbf"), "convert it to GeoJSON, such as by osmtogeojson"),
+    **dict.fromkeys((".dwg", ".rvt", ".skp", ".ifc"), "save it as DXF"),
+    ".svg": "save it as PDF, or as PNG",
+    **dict.fromkeys((".tif", ".tiff", ".webp", ".heic", ".avif", ".psd"), "save it as PNG"),
+}
+"""Endings of files that no reader reads, and what to do with them."""
 
 
 def reader_of(path: str | Path) -> str:
@@ -53,6 +65,9 @@ def reader_of(path: str | Path) -> str:
             return "ros_bag"
     except (TypeError, ValueError):
         raise MapError(f"a map is named by its path; got {shown(path)}.") from None
+    if ending in OTHERS:
+        todo = OTHERS[ending].format(shlex.quote(Path(path).name))
+        raise MapError(f"{named(path)} is of a format that no reader reads; {todo}.")
     if ending not in ENDINGS:
         raise MapError(
             f"{named(path)} does not say by its ending which reader it needs; give reader, one of {', '.join(readers)}."

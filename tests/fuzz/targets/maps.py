@@ -32,10 +32,21 @@ GEOJSON = {
         for c in ([[0, 0], [9, 0], [9, 7], [0, 7], [0, 0]], [[2, 2], [3, 2], [3, 3], [2, 3], [2, 2]])
     ]
     + [
+        {
+            "type": "Feature",
+            "properties": {"indoor": "room", "level": "0;1", "height": "12 ft"},
+            "geometry": {"type": "Polygon", "coordinates": [[[9, 0, 1], [12, 0], [12, 7], [9, 7]]]},
+        },
+        {"type": "Feature", "properties": {"door": "yes"}, "geometry": {"type": "Point", "coordinates": [9, 4]}},
         {"type": "Feature", "properties": {"landmark": True}, "geometry": {"type": "Point", "coordinates": [4, 4]}},
         {"type": "Feature", "properties": None, "geometry": {"type": "LineString", "coordinates": [[1, 1], [5, 5]]}},
     ],
 }
+CRS: list[dict[str, Any]] = [
+    {},
+    {"crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}}},
+    {"crs": {"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}},
+]
 ROS_MAP = {
     "image": "map.pgm",
     "resolution": 0.1,
@@ -76,10 +87,19 @@ def _looked_at(world: hpop.World) -> None:
     asked(lambda: world.bodies)
 
 
+def as_lines(tree: Any) -> str:
+    """Features one a line, with record separators now and then."""
+    features = tree.get("features") if isinstance(tree, dict) else None
+    several = features if isinstance(features, list) else [tree]
+    return "".join(("\x1e" * (i % 2)) + as_json(each) + "\n" for i, each in enumerate(several))
+
+
 def geojson(rng: Rng, folder: Path) -> str:
-    path = written(folder / "plan.geojson", GEOJSON, rng, as_json)
-    meaning = ("obstacles", "free", "outline")[rng.integers(3)]
-    options = {("units", "wall_width", "origin")[rng.integers(3)]: hostile(rng)} if rng.random() < 0.3 else {}
+    dump = as_lines if rng.random() < 0.2 else as_json
+    path = written(folder / "plan.geojson", GEOJSON | CRS[rng.integers(len(CRS))], rng, dump)
+    meaning = ("obstacles", "free", "outline", "rooms")[rng.integers(4)]
+    named = ("units", "wall_width", "origin", "crs", "where")
+    options = {named[rng.integers(len(named))]: hostile(rng)} if rng.random() < 0.3 else {}
     wide = {"wall_width": 0.1, **options}
     return verdict(lambda: _looked_at(hpop.World.from_geojson(path, polygons=meaning, **wide)))  # type: ignore[arg-type]
 
@@ -88,8 +108,11 @@ def ros_map(rng: Rng, folder: Path) -> str:
     pixels = rng.choice([0, 205, 254], size=(20, 30)).astype(np.uint8)
     picture = b"P5\n# map\n30 20\n255\n" + pixels.tobytes()
     (folder / "map.pgm").write_bytes(bent_bytes(picture, rng) if rng.random() < 0.5 else picture)
-    path = written(folder / "map.yaml", ROS_MAP, rng, as_yaml)
-    return verdict(lambda: _looked_at(hpop.World.from_ros_map(path)))
+    said = ROS_MAP | {"mode": ("trinary", "scale", "raw")[rng.integers(3)]}
+    said |= {"image": ("map.pgm", "/home/ada/map.pgm", "MAP", "gone.png")[rng.integers(4)]}
+    path = written(folder / "map.yaml", said, rng, as_yaml)
+    keep_out = path if rng.random() < 0.3 else None
+    return verdict(lambda: _looked_at(hpop.World.from_ros_map(path, keep_out=keep_out)))
 
 
 def movingai(rng: Rng, folder: Path) -> str:
