@@ -68,8 +68,8 @@ def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
     """Return points (n, 2) of a crs, in its units, as longitude and latitude (n, 2); `MapError` without pyproj."""
     if crs == DEGREES:
         return points
-    try:
-        import pyproj  # an extra, and slow to import
+    try:  # here: an extra, and slow to import
+        import pyproj
     except ImportError:
         raise MapError(
             f"{what}: its coordinates are in {crs}, which pyproj turns into metres, of the extra hpop[plans]: pip "

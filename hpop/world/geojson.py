@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
 from hpop.errors import MapError, did_you_mean
 from hpop.options import one_of
@@ -298,9 +297,7 @@ class _Plan(NamedTuple):
     lines: list[_Part]
     doors: list[Door]
 
-    def add(
-        self, feature: Feature, parts: Sequence[BaseGeometry], width: float, notes: FeatureNotes, *, doors: bool
-    ) -> None:
+    def add(self, feature: Feature, parts: Sequence[Any], width: float, notes: FeatureNotes, *, doors: bool) -> None:
         """Add the parts of a feature, m."""
         if doors and is_door(feature):
             self.doors.extend(Door(feature, part.boundary if isinstance(part, Polygon) else part) for part in parts)

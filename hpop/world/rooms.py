@@ -53,7 +53,7 @@ def is_door(feature: Feature) -> bool:
 
 def walled(
     rooms: Sequence[Room], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
-) -> tuple[BaseGeometry, list[BaseGeometry]]:
+) -> tuple[BaseGeometry, list[Polygon]]:
     """Return the free space of rooms less their walls, and walls along lines (n,), both opened at doors; in m.
 
     A wall stands along each outline of a room, half of its ``width`` on either side. Areas and corridors have none of
@@ -93,7 +93,7 @@ def _opening(door: Door, width: float, notes: FeatureNotes) -> BaseGeometry:
     return shapely.buffer(door.place, float(np.hypot(across, width)) / 2)
 
 
-def _polygons(geometry: BaseGeometry) -> list[BaseGeometry]:
+def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     return [part for part in shapely.get_parts(geometry).tolist() if isinstance(part, Polygon) and part.area > 0]
 
 
