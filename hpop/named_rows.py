@@ -6,10 +6,9 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from hpop.errors import OptionError, UnknownName, did_you_mean
 from hpop.front import Front, Point
+from hpop.scalars import is_whole, python_value
 from hpop.text import printable, shown
 
 NO_LETTERS = re.compile(r"[\W_]+")
@@ -71,7 +70,7 @@ def _number(front: Front, one: object) -> int | None:
         one = int(one)
     if isinstance(one, str):
         return None
-    row = int(one) if isinstance(one, int | np.integer) and not isinstance(one, bool) else -1
+    row = int(python_value(one)) if is_whole(one) else -1
     if not 0 <= row < len(front):
         last = len(front) - 1
         kind = f"the front has rows 0 to {last:,}" if last else "the front has row 0 alone"

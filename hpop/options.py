@@ -10,10 +10,11 @@ import os
 import re
 from collections.abc import Iterable, Mapping
 from math import nan, radians
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Annotated, Any, TypeVar
 
 from hpop.errors import HpopError, OptionError, did_you_mean
+from hpop.scalars import is_number, is_whole, python_value
 from hpop.text import shown
 
 T = TypeVar("T")
@@ -109,7 +110,7 @@ def real(
     Traceback (most recent call last):
     hpop.errors.OptionError: step must be a length in m from 1e-06 to 1,000,000, got True
     """
-    number: Any = value if isinstance(value, Real) and not isinstance(value, bool) else nan
+    number: Any = python_value(value) if is_number(value) else nan
     if not least <= number <= most:
         text = isinstance(value, str) and EXPONENT.fullmatch(value)
         hints = [hint, "YAML reads 1e-3 as text: write 0.001 or 1.0e-3" * bool(text)]
@@ -136,7 +137,7 @@ def whole(
     Traceback (most recent call last):
     hpop.errors.OptionError: samples must be a whole number from 1 to 1,000, got 9223372036854775808
     """
-    number: Any = value if isinstance(value, Integral) and not isinstance(value, bool) else nan
+    number: Any = python_value(value) if is_whole(value) else nan
     if not least <= number <= most:
         raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{f'; {hint}' * bool(hint)}")
     return int(number)
@@ -149,7 +150,7 @@ def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError
     Traceback (most recent call last):
     hpop.errors.OptionError: headings must be one of 4, 8, 16, got 5
     """
-    known = tuple(choices)
+    known, value = tuple(choices), python_value(value)
     for choice in known:
         if isinstance(value, str | Integral) and not isinstance(value, bool) and value == choice:
             return choice
@@ -159,8 +160,21 @@ def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError
     raise error(f"{name} must be one of {', '.join(map(str, known))}, got {shown(value)}")
 
 
-def amounts(name: str, given: Any, most: float, what: str = "amounts") -> None:
-    """Check numbers from 0 on by the names of costs; what these are is asked when there is a problem.
+def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> bool:
+    """Return a truth value of Python or NumPy as one of Python, or raise an error that says what was expected.
+
+    >>> truth("corner_cutting", 1)
+    Traceback (most recent call last):
+    hpop.errors.OptionError: corner_cutting must be true or false, got 1
+    """
+    flag = python_value(value)
+    if not isinstance(flag, bool):
+        raise error(f"{name} must be true or false, got {shown(value)}")
+    return flag
+
+
+def amounts(name: str, given: Any, most: float, what: str = "amounts") -> dict[str, float]:
+    """Return numbers from 0 on by the names of costs; what these are is asked when there is a problem.
 
     >>> amounts("tolerance", 0.1, MOST)
     Traceback (most recent call last):
@@ -168,8 +182,7 @@ def amounts(name: str, given: Any, most: float, what: str = "amounts") -> None:
     """
     if not isinstance(given, Mapping):
         raise OptionError(f"{name} gives {what} by the name of a cost, such as {{'length': 0.1}}, got {shown(given)}")
-    for cost, amount in given.items():
-        real(f"{name} of {cost}", amount, 0, most)
+    return {cost: real(f"{name} of {cost}", amount, 0, most) for cost, amount in given.items()}
 
 
 def set_reals(

@@ -191,7 +191,7 @@ class Problem:
 
         People who move are where they are predicted to be by then, and go on as predicted now; all else stays.
         """
-        real("t", t, 0, MOST, "a time in s", error=QueryError)
+        t = real("t", t, 0, MOST, "a time in s", error=QueryError)
         world = with_people(self.world, tuple(person.later(t) for person in self.world.content.people))
         return replace(self, world=world, start=cast(tuple[float, ...], state))  # checked there
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hpop.options import MOST_COUNTED, real
+from hpop.scalars import set_python_values
 
 LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # by the unit of each
 NO_LIMIT = "leave it out for no limit"
@@ -56,6 +57,7 @@ class Budget:
     max_memory: int | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         for name, least in (("time_limit", 1e-9), ("max_labels", 1), ("max_memory", 1)):
             if (value := getattr(self, name)) is not None:
                 real(name, value, least, MOST_COUNTED, f"a positive number, in {LIMITS[name]},", hint=NO_LIMIT)

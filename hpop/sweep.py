@@ -298,7 +298,7 @@ def _fail(future: Future[Any], error: BaseException | None) -> None:
 
 def processes(workers: int) -> ProcessPoolExecutor:
     """A pool of fresh processes on this machine; Ctrl-C and what else ends a group is left to the one that plans."""
-    whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
+    workers = whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     if method == "forkserver":
         _serve_forks()

@@ -283,7 +283,7 @@ class Trajectory:
         Raises OptionError for a step that is no time or gives over a million rows, and for a body that is not there.
         """
         run = self.execution() if executed else self
-        real("step", step, LEAST, MOST, "a time in s")
+        step = real("step", step, LEAST, MOST, "a time in s")
         whole = int(run.duration / step + 1e-9)  # steps
         if whole >= MOST_ROWS:
             raise OptionError(f"a table has at most {MOST_ROWS:,} rows, got a step of {step:g} s of {run.duration:g} s")

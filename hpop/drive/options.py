@@ -12,6 +12,7 @@ from hpop.errors import DriveError
 from hpop.front import Front, Point
 from hpop.frontier.choices import Preferring
 from hpop.motions import States
+from hpop.scalars import is_whole
 from hpop.status import Status
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -164,8 +165,8 @@ class Options(Sequence[Option]):
 
     def place_of(self, chosen: Any) -> int:
         """The number of an option that is given as itself, as a point of :attr:`front`, or by its number."""
-        if isinstance(chosen, int) and not isinstance(chosen, bool) and -len(self) <= chosen < len(self):
-            return chosen % len(self)
+        if is_whole(chosen) and -len(self) <= chosen < len(self):
+            return int(chosen) % len(self)
         if isinstance(chosen, Point):
             for i, way in enumerate(self.ways):
                 if way is chosen.item:

@@ -14,6 +14,7 @@ from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
 from hpop.problem import Problem
 from hpop.registry import planners
+from hpop.scalars import is_whole
 from hpop.text import shown
 
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
@@ -74,8 +75,8 @@ def _point(front: Front, choice: Any) -> Point:
         if not any(item is choice.item for item in front.items):
             raise DriveError("the choice is a point of another front")
         return choice
-    if isinstance(choice, int) and not isinstance(choice, bool) and -len(front) <= choice < len(front):
-        return front[choice]
+    if is_whole(choice) and -len(front) <= choice < len(front):
+        return front[int(choice)]
     raise DriveError(f"the choice is a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")
 
 

@@ -13,6 +13,7 @@ from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.ways import OF_PEOPLE, bare
 from hpop.errors import DriveError, did_you_mean
 from hpop.motions import States
+from hpop.scalars import is_whole
 from hpop.text import shown
 from hpop.world import Person, World
 from hpop.world.content import Content
@@ -118,8 +119,8 @@ class Surroundings:
     def _place_of(self, person: Any) -> int:
         """The number of a person."""
         names = [one.name for one in self.people]
-        if isinstance(person, int) and not isinstance(person, bool) and 0 <= person < len(names):
-            return person
+        if is_whole(person) and 0 <= person < len(names):
+            return int(person)
         name = person.name if isinstance(person, Person) else person
         if isinstance(name, str) and names.count(name) == 1:
             return names.index(name)

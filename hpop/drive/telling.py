@@ -9,6 +9,7 @@ import numpy as np
 
 from hpop.drive.plan import SAME
 from hpop.errors import DriveError
+from hpop.frontier import strict_json
 from hpop.options import MOST, real
 
 
@@ -46,7 +47,8 @@ class Telling:
 
     def _note(self, event: str, now: float, **what: Any) -> None:
         """Write into the record."""
-        self.record.append(json.loads(json.dumps({"event": event, "now": now, **what}, allow_nan=False)))
+        told = json.dumps({"event": event, "now": now, **what}, allow_nan=False, default=strict_json.of_numpy)
+        self.record.append(json.loads(told))
 
 
 def deadline_of(seconds: float) -> float:

@@ -14,12 +14,12 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from numbers import Real
 
 import numpy as np
 
 from hpop.frontier.dominance import FloatArray
 from hpop.frontier.errors import FrontError, UnknownColumnError
+from hpop.scalars import is_number
 from hpop.text import shown
 
 # Scaled values are of order one; differences below this are rounding.
@@ -58,7 +58,7 @@ def named_numbers(what: str, values: Mapping[str, float]) -> FloatArray:
     if not isinstance(values, Mapping) or not values:
         raise FrontError(f"expected {what} by criterion, such as {{'length': 1.0}}, got {shown(values)}")
     for name, value in values.items():
-        if not isinstance(value, Real) or not math.isfinite(value):
+        if not is_number(value) or not math.isfinite(value):
             raise FrontError(f"{what} must be finite numbers, got {shown(value)} for {shown(name)}")
     return np.array([float(value) for value in values.values()])
 

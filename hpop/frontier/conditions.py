@@ -10,7 +10,6 @@ import math
 import operator
 import re
 from collections.abc import Callable, Mapping, Sequence
-from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ import numpy as np
 from hpop.frontier import choosing
 from hpop.frontier.dominance import BoolArray, FloatArray
 from hpop.frontier.errors import FrontError
+from hpop.scalars import is_number
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Condition(NamedTuple):
         >>> print(Condition.of("turns", "<=5"), Condition.of("length", "> 2.5e1"), Condition.of("turns", 3), sep=", ")
         turns <= 5, length > 25, turns == 3
         """
-        if isinstance(given, Real) and not isinstance(given, bool):
+        if is_number(given):
             comparison, bound = "==", float(given)
         elif isinstance(given, str) and len(given) < choosing.MOST_LETTERS:
             comparison, bound = _read(name, given)

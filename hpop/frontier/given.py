@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from hpop.frontier.dominance import FloatArray, cost_matrix
 from hpop.frontier.errors import FrontError
 from hpop.frontier.strict_json import plain
+from hpop.scalars import python_value
 from hpop.text import shown
 
 
@@ -39,7 +40,8 @@ def minimised(
     """
     given: Any = [maximise] if isinstance(maximise, str) else maximise
     try:
-        flags = [bool(one) for one in given] if all(isinstance(one, bool | np.bool_) for one in given) else None
+        values = [python_value(one) for one in given]
+        flags = values if all(isinstance(one, bool) for one in values) else None
     except TypeError:
         flags, given = None, [maximise]
     if flags is None:

@@ -12,11 +12,22 @@ from collections.abc import Iterator
 from itertools import chain
 from typing import Any, NoReturn
 
+from hpop.scalars import python_value
+
 SLICE = 2**16  # values of a long list that are written at once
 SLICE_OF_ROWS = 2**9  # lists of whole numbers
 
-_encoded = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(", ", ": ")).encode
-_dense = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode
+
+def of_numpy(value: Any) -> Any:
+    """Return the Python value of a NumPy scalar, for encoders of JSON; TypeError for anything else."""
+    number = python_value(value)
+    if number is value:
+        raise TypeError(f"a {type(value).__name__} is no JSON value")
+    return number
+
+
+_encoded = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(", ", ": "), default=of_numpy).encode
+_dense = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", ":"), default=of_numpy).encode
 
 
 def pieces(value: Any, indent: int = 0) -> Iterator[str]:
@@ -89,7 +100,7 @@ def parse(data: bytes) -> Any:
 
 def plain(value: Any) -> Any:
     """A copy as plain JSON values, the same after it is written and read; raises ValueError or TypeError."""
-    text = json.dumps(value, allow_nan=False, sort_keys=True)
+    text = json.dumps(value, allow_nan=False, sort_keys=True, default=of_numpy)
     return json.loads(text, parse_int=_bounded_int, parse_float=_finite_float)
 
 

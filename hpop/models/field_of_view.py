@@ -26,11 +26,12 @@ def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
     return getattr(model, "field_of_view", None) or ALL
 
 
-def check_fov(fov: float | None) -> None:
-    """Raise CriterionError unless a criterion's own angle of view is None, for the model's, or an angle."""
-    if fov is not None:
-        kind = "None for the model's, or an angle of view in rad"
-        real("fov", fov, LEAST, ALL[0] + ROUND_OFF, kind, error=CriterionError)
+def checked_fov(fov: float | None) -> float | None:
+    """Return a criterion's own angle of view, None for the model's; CriterionError unless it is an angle."""
+    if fov is None:
+        return None
+    kind = "None for the model's, or an angle of view in rad"
+    return real("fov", fov, LEAST, ALL[0] + ROUND_OFF, kind, error=CriterionError)
 
 
 def checked_field_of_view(angles: Any) -> FieldOfView | None:

@@ -24,6 +24,7 @@ from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap.headings import StateRoadmap
 from hpop.planners.roadmap.planner import SAME, checked_ends, on_roadmap, pairs
 from hpop.planners.spending import Spending
+from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.trajectory import Trajectory
 
@@ -68,6 +69,7 @@ class AnyAngle:
     max_memory: int | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         self._lattice()
         set_wholes(self, "max_positions", least=0, optional=True)
 

@@ -17,6 +17,7 @@ from hpop.planners.needs import needs_of
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.weights import Weights, asked_weights, check_count
+from hpop.scalars import set_python_values
 from hpop.search import supported_paths
 from hpop.status import Budget, ProgressCallback
 
@@ -64,6 +65,7 @@ class WeightedSum:
     on: GraphSpec | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         planner = self._planner()
         object.__setattr__(self, "needs", needs_of(planner))
         object.__setattr__(self, "goal_sets", takes_sets(planner))

@@ -7,7 +7,7 @@ from typing import Any
 
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.search.supported.given_weights import check_divisions, integer_weights
+from hpop.search.supported.given_weights import checked_divisions, integer_weights
 from hpop.text import shown
 
 Weights = tuple[tuple[float, ...], ...]
@@ -16,7 +16,7 @@ Weights = tuple[tuple[float, ...], ...]
 def asked_weights(divisions: int | None, weights: Any) -> Weights | None:
     """Rows of weights as they are kept; raises OptionError for what makes no sense whatever the costs are."""
     if divisions is not None:
-        check_divisions(divisions)
+        divisions = checked_divisions(divisions)
     if weights is None:
         return None
     if divisions is not None:

@@ -13,6 +13,7 @@ from hpop.errors import StudyError
 from hpop.options import MOST, real, whole
 from hpop.preference.model import Evidence
 from hpop.preference.scale import Scale
+from hpop.scalars import python_value
 from hpop.text import HARMFUL, shown
 
 MOST_ANSWERS = 10_000
@@ -39,6 +40,7 @@ def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: f
     """An answer about rows of the costs (n, k) of a front, checked."""
     a, b = (whole(what, row, 0, len(costs) - 1, "a row of the front", error=StudyError)
             for what, row in (("the first", first), ("the second", second)))  # fmt: skip
+    chosen = python_value(chosen)
     if a == b:
         raise StudyError(f"a choice is between two rows, got {a} twice")
     if chosen is not None and chosen not in (a, b):
@@ -79,10 +81,12 @@ def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
         raise StudyError(f"ratings are given by row, at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")
     if len(ratings) ** 2 > 2 * MOST_ANSWERS:
         raise StudyError(f"expected ratings of at most {int((2 * MOST_ANSWERS) ** 0.5)} rows, got {len(ratings):,}")
-    for row, rating in ratings.items():
-        real(f"the rating of row {shown(row)}", rating, -MOST, MOST, error=StudyError)
+    rated = [
+        (row, real(f"the rating of row {shown(row)}", rating, -MOST, MOST, error=StudyError))
+        for row, rating in ratings.items()
+    ]
     answers = []
-    for (a, of_a), (b, of_b) in combinations(sorted(ratings.items()), 2):
+    for (a, of_a), (b, of_b) in combinations(sorted(rated), 2):
         better = None if of_a == of_b else (a if of_a > of_b else b)
         answers.append(answer_of(a, b, better, costs, 2 / len(ratings)))
     return answers

@@ -141,9 +141,11 @@ class People:
         ])  # fmt: skip
 
     def _numbers(self, profile: Profile) -> FloatArray:
-        for name, value in profile.items():
-            real(f"{shown(name)} of a profile", value, -MOST, MOST, error=StudyError)
-        return np.array([float(profile.get(name, np.nan)) for name in self.names])
+        numbers = {
+            name: real(f"{shown(name)} of a profile", value, -MOST, MOST, error=StudyError)
+            for name, value in profile.items()
+        }
+        return np.array([numbers.get(name, np.nan) for name in self.names])
 
     def _design(self, table: FloatArray) -> FloatArray:
         """What the concentrations depend on, a row a person: 1, and where it is used the profile, scaled."""

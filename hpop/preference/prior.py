@@ -12,6 +12,7 @@ from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import real
 from hpop.preference.scale import LOG, Measure
+from hpop.scalars import set_python_values
 from hpop.text import shown
 
 SHARPNESS = 15.0
@@ -54,6 +55,7 @@ class Prior:
     _stretch: tuple[float, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         object.__setattr__(self, "concentration", tuple(map(float, self.concentration)))
         for name, most in (("sharpness", 1e3), ("spread", MOST_SPREAD), ("ties", 1e3), ("ties_spread", MOST_SPREAD)):
             real(f"{name} of the prior", getattr(self, name), 1e-3, most, "a positive number", error=StudyError)

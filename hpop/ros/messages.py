@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 from hpop.errors import RosError
 from hpop.options import FARTHEST
+from hpop.scalars import is_number, is_whole
 from hpop.text import shown
 
 Message = dict[str, Any]
@@ -115,7 +116,7 @@ def time_of(message: Any, where: str) -> int:
     given = mapping(told, f"stamp of {where}")
     seconds, rest = (given.get(name, 0) for name in ("sec", "nanosec"))
     for name, value, most in (("sec", seconds, MOST_SECONDS), ("nanosec", rest, SECOND - 1)):
-        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= most:
+        if not is_whole(value) or not 0 <= value <= most:
             raise RosError(
                 f"{name} of the stamp of {where} must be a whole number from 0 to {most:,}, got {shown(value)}"
             )
@@ -131,7 +132,7 @@ def mapping(value: Any, where: str) -> Mapping[str, Any]:
 
 def number(value: Any, where: str, most: float) -> float:
     """A finite number, or RosError; the bridge sends null for what is none."""
-    if not isinstance(value, int | float) or isinstance(value, bool) or not -most <= value <= most:
+    if not is_number(value) or not -most <= value <= most:
         raise RosError(f"{where} must be a number from {-most:g} to {most:g}, got {shown(value)}")
     return float(value)
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.errors import RosError
 from hpop.ros.messages import Message
+from hpop.scalars import python_value
 from hpop.text import shown
 
 KINDS = {"string": str, "bool": bool}  # of values, others are numbers
@@ -62,12 +63,12 @@ def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
         return typed(value, of, store)
     if node.name in ("ARRAY", "SEQUENCE"):
         inner = of[0]
-        if not isinstance(value, list | tuple):
+        if not isinstance(value, list | tuple | np.ndarray):
             raise RosError(f"{where} is a list, got {shown(value)}")
         made = [_value(one, inner, where, store) for one in value]
         is_number = inner[0].name == "BASE" and inner[1][0] not in KINDS
         return np.array(made, inner[1][0]) if is_number else made
-    kind = KINDS.get(of[0], float if of[0].startswith("float") else int)
+    value, kind = python_value(value), KINDS.get(of[0], float if of[0].startswith("float") else int)
     if not isinstance(value, int | float if kind is float else kind) or (isinstance(value, bool) and kind is not bool):
         raise RosError(f"{where} is {of[0]}, got {shown(value)}")
     return kind(value)

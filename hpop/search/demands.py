@@ -46,9 +46,8 @@ def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, nothing: int | 
     if isinstance(values, Mapping):
         if graph.edges is None:
             raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs: this graph's have no names")
-        amounts(name, values, MOST_COUNTED)
         counts: dict[str, int | None] = dict.fromkeys(graph.edges.names, nothing)
-        for cost, amount in values.items():
+        for cost, amount in amounts(name, values, MOST_COUNTED).items():
             if cost not in counts:
                 known = ", ".join(counts)
                 raise OptionError(f"{name} has {shown(cost)}; the costs are {known}.{did_you_mean(cost, counts)}")

@@ -19,8 +19,9 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
+from hpop.scalars import is_whole
 from hpop.search.graph import Graph
 
 Vector = tuple[int, ...]
@@ -41,7 +42,8 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
     >>> namoa_star(graph, 0, 2)
     [((2, 10), [0, 1, 2]), ((9, 1), [0, 2])]
     """
-    goals = {targets} if isinstance(targets, int) else set(targets)
+    several = cast(Iterable[int], [targets] if is_whole(targets) else targets)
+    source, goals = int(source), {int(target) for target in several}
     h = [ideal_cost_to_go(graph, goals, j) for j in range(graph.criteria)]
     successors = _successors(graph)
     is_max = [aggregate == "max" for aggregate in graph.aggregates]

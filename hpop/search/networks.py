@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, did_you_mean
 from hpop.frontier import default_quanta
+from hpop.scalars import is_number, python_value
 from hpop.text import shown
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str
 
 def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) -> FloatArray | IntArray:
     """One attribute of all edges (E,), checked: finite numbers, none below zero."""
-    found = [row.get(name) for row in data]
+    found = [python_value(row.get(name)) for row in data]
     lacking = [place for place, value in enumerate(found) if value is None]
     if lacking:
         known = {other for row in data for other in row if isinstance(other, str)}
@@ -116,7 +117,7 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
                 f"costs must be finite numbers of at least 0, got {shown(value)} as {shown(name)} of "
                 f"{_said(ends[place])}{'; shift or flip what is to be maximised' * (_is_negative(value))}"
             )
-    whole = all(isinstance(value, int | np.integer | np.bool_) for value in found)
+    whole = all(isinstance(value, int) for value in found)
     try:
         return np.array(found, np.int64) if whole else np.array([float(cast(Real, value)) for value in found])
     except OverflowError:
@@ -146,7 +147,7 @@ def _quanta(
                 f"quanta has {shown(name)}, which is no cost here; these are {', '.join(names)}."
                 f"{did_you_mean(name, names)}"
             )
-        if not isinstance(quantum, Real) or isinstance(quantum, bool) or not 0 < quantum < math.inf:
+        if not is_number(quantum) or not 0 < quantum < math.inf:
             raise GraphError(f"the quantum of {shown(name)} must be a positive finite number, got {shown(quantum)}")
         own[name] = float(quantum)
     return np.array([own[name] for name in names])

@@ -12,6 +12,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, QueryError
 from hpop.frontier import Front
 from hpop.options import whole
+from hpop.scalars import python_value
 from hpop.search.graph import Graph, strange_node
 from hpop.status import Budget, Status
 from hpop.text import shown
@@ -210,7 +211,7 @@ def checked_node(graph: Graph, node: Any, name: str) -> int:
     if graph.labels is None:
         hint = "only a graph from networkx has names"
         return whole(name, node, 0, graph.nodes - 1, "a node", hint=hint, error=QueryError)
-    number = graph.number(node)
+    number = graph.number(python_value(node))
     if number is None:
         raise QueryError(f"{name}: {strange_node(graph.labels, node)}")
     return number
@@ -218,7 +219,8 @@ def checked_node(graph: Graph, node: Any, name: str) -> int:
 
 def checked_targets(graph: Graph, target: Any) -> IntArray:
     """The numbers of one or several nodes, in order; raises QueryError for anything else."""
-    if graph.number(target) is not None or isinstance(target, int | np.integer | str):
+    target = python_value(target)
+    if graph.number(target) is not None or isinstance(target, int | str):
         return np.array([checked_node(graph, target, "target")], np.int64)
     if isinstance(target, tuple) and graph.labels is not None and not any(graph.number(t) is not None for t in target):
         raise QueryError(f"target: {strange_node(graph.labels, target)}")  # a name, of the form of (row, column)

@@ -110,8 +110,8 @@ class Design:
 
         Raises StudyError for what makes no design, UnknownName for a row of another name.
         """
-        whole("participants", participants, 1, MOST, error=StudyError)
-        whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError)
+        participants = whole("participants", participants, 1, MOST, error=StudyError)
+        seed = whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError)
         one_of("kind", kind, KINDS, error=StudyError)
         if isinstance(forms, str):
             raise StudyError(f"forms are a list of ids, such as ['ssq', 'comfort'], got {shown(forms)}")

@@ -13,11 +13,12 @@ from collections.abc import Mapping
 from importlib import resources
 from math import isclose
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError, model_validator
 
 from hpop.errors import HpopError, StudyError, did_you_mean
+from hpop.scalars import is_number, python_value
 from hpop.scenario.faults import Faults
 from hpop.scenario.yaml_lines import Document
 from hpop.study.documents import in_words
@@ -69,8 +70,9 @@ class Scale(_Part):
         return tuple(self.low + i * self.step for i in range(round((self.high - self.low) / self.step) + 1))
 
     def __contains__(self, value: object) -> bool:
-        if not isinstance(value, int | float) or isinstance(value, bool):
+        if not is_number(value):
             return False
+        value = cast(float, python_value(value))
         if not self.low <= value <= self.high:  # a whole number of 400 digits is no float
             return self.is_absent(value)
         steps = (value - self.low) / self.step

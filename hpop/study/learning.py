@@ -21,6 +21,7 @@ from hpop.frontier.atomic import replacing
 from hpop.frontier.strict_json import pieces
 from hpop.options import MOST, one_of, real
 from hpop.problem import Problem
+from hpop.scalars import is_whole
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
@@ -155,8 +156,7 @@ def _way(given: Any, front: Front | None) -> Trajectory:
     """A trajectory that was rated, or that of a row."""
     if isinstance(given, Trajectory):
         return given
-    is_row = isinstance(given, int | np.integer) and not isinstance(given, bool)
-    if front is not None and is_row and 0 <= given < len(front):
+    if front is not None and is_whole(given) and 0 <= given < len(front):
         return front.trajectories[int(given)]
     rows = "its trajectory" if front is None else f"its trajectory, or its row, 0 to {len(front) - 1}"
     raise StudyError(f"each rating is of a trajectory: give {rows}; got {shown(given)}")

@@ -49,7 +49,7 @@ def pick(
 
     Cost: for "paths" and ``share`` every trajectory of the front is executed, some 3 ms each.
     """
-    whole("count", count, 1, MOST, error=StudyError)
+    count = whole("count", count, 1, MOST, error=StudyError)
     one_of("by", by, KINDS, error=StudyError)
     known = named_rows(front, always)
     if len(known) > count:

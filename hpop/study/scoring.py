@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from math import isnan, nan
 
 from hpop.errors import StudyError
+from hpop.scalars import python_value
 from hpop.study.forms import Form, Item, Score
 from hpop.text import shown
 
@@ -58,8 +59,8 @@ def prorated(form: Form, values: Answers) -> tuple[str, ...]:
 def _answered(form: Form, values: Answers) -> dict[str, float]:
     """What was answered, by item, checked."""
     answered = {}
-    for name, value in values.items():
-        item = form.item(name)
+    for name, given in values.items():
+        item, value = form.item(name), python_value(given)
         if value is None or (isinstance(value, float) and isnan(value)):
             continue
         if value not in (scale := form.scale_of(item)):

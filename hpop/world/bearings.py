@@ -231,8 +231,8 @@ def as_seen(world: World, heights: Heights) -> World:
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
     """Return the distances along ``count`` bearings at height z, m; computed once a ground and height."""
-    real("the height of bearings", z, -MOST, MOST, "a length in m")
-    whole("the number of bearings", count, 4)
+    z = real("the height of bearings", z, -MOST, MOST, "a length in m")
+    count = whole("the number of bearings", count, 4)
 
     ground = world.ground
 

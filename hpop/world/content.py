@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import FloatArray, distinct
 from hpop.errors import MapError
 from hpop.options import LEAST
+from hpop.scalars import is_whole, python_value
 from hpop.text import shown
 from hpop.world.checked import check_radians, named_as, set_numbers
 from hpop.world.crossings import check_joinable
@@ -125,9 +126,9 @@ class Content:
                 each = "a list of places in people" if kind is Iterable else f"a {kind.__name__}"
                 raise MapError(f"{name} must be a list, each {each}; got {shown(given)}.")
             object.__setattr__(self, name, items)
-        object.__setattr__(self, "groups", tuple(tuple(group) for group in self.groups))
+        object.__setattr__(self, "groups", tuple(tuple(map(python_value, group)) for group in self.groups))
         for group in self.groups:
-            known = all(type(i) is int and 0 <= i < len(self.people) for i in group)
+            known = all(is_whole(i) and 0 <= i < len(self.people) for i in group)
             if not known or len(set(group)) < 2 or len(set(group)) != len(group):
                 places = f"their places, 0 to {len(self.people) - 1}" if self.people else "their places; there are none"
                 raise MapError(f"a group names two or more different people by {places}; got {shown(group)}.")

@@ -59,7 +59,7 @@ def read(
     MapError
         If the image is missing, broken or too large, or an option makes no sense.
     """
-    real("threshold", threshold, 0, 1, "a brightness", error=MapError)
+    threshold = real("threshold", threshold, 0, 1, "a brightness", error=MapError)
     resolution = check_positive("resolution", resolution)
     origin = check_pose(origin)
     heights = WHOLE if height is None else check_heights(height)

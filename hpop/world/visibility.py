@@ -152,7 +152,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
     R is the distance to the first obstacle that reaches the camera's height, along 360 rays; 0 within obstacles. One
     ray more or less at the edge of a gap changes the share by at most 1/360.
     """
-    real("the radius of an isovist", radius, LEAST, MOST, "a length in m")
+    radius = real("the radius of an isovist", radius, LEAST, MOST, "a length in m")
     ground = world.ground
     key = ("openness", ground.layer((camera_z, camera_z)), float(radius))
     return ground.derived(key, lambda: _sample_openness(ground, float(camera_z), float(radius)))

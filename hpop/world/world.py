@@ -303,8 +303,8 @@ class World(FromFiles, Presented):
         radius the field is within .003 of phi beside straight walls, and within .005 among cells no larger
         than the radius; see `Field` for the general statement.
         """
-        real("radius", radius, LEAST, MOST, "a length in m")
-        real("the height of a camera", z, -MOST, MOST, "a length in m")
+        radius = real("radius", radius, LEAST, MOST, "a length in m")
+        z = real("the height of a camera", z, -MOST, MOST, "a length in m")
         return self.ground.obstruction_field(radius, z)
 
     # Saving

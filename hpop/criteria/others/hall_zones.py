@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import check_radius, clock, reach
+from hpop.criteria.others.robot import checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.math import hypot, is_zero
 from hpop.motions import Motions
@@ -53,7 +53,7 @@ class HallZones:
                 f"and not all 0; got intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
             )
         set_reals(self, "softness", least=LEAST, most=2 * HALL["intimate"], kind="a length in m", error=CriterionError)
-        check_radius(self.robot_radius)
+        object.__setattr__(self, "robot_radius", checked_radius(self.robot_radius))
 
     def cost(self, m: Motions) -> Column:
         """Weighted time (M,) in zones, s."""

@@ -10,7 +10,7 @@ import numpy as np
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.others.hall_zones import within
-from hpop.criteria.others.robot import check_radius, clock, reach
+from hpop.criteria.others.robot import checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.math import hypot, is_zero
 from hpop.motions import Instants, Motions
@@ -74,7 +74,7 @@ class ExpectedContacts:
 def _check_nearness(criterion: WorstIntrusion | ExpectedContacts, robot_radius: float | None) -> None:
     set_reals(criterion, "distance", least=0, most=MOST, kind="a length in m", error=CriterionError)
     set_reals(criterion, "softness", least=LEAST, most=MOST, kind="a positive length in m", error=CriterionError)
-    check_radius(robot_radius)
+    robot_radius = checked_radius(robot_radius)
 
 
 def _nearer(m: Motions, distance: float, softness: float, robot_radius: float | None) -> Rate:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.criteria.others.robot import check_radius, reach
+from hpop.criteria.others.robot import checked_radius, reach
 from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
 from hpop.history import Track
@@ -62,9 +62,10 @@ def social_metrics(
 
     Raises CriterionError for a step or a length that is none.
     """
-    check_radius(robot_radius)
+    robot_radius = checked_radius(robot_radius)
     if shortest_length is not None:
-        real("shortest_length", shortest_length, LEAST, MOST, "a positive length in m", error=CriterionError)
+        what = "a positive length in m"
+        shortest_length = real("shortest_length", shortest_length, LEAST, MOST, what, error=CriterionError)
     radius = reach(trajectory.model, robot_radius)
     middles = _middles(trajectory, step)
     times = np.union1d(middles, trajectory.times)
@@ -92,7 +93,7 @@ def zone_fractions(
 
     Zones are sharp here, gaps between surfaces; sampled every ``step`` seconds.
     """
-    check_radius(robot_radius)
+    robot_radius = checked_radius(robot_radius)
     gaps = _gaps(trajectory, world, _middles(trajectory, step), reach(trajectory.model, robot_radius))
     zone = np.searchsorted(list(HALL.values()), gaps, side="right")  # a zone ends where the next begins
     shares = np.bincount(zone, minlength=len(HALL) + 1) / gaps.size
@@ -101,7 +102,7 @@ def zone_fractions(
 
 def _middles(trajectory: Trajectory, step: float) -> FloatArray:
     """Middles of equal intervals of time, no longer than a step; 0 where nothing moves."""
-    real("step", step, LEAST, MOST, "a positive time in s", error=CriterionError)
+    step = real("step", step, LEAST, MOST, "a positive time in s", error=CriterionError)
     count = max(1, int(np.ceil(trajectory.duration / step)))
     return np.asarray((np.arange(count) + 0.5) * (trajectory.duration / count))
 

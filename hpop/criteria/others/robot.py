@@ -26,10 +26,11 @@ def upright_parts(model: Model) -> tuple[Any, ...]:
     return tuple(model.platform if hasattr(model, "platform") else getattr(model, "parts", ()))
 
 
-def check_radius(radius: float | None) -> None:
-    """Raise CriterionError unless a robot's radius is None or a length."""
-    if radius is not None:
-        real("robot_radius", radius, 0, MOST, "None for the model's, or a length in m", error=CriterionError)
+def checked_radius(radius: float | None) -> float | None:
+    """Return a robot's radius; CriterionError unless it is None or a length."""
+    if radius is None:
+        return None
+    return real("robot_radius", radius, 0, MOST, "None for the model's, or a length in m", error=CriterionError)
 
 
 def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import base_velocity, check_radius, clock, reach
+from hpop.criteria.others.robot import base_velocity, checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
@@ -39,7 +39,7 @@ class TimeToCollision:
 
     def __post_init__(self) -> None:
         set_reals(self, "horizon", least=LEAST, most=MOST, kind="a positive time in s", error=CriterionError)
-        check_radius(self.robot_radius)
+        object.__setattr__(self, "robot_radius", checked_radius(self.robot_radius))
 
     def cost(self, m: Motions) -> Column:
         """Worst urgency (M,), 0 to 1."""

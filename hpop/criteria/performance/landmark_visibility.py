@@ -8,7 +8,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.models.camera_height import rises
-from hpop.models.field_of_view import check_fov, field_of_view
+from hpop.models.field_of_view import checked_fov, field_of_view
 from hpop.motions import Motions
 from hpop.options import MOST, set_reals
 from hpop.world import sight_in_space
@@ -33,7 +33,7 @@ class _Unseen:
             raise CriterionError(
                 f"distances must satisfy 0 <= near < far, in m; got near={self.near!r}, far={self.far!r}"
             )
-        check_fov(self.fov)
+        object.__setattr__(self, "fov", checked_fov(self.fov))
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the unseen share, s."""

@@ -11,7 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.history import History, Track
 from hpop.models.camera_height import rises
-from hpop.models.field_of_view import check_fov, field_of_view
+from hpop.models.field_of_view import checked_fov, field_of_view
 from hpop.options import LEAST, MOST, set_reals
 from hpop.world import sight_in_space
 from hpop.world.content import Landmark
@@ -49,7 +49,7 @@ class UnseenLandmarks:
     def __post_init__(self) -> None:
         set_reals(self, "least", least=0, most=MOST, kind="a time in s", error=CriterionError)
         set_reals(self, "far", least=LEAST, most=MOST, kind="a distance in m", error=CriterionError)
-        check_fov(self.fov)
+        object.__setattr__(self, "fov", checked_fov(self.fov))
 
     def cost(self, m: History) -> Column:
         """Weighted share (M,) of the landmarks not seen by the end of each motion."""

@@ -23,6 +23,7 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import Outcome, Tally
+from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
@@ -83,11 +84,12 @@ class EpsilonConstraint:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         set_wholes(self, "divisions", least=0, most=MOST_DIVISIONS)
         set_wholes(self, "rounds", least=1, most=MOST_DIVISIONS)
         set_wholes(self, "max_points", least=1, optional=True)
         if self.epsilon is not None:
-            amounts("epsilon", self.epsilon, MOST_COUNTED, "bounds")
+            object.__setattr__(self, "epsilon", amounts("epsilon", self.epsilon, MOST_COUNTED, "bounds"))
         Budget(self.time_limit)
         check_warm_start(self)
 

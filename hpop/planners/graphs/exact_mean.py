@@ -55,7 +55,7 @@ class Detour:
         kind = "the longest duration over the least of any path, or {'length': the same of the length},"
         hint = "take one such as 1.3, or leave it out: then the mean's integral is minimised"
         known = len(spec) == 1 and cost in CAPPED
-        real("max_detour", factor if known else max_detour, 1, LARGEST_DETOUR, kind, hint=hint)
+        factor = real("max_detour", factor if known else max_detour, 1, LARGEST_DETOUR, kind, hint=hint)
         if cost == "length" and max_turns is None:
             raise OptionError(
                 "max_detour caps the length, but turning in place has none: a path could turn for ever where the mean "

@@ -13,7 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError, did_you_mean
 from hpop.frontier import is_nondominated
-from hpop.options import MOST, MOST_COUNTED, real
+from hpop.options import MOST, MOST_COUNTED, amounts
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
 from hpop.planners.graphs.claims import at_memory_limit, claimed
@@ -53,14 +53,14 @@ def refuse_too_many(objectives: Objectives) -> None:
 def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:
     """Tolerances (k,) in quanta, rounded down; raises OptionError for a name that is no cost, or no length."""
     names = [criterion.name for criterion in objectives.optimised]
-    for name, value in tolerance.items():
+    for name in tolerance:
         if name not in names:
             raise OptionError(
                 f"tolerance names {name!r}, which is no cost that is searched for.{did_you_mean(name, names)} "
                 f"These are {', '.join(names)}"
             )
-        real(f"tolerance of {name}", value, 0, MOST)
-    slack = [tolerance.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
+    checked = amounts("tolerance", tolerance, MOST)
+    slack = [checked.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
     return np.array([min(math.floor(value + 1e-9), MOST_COUNTED) for value in slack], dtype=np.int64)
 
 

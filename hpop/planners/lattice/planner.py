@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from hpop.errors import OptionError
-from hpop.options import LEAST, MOST, amounts, set_reals, set_wholes
+from hpop.options import LEAST, MOST, amounts, set_reals, set_wholes, truth
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import start_of
 from hpop.planners.graphs.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
@@ -23,10 +23,10 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.timed.asked import Asked, needless, people_move
 from hpop.planners.timed.clock import HOLD, TimeOptions
+from hpop.scalars import set_python_values
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -107,15 +107,15 @@ class Lattice:
     margin: float = 0.0
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
-        if not isinstance(self.corner_cutting, bool):
-            raise OptionError(f"corner_cutting must be true or false, got {shown(self.corner_cutting)}")
+        truth("corner_cutting", self.corner_cutting)
         Headings(self.headings)
         if self.max_detour is not None:
             Detour.of(self.max_detour, self.max_turns)
         Precision(self.eps)
         if self.tolerance is not None:
-            amounts("tolerance", self.tolerance, MOST)
+            object.__setattr__(self, "tolerance", amounts("tolerance", self.tolerance, MOST))
         set_wholes(self, "max_turns", least=0, optional=True)
         if self.max_detour is not None and (self.eps or self.tolerance):
             raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")

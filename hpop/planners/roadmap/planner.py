@@ -31,6 +31,7 @@ from hpop.planners.timed.asked import Asked, needless, people_move
 from hpop.planners.timed.clock import HOLD, TimeOptions
 from hpop.planners.usable import elsewhere
 from hpop.randomness import MaybeRNG, set_seed
+from hpop.scalars import set_python_values
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.status import Budget, Progress, ProgressCallback, Status
 
@@ -117,6 +118,7 @@ class Roadmap:
     rng: InitVar[MaybeRNG] = ...
 
     def __post_init__(self, rng: MaybeRNG) -> None:
+        set_python_values(self)
         set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
         set_seed(self, rng)
         set_wholes(self, "neighbours", least=1, optional=True)

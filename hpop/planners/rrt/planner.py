@@ -23,6 +23,7 @@ from hpop.planners.roadmap.planner import checked_ends
 from hpop.planners.rrt.query import Query
 from hpop.planners.rrt.run import TreeRun, load_ompl, run
 from hpop.randomness import MaybeRNG, set_seed
+from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
@@ -65,6 +66,7 @@ class RRT:
     rng: InitVar[MaybeRNG] = ...
 
     def __post_init__(self, rng: MaybeRNG) -> None:
+        set_python_values(self)
         set_wholes(self, "runs", least=1, most=MOST_RUNS)
         set_seed(self, rng)
         set_wholes(self, "max_extensions", least=1)

@@ -19,6 +19,7 @@ from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import Improved, Outcome, Tally
 from hpop.planners.smoothing.job import SmoothingJob
 from hpop.planners.smoothing.program import FLAT
+from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
@@ -67,6 +68,7 @@ class Smoothing:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         set_wholes(self, "intervals", least=1, most=MOST_INTERVALS)
         Budget(self.time_limit)
         check_warm_start(self)

@@ -25,6 +25,7 @@ from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome, Tally
 from hpop.planners.spending import Spending
 from hpop.planners.spline.job import CUT_SHORT, SplineJob
 from hpop.planners.spline.pieces import Pieces
+from hpop.scalars import set_python_values
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.sweep import Sweep
 from hpop.text import counted
@@ -73,6 +74,7 @@ class Spline:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         set_wholes(self, "pieces", least=2, most=MOST_PIECES)
         Budget(self.time_limit)
         check_warm_start(self)

@@ -17,6 +17,7 @@ from hpop.arrays import FloatArray, IntArray
 from hpop.motions import States
 from hpop.motions.hold import LONGEST as LONGEST_HOLD
 from hpop.options import MOST, real
+from hpop.scalars import set_python_values
 from hpop.search.timed.graph import MAX_TICKS
 
 TICK = 1 / 20  # s, where people move and nobody says otherwise
@@ -87,6 +88,7 @@ class TimeOptions:
     margin: float = 0.0
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         if self.clock is not None:
             real("clock", self.clock, SHORTEST, LONGEST, "the tick of a clock in s", hint="leave it out for 1/20 s")
         if self.hold is not None:

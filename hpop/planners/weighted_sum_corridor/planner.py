@@ -22,7 +22,8 @@ from hpop.planners.weighted_sum_corridor.corridor import Corridor, corridors
 from hpop.planners.weighted_sum_corridor.program import solvers_from
 from hpop.planners.weighted_sum_corridor.weights import SMALL, CorridorPoints, Shared, solve_corridor
 from hpop.planners.weights import Weights, asked_weights, check_count
-from hpop.search.supported.given_weights import check_divisions, simplex_lattice
+from hpop.scalars import set_python_values
+from hpop.search.supported.given_weights import checked_divisions, simplex_lattice
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
 
@@ -72,6 +73,7 @@ class WeightedSumCorridor:
     time_limit: float | None = None
 
     def __post_init__(self) -> None:
+        set_python_values(self)
         Budget(self.time_limit)
         check_warm_start(self)
         if not (isinstance(self.solver, str) and self.solver == SOLVER):
@@ -163,7 +165,7 @@ class _CorridorRun:
         if divisions is None and k == 2:
             return None
         divisions = DIVISIONS if divisions is None else divisions
-        check_divisions(divisions, k)
+        divisions = checked_divisions(divisions, k)
         return tuple(tuple(float(w) for w in row) for row in simplex_lattice(divisions, k))
 
     def learn(self, warm: WarmStarts) -> None:

@@ -37,8 +37,8 @@ class Precision:
 
     def __post_init__(self) -> None:
         set_reals(self, "eps", least=0, most=MOST, kind="a number, such as 0.01 for one percent,")
-        for count in self.tolerance:
-            whole("a tolerance", count, 0, ANYTHING)
+        counts = tuple(whole("a tolerance", count, 0, ANYTHING) for count in self.tolerance)
+        object.__setattr__(self, "tolerance", counts)
 
     @property
     def is_exact(self) -> bool:

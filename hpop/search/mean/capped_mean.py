@@ -226,10 +226,12 @@ def _without(graph: Graph, column: int) -> Graph:
 
 def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
     """The duration, the integral, then the other costs."""
+    last = graph.criteria - 1
+    integral = whole("integral", integral, 0, last, "a column")
+    duration = whole("duration", duration, 0, last, "a column")
     for name, column in (("integral", integral), ("duration", duration)):
-        whole(name, column, 0, graph.criteria - 1, "a column")
         if graph.aggregates[column] != "sum":
             raise GraphError(f"a mean is the ratio of two sums, but {name}, cost {column}, is a 'max'")
     if integral == duration:
         raise OptionError(f"integral and duration must be two columns, got {integral} for both")
-    return (int(duration), int(integral), *(j for j in range(graph.criteria) if j not in (integral, duration)))
+    return (duration, integral, *(j for j in range(graph.criteria) if j not in (integral, duration)))

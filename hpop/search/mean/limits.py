@@ -52,7 +52,7 @@ class MeanLimits:
         means could overflow.
         """
         if cap is not None:
-            whole("cap", cap, 0, MOST_BOUND, "a whole number of the duration's quanta,")
+            cap = whole("cap", cap, 0, MOST_BOUND, "a whole number of the duration's quanta,")
         bounds = [None if b is None else whole("at_most", b, 0, MOST_BOUND) for b in at_most] or [None] * graph.criteria
         if len(bounds) != graph.criteria or any(bounds[j] is not None for j in columns[:OTHERS]):
             raise OptionError(

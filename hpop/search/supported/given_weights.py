@@ -31,15 +31,16 @@ def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
             yield (first, *rest)
 
 
-def check_divisions(divisions: Any, k: int = 1) -> None:
-    """Raise OptionError unless a simplex lattice of k weights can have that many divisions."""
-    whole("divisions", divisions, 1, kind="a whole number of steps from weight 0 to weight 1,")
-    count = math.comb(int(divisions) + k - 1, k - 1)
+def checked_divisions(given: Any, k: int = 1) -> int:
+    """Return the divisions of a simplex lattice of k weights; OptionError unless it can have that many."""
+    divisions = whole("divisions", given, 1, kind="a whole number of steps from weight 0 to weight 1,")
+    count = math.comb(divisions + k - 1, k - 1)
     if count > MAX_WEIGHTS:
         raise OptionError(
             f"{divisions} divisions of {k} weights make {count:,} weights, more than {MAX_WEIGHTS:,}; take fewer, or "
             "leave them out: then weights are chosen where they find something"
         )
+    return divisions
 
 
 def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:

@@ -17,7 +17,7 @@ from hpop.errors import GraphError, OptionError
 from hpop.search.asked_arcs import AskedArcs, Free
 from hpop.search.graph import Graph
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
-from hpop.search.supported.given_weights import check_divisions, integer_weights, simplex_lattice, smallest
+from hpop.search.supported.given_weights import checked_divisions, integer_weights, simplex_lattice, smallest
 from hpop.search.supported.reduced import NONE, Reduced, Task, least_path, solve_weight
 from hpop.search.supported.weight_cone import Vector, WeightCone
 from hpop.status import Budget, Progress, ProgressCallback, Status
@@ -101,7 +101,7 @@ def supported_paths(
         raise OptionError("give divisions or weights, not both")
     given = None if weights is None else [integer_weights(w, graph.criteria) for w in weights]
     if divisions is not None:
-        check_divisions(divisions, graph.criteria)
+        divisions = checked_divisions(divisions, graph.criteria)
         given = list(simplex_lattice(divisions, graph.criteria))
     start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use

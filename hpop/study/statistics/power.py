@@ -17,6 +17,7 @@ from scipy import stats
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import MOST_SEED, one_of, real, whole
+from hpop.scalars import python_value
 from hpop.study.statistics.pairs import exact_p, rank_sum_chances
 from hpop.study.statistics.related import checked, complete_rows, friedman_statistics
 from hpop.study.statistics.shares import share
@@ -104,15 +105,16 @@ def power(
     """
     if isinstance(effect, str) and effect == "observed":
         raise StudyError(f"observed power is not given: {OBSERVED}")
-    whole("simulations", simulations, 100, MOST_SIMULATED, error=StudyError)
-    whole("seed", seed, 0, MOST_SEED, error=StudyError)
+    effect = python_value(effect)
+    simulations = whole("simulations", simulations, 100, MOST_SIMULATED, error=StudyError)
+    seed = whole("seed", seed, 0, MOST_SEED, error=StudyError)
     draw, k = _from_pilot(pilot, n) if pilot is not None else _from_effect(effect, k, correlation, like)
     default = "wilcoxon" if k == 2 else "friedman"
     made = one_of("test", default if test is None else test, TESTS, error=StudyError)
     if made != "kruskal" and made != default:
         raise StudyError(f"of {k} stimuli the test is {default!r} or 'kruskal', got {made!r}")
-    real("alpha", alpha, 1e-6, 0.5, "a share", error=StudyError)
-    real("target", target, 0.01, 0.999, "a share", error=StudyError)
+    alpha = real("alpha", alpha, 1e-6, 0.5, "a share", error=StudyError)
+    target = real("target", target, 0.01, 0.999, "a share", error=StudyError)
 
     def of(people: int) -> Power:
         found = _found(draw, people, k, made, alpha, simulations, np.random.default_rng([seed, people]))
@@ -131,7 +133,7 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
     if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
         shifts = np.array([real("effect", one, -100, 100, "a shift", error=StudyError) for one in effect])
     else:
-        whole("k", k, 2, 26, "a number of stimuli", error=StudyError)
+        k = whole("k", k, 2, 26, "a number of stimuli", error=StudyError)
         shifts = np.linspace(0.0, real("effect", effect, -100, 100, "a shift", error=StudyError), k)
     if len(shifts) < 2:
         raise StudyError(f"effect gives the shifts of two stimuli or more, got {shown(effect)}")

@@ -58,11 +58,11 @@ def share(count: int, total: int, level: float = 0.95) -> Share:
     >>> round(one.low, 4), round(one.high, 4)
     (0.0579, 0.1617)
     """
-    whole("total", total, 1, MOST_PEOPLE, error=StudyError)
-    whole("count", count, 0, total, error=StudyError)
-    test = stats.binomtest(int(count), int(total))
+    total = whole("total", total, 1, MOST_PEOPLE, error=StudyError)
+    count = whole("count", count, 0, total, error=StudyError)
+    test = stats.binomtest(count, total)
     interval = test.proportion_ci(level, method="exact")
-    return Share(int(count), int(total), count / total, float(interval.low), float(interval.high), float(test.pvalue))
+    return Share(count, total, count / total, float(interval.low), float(interval.high), float(test.pvalue))
 
 
 def multinomial(counts: Sequence[int]) -> Multinomial:

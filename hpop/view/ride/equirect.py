@@ -119,7 +119,7 @@ def executed(trajectory: Trajectory) -> Trajectory:
 
 def checked_width(width: int) -> int:
     """A width, or OptionError."""
-    whole("width", width, LEAST_WIDTH, MOST_WIDTH, "pixels of a picture all round,")
+    width = whole("width", width, LEAST_WIDTH, MOST_WIDTH, "pixels of a picture all round,")
     if width % 4:
         raise OptionError(f"width must be a multiple of 4, got {width}; {width - width % 4} is one")
     return int(width)
@@ -153,4 +153,4 @@ def camera_at(run: Trajectory, t: float) -> CameraPose:
 
 
 def _check_time(t: float, run: Trajectory) -> None:
-    real("t", t, 0.0, run.duration, "a time of the executed trajectory, in s,")
+    t = real("t", t, 0.0, run.duration, "a time of the executed trajectory, in s,")
