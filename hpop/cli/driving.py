@@ -77,6 +77,8 @@ def drive(
     target = out or path.with_name("drive")
     results.check_writable(target)
     driven = follow(problem, front, chosen.point)
+    for note in script.notes:
+        echo(f"note: {note}")
     echo(f"driving {chosen}, {driven.plan.duration:.1f} s")
     began, happened = time.monotonic(), []
     try:

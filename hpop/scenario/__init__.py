@@ -156,7 +156,7 @@ def load_scenario(path: str | Path) -> Scenario:
             if reader is None or to_read is None
             else read_world(reader, folder / to_read.path, **to_read.model_extra)
         )
-        world = _furnished(bare, file.world, folder, content)
+        world = _with_notes(_furnished(bare, file.world, folder, content), tuple(faults.notes))
     read_seconds = spending.seconds()
     faults.raise_all()
     with faults.collected(("people",)):

@@ -68,10 +68,12 @@ class Script(NamedTuple):
 
     choice  a name or number of a front's row
     events  in order of time
+    notes   what its files are noted for
     """
 
     choice: str | int
     events: tuple[Event, ...]
+    notes: tuple[str, ...] = ()
 
 
 def load_events(path: str | Path, problem: Problem | None = None, names: Sequence[str] = ()) -> Script:
@@ -96,7 +98,7 @@ def load_events(path: str | Path, problem: Problem | None = None, names: Sequenc
     if problem is not None:
         _know(faults, events, problem, names)
         faults.raise_all()
-    return Script(file.choice, tuple(events))
+    return Script(file.choice, tuple(events), tuple(faults.notes))
 
 
 def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequence[str]) -> None:

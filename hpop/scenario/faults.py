@@ -53,11 +53,15 @@ def entries(value: Any) -> list[Any]:
 
 
 class Faults:
-    """What is wrong with a scenario, collected so that all of it is said at once."""
+    """What is wrong with a scenario, collected so that all of it is said at once.
+
+    notes  what the files beside it are noted for, though nothing is wrong
+    """
 
     def __init__(self, document: Document) -> None:
         self._document = document
         self._found: list[tuple[int, HpopError]] = []
+        self.notes: list[str] = []
 
     def beside(self, path: str) -> Path:
         """A path that the scenario gives relative to its folder."""

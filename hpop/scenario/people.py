@@ -88,6 +88,7 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
     ids = [entry.id] if isinstance(entry.id, int | str) else entry.id
     path = faults.beside(entry.track)
     tracks = read_tracks(path, entry.frame_rate, entry.unit, entry.format, ids)
+    faults.notes += tracks.notes
     people = []
     for one, whole in tracks.items():
         track = whole.later(entry.begin) if entry.begin else whole

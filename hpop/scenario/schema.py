@@ -266,10 +266,10 @@ class WaypointsEntry(Prediction):
 class TrackEntry(Prediction):
     """People whose recorded tracks are in a file, all of them or some; each is called by its id."""
 
-    track: str  # file, relative to the scenario: CSV (id, t or frame, x, y), PeTrack or obsmat.txt
+    track: str  # file, relative to the scenario: CSV (id, t or frame, x, y), PeTrack, obsmat.txt or JuPedSim
     frame_rate: float | None = Field(default=None, gt=0)  # frames a second, where the file does not say it
     unit: Literal["m", "cm", "mm"] | None = None  # of places, where the file does not say it; else m
-    format: Literal["csv", "petrack", "obsmat"] | None = None  # of the file; as it looks if left out
+    format: Literal["csv", "petrack", "obsmat", "jupedsim"] | None = None  # of the file; as it looks if left out
     id: int | str | list[int | str] | None = None  # who of the file; all if left out
     begin: float = 0.0  # s, the moment of the recording that is now
     name: str = ""  # of one person; of several what their ids follow

@@ -102,7 +102,7 @@ def test_a_scenario_with_tracks_survives_its_description(made):
         ("{track: tracks.txt, frame_rate: 25}", MapError, "people.0", "says 10 frames a second, and frame_rate 25"),
         ("{track: tracks.txt, frame_rate: 0}", ScenarioError, "people.0.frame_rate", "greater than 0, got 0"),
         ("{track: tracks.txt, unit: km}", ScenarioError, "people.0.unit", "expected 'm', 'cm' or 'mm', got 'km'"),
-        ("{track: tracks.txt, format: csv}", MapError, "people.0", "has blanks between its columns"),
+        ("{track: tracks.txt, format: obsmat}", MapError, "people.0", "expected rows of 8 numbers"),
         ("{track: tracks.txt, id: 5}", MapError, "people.0", "nobody with the id 5; it has 2 ids: 3, 4"),
         ("{track: tracks.txt, begin: 9}", MapError, "people.0", "nobody of 'tracks.txt' is there from 9 s on"),
         ("{track: tracks.txt, until: 0}", MapError, "people.0", "is there from 0 s to 0 s: its"),

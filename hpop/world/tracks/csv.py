@@ -1,78 +1,175 @@
-"""Tracks as CSV: a row a person and time, with or without a header.
+"""Tracks as a table in text: a row a person and time, with or without a header.
 
-With a header the columns may be in any order: an id (id, person, track, agent, ...), a time in s (t, time) or a frame
-(frame), x and y; units may stand in it (``x/cm``, ``x [cm]``). Without one they are id, t, x, y, t being a frame where
-a frame rate is given. Ids may be words; commas, semicolons or tabs separate.
+With a header, which may be a comment, the columns may be in any order: an id (id, person, track, agent, ...), a time
+(t, time) or a frame (frame), x and y; units may stand in it (``x/cm``, ``x [cm]``, ``time/ms``). Without one they are
+id, t, x, y, t being a frame where a frame rate is given; or frame, id, x, y, as the tracks of ETH and UCY are mostly
+passed on, where people then walk in shorter steps. Ids may be words; commas, semicolons, tabs or blanks separate.
+Numbers may have decimal commas where something else separates.
 """
 
 from __future__ import annotations
 
 import csv
-import re
-from collections.abc import Hashable, Iterator, Sequence
-from itertools import islice
-from typing import NamedTuple
+from collections.abc import Hashable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from itertools import chain, islice
 
 import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.text import shown
-from hpop.world.tracks.table import MOST_ROWS, UNITS, Asked, identity, tracks_of
-from hpop.world.tracks.track import Track
+from hpop.world.tracks.columns import comments_of, titled
+from hpop.world.tracks.table import MOST_ROWS, Asked, Tracks, identity, tracks_of
 
-NAMES = {
-    "id": ("id", "person", "person_id", "personid", "persid", "track", "track_id", "trackid", "agent", "agent_id"),
-    "t": ("t", "time", "seconds", "timestamp"),
-    "frame": ("frame", "frame_id", "frameid", "frame_number"),
-    "x": ("x", "pos_x", "x_pos"),
-    "y": ("y", "pos_y", "y_pos"),
-}
-UNIT = re.compile(r"^(.*?)\s*[/\[(]\s*(\w+)\s*[\])]?$")
 LONGEST = 500  # characters of a row of four columns and some more
+CLOSER = 0.7
+"""By what factor steps must be shorter with frames in the first column than with ids there, where no header says it."""
 
 
-def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> dict[Hashable, Track]:
-    """Tracks by id; MapError for what is no such file."""
-    rows = _rows(text, asked)
+def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+    """Return tracks by id; MapError for what is no such file."""
+    said, rows = comments_of(text, asked), _rows(text, asked)
     first = next(rows, None)
     if first is None:
         raise asked.error("has no rows: expected id, t, x, y.")
-    if len(first) == 1 and len(first[0].split()) > 1:
-        raise asked.error(
-            "has blanks between its columns; expected commas, semicolons or tabs. Rows of numbers alone are read with "
-            "format 'petrack' (id frame x y) or 'obsmat'."
-        )
-    header = not _is_number(first[-1])
-    places, unit = _columns(first, asked) if header else (_without_header(first, asked), None)
-    if not header:
-        rows = iter([first, *rows])
+    header = not said.titles and not _is_number(first[-1])
+    titles = first if header else said.titles
+    columns = titled(titles, asked) if titles else None
+    places = _without_titles(first, asked) if columns is None else columns.places
     lines = _Lines(text, header)
-    numbered = enumerate(islice(rows, MOST_ROWS + 1))
-    chosen = [_picked(row, places, asked, lines, number) for number, row in numbered]
-    clock = "frame" if "frame" in places else "t"
-    columns = {
-        name: _numbers([row[i] for row in chosen], name, asked, lines) for i, name in enumerate(places) if name != "id"
-    }
-    if clock == "t" and asked.frame_rate is not None:
+    table = _Table.of(rows if header else chain([first], rows), places, lines, asked)
+    unit: str | None = None
+    second: float | None = None
+    notes: tuple[str, ...] = ()
+    if columns is None:
+        table = table.ordered(frames=said.rate is not None)
+        order = ",".join(table.cells)
+        notes = (f"has no header, so its columns are taken as {order}; name them in a first line if they are others",)
+        asked = replace(asked, hint=f" It {notes[0]}.")
+    else:
+        unit, second = columns.unit, columns.second
+        notes = (f"has columns that are not read: {', '.join(columns.unread)}",) if columns.unread else ()
+    if "frame" in table.cells:
+        times = table.numbers("frame") / asked.rate(said.rate)
+        second = 1.0
+    elif asked.frame_rate is not None:
         raise asked.error("has times in s; leave frame_rate out, which is for frames.")
-    times = columns[clock] / (asked.rate(None) if clock == "frame" else 1.0)
-    a_metre, who = asked.a_metre(unit), list(places).index("id")
-    ids = [_identity(row[who]) for row in chosen]
-    if "" in ids:
-        raise asked.error(f"has no id in line {lines.of(ids.index(''))}; expected a number or a name.")
-    return tracks_of(asked, ids, times, columns["x"] / a_metre, columns["y"] / a_metre, wanted)
+    else:
+        times, second = table.times(second)
+    x, y = (table.numbers(name) / asked.a_metre(unit) for name in ("x", "y"))
+    return tracks_of(asked, table.ids(), times, x, y, wanted, second=second, notes=notes)
 
 
-class _Lines(NamedTuple):
+@dataclass(frozen=True)
+class _Lines:
     """The lines of a file, to say where a row is; counted only where a fault is told."""
 
     text: str
     header: bool
 
     def of(self, row: int) -> int:
-        """The line, from 1, of a row of numbers, from 0."""
+        """Return the line, from 1, of a row of cells, from 0."""
         lines = (number for number, line in enumerate(self.text.splitlines(), 1) if _has_a_row(line))
         return next(islice(lines, row + self.header, None), 0)
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The cells of some columns by name, and where they are from."""
+
+    cells: dict[str, list[str]]
+    lines: _Lines
+    asked: Asked
+
+    @classmethod
+    def of(cls, rows: Iterable[Sequence[str]], places: dict[str, int], lines: _Lines, asked: Asked) -> _Table:
+        """Return the columns at some places; MapError for a row that lacks one."""
+        cells: dict[str, list[str]] = {name: [] for name in places}
+        columns = list(zip(cells.values(), places.values(), strict=True))
+        for number, row in enumerate(islice(rows, MOST_ROWS + 1)):
+            if len(row) <= max(places.values()):
+                raise asked.error(
+                    f"has a row with too few columns in line {lines.of(number)}: {shown(list(row))}; expected at least "
+                    f"{max(places.values()) + 1}."
+                )
+            for column, place in columns:
+                column.append(row[place])
+        return cls(cells, lines, asked)
+
+    def numbers(self, name: str) -> FloatArray:
+        """Return a column of finite numbers; MapError for anything else."""
+        column = self.cells[name]
+        try:
+            numbers = np.array(column, dtype=np.float64)
+            wrong = int(np.argmin(np.isfinite(numbers))) if not np.isfinite(numbers).all() else -1
+        except ValueError:
+            pointed = [text.replace(",", ".") for text in column]
+            wrong = next((i for i, text in enumerate(pointed) if not _is_number(text)), -1)
+            if wrong < 0:
+                return replace(self, cells={name: pointed}).numbers(name)
+        if wrong >= 0:
+            raise self.asked.error(
+                f"has {shown(column[wrong])} in the column {name} of line {self.lines.of(wrong)}; expected a finite "
+                "number."
+            )
+        return numbers
+
+    def times(self, second: float | None) -> tuple[FloatArray, float | None]:
+        """Return the times and their unit, s; dates with times of day (ISO 8601) become seconds since 1970."""
+        first = next(iter(self.cells["t"]), "")
+        if second is not None or _is_number(first) or not first[:4].isdecimal():
+            return self.numbers("t"), second
+        seconds = []
+        for number, text in enumerate(self.cells["t"]):
+            try:
+                moment = datetime.fromisoformat(text.strip())
+            except ValueError:
+                raise self.asked.error(
+                    f"has {shown(text)} in the column t of line {self.lines.of(number)}; expected a date and time."
+                ) from None
+            seconds.append((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
+        return np.array(seconds), 1.0
+
+    def ids(self) -> list[Hashable]:
+        """Return the ids, whole numbers where they are; MapError where one is missing."""
+        ids = [_identity(text) for text in self.cells["id"]]
+        if "" in ids:
+            raise self.asked.error(f"has no id in line {self.lines.of(ids.index(''))}; expected a number or a name.")
+        return ids
+
+    def ordered(self, *, frames: bool) -> _Table:
+        """Return the same with its columns named as no header does: by their order, and by what is in them."""
+        columns = list(self.cells.values())
+        numbers = [_finite(column) for column in columns]
+        if len(columns) == 5 and numbers[0] is not None and np.array_equal(numbers[0], np.arange(len(columns[0]))):
+            columns, numbers = columns[1:], numbers[1:]  # rows counted, as pandas does
+        one, other, x, y = numbers[:4]
+        clock = "frame" if frames or self.asked.frame_rate is not None else "t"
+        names = ("id", clock, "x", "y")
+        if one is not None and other is not None and x is not None and y is not None and _are_whole(other):
+            if not _are_whole(one):
+                names = (clock, "id", "x", "y")
+            elif _step(other, one, x, y) < CLOSER * _step(one, other, x, y):
+                names = ("frame", "id", "x", "y")
+        return replace(self, cells=dict(zip(names, columns[:4], strict=True)))
+
+
+def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
+    """Rows that are no comments and not empty."""
+    lines = (line for line in text.splitlines() if _has_a_row(line))
+    sample = next(lines, "")
+    if not sample:
+        return
+    delimiter = _delimiter(sample)
+    if not delimiter:
+        yield from (line.split() for line in chain([sample], lines))
+        return
+    yield from csv.reader([sample[:LONGEST]], delimiter=delimiter)
+    try:
+        yield from csv.reader(lines, delimiter=delimiter, strict=True)
+    except csv.Error as error:
+        raise asked.error(f"cannot be read as CSV: {error}.") from None
 
 
 def _has_a_row(line: str) -> bool:
@@ -80,79 +177,49 @@ def _has_a_row(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
-def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
-    """Rows that are no comments and not empty."""
-    lines = (line for line in text.splitlines() if _has_a_row(line))
-    sample = next(lines, "")
-    delimiter = max(",;\t", key=sample.count)
-    if sample:
-        yield from csv.reader([sample[:LONGEST]], delimiter=delimiter)
-    try:
-        yield from csv.reader(lines, delimiter=delimiter, strict=True)
-    except csv.Error as error:
-        raise asked.error(f"cannot be read as CSV: {error}.") from None
+def _delimiter(line: str) -> str:
+    """Return what separates the cells of a line; nothing where blanks do."""
+    words = line.split()
+    if len(words) > 3 and all(map(_is_number, words)):
+        return "\t" if "\t" in line else ""  # with decimal commas or without
+    most = max(";\t,", key=lambda each: (line.count(each) > 1, each != ",", line.count(each)))
+    return most if most in line else ""
 
 
-def _columns(header: Sequence[str], asked: Asked) -> tuple[dict[str, int], str | None]:
-    """Where each column is, and the unit of places if the header says one."""
-    places, units = dict[str, int](), set[str]()
-    for place, title in enumerate(header):
-        found = UNIT.match(title.strip())
-        name, unit = (found.group(1), found.group(2)) if found else (title.strip(), None)
-        kind = next((kind for kind, names in NAMES.items() if name.strip().lower() in names), None)
-        if kind is None:
-            continue
-        if kind in places:
-            raise asked.error(f"has two columns for {kind}: {shown(header[places[kind]])} and {shown(title)}.")
-        places[kind] = place
-        if kind in ("x", "y") and unit is not None:
-            units.add(unit.lower())
-    lacking = [name for name in ("id", "x", "y") if name not in places]
-    if not {"t", "frame"} & set(places):
-        lacking.insert(1, "t or frame")
-    if lacking:
-        raise asked.error(f"lacks a column for {', '.join(lacking)}; its header is {shown(list(header))}.")
-    if {"t", "frame"} <= set(places):
-        del places["frame"]  # both say the same; times need no rate
-    if len(units) > 1 or units - set(UNITS):
-        raise asked.error(f"has places in {', '.join(sorted(units))}; expected one of {', '.join(UNITS)}.")
-    return places, next(iter(units), None)
-
-
-def _without_header(first: Sequence[str], asked: Asked) -> dict[str, int]:
+def _without_titles(first: Sequence[str], asked: Asked) -> dict[str, int]:
+    """Return places of all columns; MapError for fewer or more than tracks have without a header."""
     if len(first) not in (4, 5):
         raise asked.error(
             f"has no header, and {len(first)} columns; expected id, t, x, y, or a header that names them."
         )
-    return {"id": 0, "t" if asked.frame_rate is None else "frame": 1, "x": 2, "y": 3}
+    return {str(place): place for place in range(len(first))}
 
 
-def _picked(row: Sequence[str], places: dict[str, int], asked: Asked, lines: _Lines, number: int) -> list[str]:
+def _finite(column: Sequence[str]) -> FloatArray | None:
+    """Numbers of a column, None where one is none."""
     try:
-        return [row[place] for place in places.values()]
-    except IndexError:
-        raise asked.error(
-            f"has a row with too few columns in line {lines.of(number)}: {shown(list(row))}; expected at least "
-            f"{max(places.values()) + 1}."
-        ) from None
-
-
-def _numbers(column: Sequence[str], name: str, asked: Asked, lines: _Lines) -> FloatArray:
-    try:
-        numbers = np.array(column, dtype=np.float64)
-        wrong = int(np.argmin(np.isfinite(numbers))) if not np.isfinite(numbers).all() else -1
+        numbers = np.array([text.replace(",", ".") for text in column], dtype=np.float64)
     except ValueError:
-        wrong = next(i for i, text in enumerate(column) if not _is_number(text))
-    if wrong >= 0:
-        raise asked.error(
-            f"has {shown(column[wrong])} in the column {name} of line {lines.of(wrong)}; expected a finite number."
-        )
-    return numbers
+        return None
+    return numbers if np.isfinite(numbers).all() else None
+
+
+def _are_whole(numbers: FloatArray) -> bool:
+    return bool((numbers == np.floor(numbers)).all())
+
+
+def _step(who: FloatArray, when: FloatArray, x: FloatArray, y: FloatArray) -> float:
+    """Median distance from each place of a person to the next, infinite where nobody has two."""
+    order = np.lexsort((when, who))
+    goes_on = np.diff(who[order]) == 0
+    steps = np.hypot(np.diff(x[order]), np.diff(y[order]))[goes_on]
+    return float(np.median(steps)) if steps.size else np.inf
 
 
 def _is_number(text: str) -> bool:
+    """Whether a cell is a number, with a decimal point or comma."""
     try:
-        float(text)
+        float(text.replace(",", "."))
     except ValueError:
         return False
     return True
@@ -161,4 +228,4 @@ def _is_number(text: str) -> bool:
 def _identity(text: str) -> Hashable:
     """An id: a whole number where it is one, else the text."""
     text = text.strip()
-    return identity(float(text)) if _is_number(text) and np.isfinite(float(text)) else text
+    return identity(float(text)) if _is_number(text) and "," not in text and np.isfinite(float(text)) else text

@@ -13,8 +13,7 @@ import numpy as np
 
 from hpop.arrays import distinct
 from hpop.world.tracks.numbers import read_numbers
-from hpop.world.tracks.table import Asked, identity, tracks_of
-from hpop.world.tracks.track import Track
+from hpop.world.tracks.table import Asked, Tracks, identity, tracks_of
 
 ANNOTATED = 2.5
 """Annotations a second."""
@@ -27,8 +26,8 @@ def is_obsmat(text: str) -> bool:
     return len(first) == COLUMNS and not first[0].startswith("#") and "," not in first[0]
 
 
-def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> dict[Hashable, Track]:
-    """Tracks by id; MapError for what is no such file."""
+def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+    """Return tracks by id; MapError for what is no such file."""
     rows = read_numbers(text, asked, (COLUMNS,), "frame id x z y vx vz vy")
     steps = np.diff(distinct(rows[:, 0]))
     rate = asked.frame_rate if asked.frame_rate is not None or not steps.size else ANNOTATED * float(steps.min())

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import MapError
 from hpop.options import LEAST, one_of, real
-from hpop.text import counted, shown
+from hpop.text import counted, shown, some
 from hpop.world.files import named
-from hpop.world.tracks.track import Track
+from hpop.world.tracks.track import FASTEST, Track
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 """How many make a metre."""
@@ -21,6 +23,19 @@ FASTEST_CAMERA = 10_000.0
 """Pictures a second."""
 MOST_ROWS = 5_000_000
 """Rows of a file."""
+EPOCHS = {1e18: 1e-9, 1e15: 1e-6, 1e12: 1e-3, 1e9: 1.0}
+"""Units, s, of times since 1970, by the least number that such a time has had since 2001."""
+SINCE_1970 = 1e8
+"""s: later times are counted from 1970 on."""
+LEAVES = 10.0
+"""s: who is missing for longer comes back as another."""
+MISSING = 1.0
+"""s: who is missing for longer, and five usual steps, is told of."""
+
+MOSTLY = 0.9
+"""Share of steps that are alike where a camera watches, and the least of those that people can walk."""
+MOST_NAMED = 8
+"""People whom a note names."""
 
 PathLike = str | os.PathLike[str]
 
@@ -31,11 +46,13 @@ class Asked:
 
     frame_rate  pictures a second; None: as the file says
     unit        of places, "m", "cm" or "mm"; None: as the file says, else m
+    hint        what follows each message about the file
     """
 
     path: PathLike
     frame_rate: float | None = None
     unit: str | None = None
+    hint: str = ""
 
     def __post_init__(self) -> None:
         if self.frame_rate is not None:
@@ -45,7 +62,7 @@ class Asked:
 
     def error(self, fault: str) -> MapError:
         """What is wrong with the file."""
-        return MapError(f"the track file {named(str(self.path))} {fault}")
+        return MapError(f"the track file {named(str(self.path))} {fault}{self.hint}")
 
     def rate(self, said: float | None) -> float:
         """Pictures a second, as the file says or whoever reads; MapError where neither or they differ."""
@@ -70,6 +87,46 @@ class Asked:
         return UNITS[self.unit or said or "m"]
 
 
+class Tracks(dict[Hashable, Track]):
+    """Tracks by id, in the order in which a file has them.
+
+    notes  what was left out, mended or taken for granted, in words
+    """
+
+    notes: tuple[str, ...] = ()
+
+
+class _Points(NamedTuple):
+    """Points (N,) of all people, those of a person together and in order of time.
+
+    who  whose, by number
+    t    s
+    x    m
+    y    m
+    """
+
+    who: IntArray
+    t: FloatArray
+    x: FloatArray
+    y: FloatArray
+
+    def take(self, kept: BoolArray | IntArray) -> _Points:
+        """Return some of the points."""
+        return _Points(self.who[kept], self.t[kept], self.x[kept], self.y[kept])
+
+    @property
+    def goes_on(self) -> BoolArray:
+        """Whether each point but the last is followed by another of the same person (N - 1,)."""
+        return np.asarray(np.diff(self.who) == 0)
+
+    @property
+    def speeds(self) -> FloatArray:
+        """Speed (N - 1,), m/s, from each point to the next; 0 to that of another person."""
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            speeds = np.hypot(np.diff(self.x), np.diff(self.y)) / np.diff(self.t)
+        return np.where(self.goes_on, speeds, 0.0)
+
+
 def tracks_of(
     asked: Asked,
     ids: Sequence[Hashable],
@@ -77,10 +134,19 @@ def tracks_of(
     x: FloatArray,
     y: FloatArray,
     wanted: Sequence[Hashable] | None,
-) -> dict[Hashable, Track]:
-    """Recorded tracks by id, in the order in which ids first appear; each row is a point (N,), s and m.
+    *,
+    second: float | None = 1.0,
+    notes: Iterable[str] = (),
+) -> Tracks:
+    """Return recorded tracks by id, in the order in which ids first appear; each row is a point (N,).
 
-    Raises MapError with the file and the id for what is no track, and for ids that are wanted and not there.
+    times  (N,)  in units of ``second`` s; where that is None in s, or what times since 1970 are counted in
+    x, y   (N,)  m
+
+    Rows are sorted by time, a row that is there twice counts once, single points that nobody can reach are left out,
+    and so is who is there at one time only. Who jumps, or is missing for more than ``LEAVES`` s, goes on as another,
+    called "7 (2)". All that is noted. Raises MapError with the file and the id for what is no track, and for ids that
+    are wanted and not there.
     """
     if not len(ids):
         raise asked.error("has no rows: expected one a person and time.")
@@ -88,25 +154,119 @@ def tracks_of(
         raise asked.error(f"has {len(ids):,} rows; expected at most {MOST_ROWS:,}.")
     first = dict[Hashable, int]()
     number = np.fromiter((first.setdefault(one, len(first)) for one in ids), dtype=np.int64, count=len(ids))
-    if wanted is not None:
-        if absent := [one for one in wanted if one not in first]:
-            known = ", ".join(map(str, list(first)[:8])) + (", ..." if len(first) > 8 else "")
-            raise asked.error(
-                f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}."
-            )
-        doubled = [one for place, one in enumerate(wanted) if one in wanted[:place]]
-        if doubled:
-            raise asked.error(f"is asked for the id {shown(doubled[0])} twice; give each once.")
-    order = np.argsort(number, kind="stable")
-    ends: IntArray = np.searchsorted(number[order], np.arange(len(first) + 1))
-    tracks = dict[Hashable, Track]()
-    for one in first if wanted is None else wanted:
-        rows = order[ends[first[one]] : ends[first[one] + 1]]
-        try:
-            tracks[one] = Track(times[rows], x[rows], y[rows], recorded=True)
-        except MapError as error:
-            raise asked.error(f"has a fault at the id {shown(one)}: {error}") from None
+    names = list(first)
+    chosen = list(range(len(names))) if wanted is None else _numbers(asked, wanted, first)
+    told = [*notes]
+    times, since = _seconds(times, second)
+    told += since
+    points, mended = _sorted(_Points(number, times, x, y), names)
+    points, cleared = _without_wrong_points(points, names)
+    parts, split = _parts(points, names)
+    told += [*mended, *cleared, *split]
+    tracks, alone = Tracks(), []
+    for who in chosen:
+        of_one = parts[who]
+        for place, rows in enumerate(of_one):
+            name = names[who] if place == 0 else f"{names[who]} ({place + 1})"
+            if rows.stop - rows.start < 2 and (wanted is None or len(of_one) > 1):
+                alone.append(str(name))
+                continue
+            try:
+                tracks[name] = Track(points.t[rows], points.x[rows], points.y[rows], recorded=True)
+            except MapError as error:
+                raise asked.error(f"has a fault at the id {shown(name)}: {error}") from None
+    if not tracks:
+        raise asked.error(f"has nobody who is there at two times: {counted(len(names), 'id')}, each in one row.")
+    if alone:
+        told.append(f"has people at one time only, who are left out: {some(alone, MOST_NAMED)}")
+    tracks.notes = tuple(f"the track file {named(str(asked.path))} {note}" for note in told)
     return tracks
+
+
+def _numbers(asked: Asked, wanted: Sequence[Hashable], first: Mapping[Hashable, int]) -> list[int]:
+    """Return the numbers of ids that are wanted; MapError for one that is not there, and for one that is twice."""
+    if absent := [one for one in wanted if one not in first]:
+        known = ", ".join(map(str, list(first)[:8])) + (", ..." if len(first) > 8 else "")
+        raise asked.error(f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
+    doubled = [one for place, one in enumerate(wanted) if one in wanted[:place]]
+    if doubled:
+        raise asked.error(f"is asked for the id {shown(doubled[0])} twice; give each once.")
+    return [first[one] for one in wanted]
+
+
+def _seconds(times: FloatArray, second: float | None) -> tuple[FloatArray, list[str]]:
+    """Return times in s, those since 1970 from the first on, and what is noted of it."""
+    begin = float(times.min())
+    if second is None:
+        second = next((unit for least, unit in EPOCHS.items() if least <= begin < 5 * least), 1.0)
+    if not SINCE_1970 <= begin * second < 50 * SINCE_1970:
+        return times * second, []
+    moment = datetime.fromtimestamp(begin * second, UTC).isoformat(sep=" ", timespec="milliseconds")
+    return (times - begin) * second, [f"counts time from 1970 on; its first, {moment}, is taken as 0 s"]
+
+
+def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
+    """Return the points person by person in order of time, none twice, and what is noted of it."""
+    notes = []
+    given = points.take(np.argsort(points.who, kind="stable"))
+    back = given.goes_on & (np.diff(given.t) < 0)
+    if back.any():
+        notes.append(f"has rows that are not in order of time; they are sorted: {_named(names, given.who[:-1][back])}")
+    points = points.take(np.lexsort((points.t, points.who)))
+    twice = points.goes_on & (np.diff(points.t) == 0) & (np.diff(points.x) == 0) & (np.diff(points.y) == 0)
+    if twice.any():
+        rows = counted(int(twice.sum()), "row")
+        notes.append(f"has {rows} a second time, which count once: {_named(names, points.who[1:][twice])}")
+    return points.take(np.append(True, ~twice)), notes
+
+
+def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
+    """Return the points without single ones that are too far from the one before and the next, and what is noted."""
+    fast = _few(points.speeds > FASTEST)
+    wrong = np.concatenate([[False], fast[:-1] & fast[1:], [False]]) if fast.size else np.zeros(points.t.size, bool)
+    if not wrong.any():
+        return points, []
+    where = some([f"{names[who]} at {t:.4g} s" for who, t in zip(points.who[wrong], points.t[wrong], strict=True)])
+    return points.take(~wrong), [
+        f"has single points to which nobody runs and back (faster than {FASTEST:g} m/s), which are left out: {where}"
+    ]
+
+
+def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]], list[str]]:
+    """Return the points of each person, in parts where one is away for long or jumps, and what is noted of it."""
+    steps, goes_on = np.diff(points.t), points.goes_on
+    usual = float(np.median(steps[goes_on])) if goes_on.any() else np.inf
+    watched = usual <= MISSING and (steps[goes_on] <= 2 * usual).mean() >= MOSTLY
+    missing = goes_on & (steps > max(MISSING, 5 * usual)) & watched
+    jumps, leaves = _few(points.speeds > FASTEST), missing & (steps > LEAVES)
+    notes = []
+    for which, said in (
+        (jumps & ~leaves, f"has people who jump (faster than {FASTEST:g} m/s), and go on as others"),
+        (leaves, f"has people who are missing for more than {LEAVES:g} s, and come back as others"),
+        (
+            missing & ~leaves & ~jumps,
+            "has people who are missing for a while, in which they are taken to walk straight",
+        ),
+    ):
+        if which.any():
+            each = zip(points.who[:-1][which], points.t[:-1][which], steps[which], strict=True)
+            notes.append(
+                f"{said}: {some([f'{names[who]} after {t:.4g} s, for {step:.3g} s' for who, t, step in each])}"
+            )
+    ends = np.flatnonzero(~goes_on | jumps | leaves) + 1
+    parts: list[list[slice]] = [[] for _ in names]
+    for begin, end in zip([0, *ends.tolist()], [*ends.tolist(), points.t.size], strict=True):
+        parts[int(points.who[begin])].append(slice(begin, end))
+    return parts, notes
+
+
+def _few(marked: BoolArray) -> BoolArray:
+    """Return what is marked if that is not much: where it is, a unit is wrong, which is told elsewhere."""
+    return marked if marked.mean() <= 1 - MOSTLY else np.zeros_like(marked)
+
+
+def _named(names: Sequence[Hashable], numbers: IntArray) -> str:
+    return some([str(names[number]) for number in dict.fromkeys(numbers.tolist())], MOST_NAMED)
 
 
 def identity(number: float) -> Hashable:

@@ -12,7 +12,7 @@ import numpy as np
 from hpop.arrays import Column, FloatArray, frozen
 from hpop.errors import MapError
 from hpop.math import is_symbolic
-from hpop.options import FARTHEST, MOST
+from hpop.options import FARTHEST, MOST, truth
 from hpop.symbols import lift
 from hpop.text import shown
 
@@ -46,8 +46,7 @@ class Track:
     def __post_init__(self) -> None:
         for name, most in (("times", MOST), ("x", FARTHEST), ("y", FARTHEST)):
             object.__setattr__(self, name, _column(name, getattr(self, name), most))
-        if type(self.recorded) is not bool:
-            raise MapError(f"whether a track is recorded is True or False; got {shown(self.recorded)}.")
+        object.__setattr__(self, "recorded", truth("recorded", self.recorded, error=MapError))
         count = self.times.size
         if not count == self.x.size == self.y.size:
             raise MapError(f"a track has as many times as x and y; got {count}, {self.x.size} and {self.y.size}.")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +72,158 @@ def test_csv_may_name_its_columns_or_have_them_in_order(tmp_path, text, options)
     }
 
 
+def rows_of(people, per_second, steps=30):
+    """Rows (frame, id, x, y), sorted by frame: people walk side by side at 1.25 m/s, two metres apart."""
+    return [(step, one, 1.25 * step / per_second, 2.0 * one) for step in range(steps) for one in range(1, people + 1)]
+
+
+def in_lines(rows, separator, header=""):
+    return header + "".join(separator.join(f"{value:g}" for value in row) + "\n" for row in rows)
+
+
+@pytest.mark.parametrize("separator", ["\t", " ", ",", ";"])
+@pytest.mark.parametrize("people", [1, 5])
+def test_frames_may_come_before_ids_as_eth_and_ucy_are_passed_on(tmp_path, separator, people):
+    tracks = hpop.read_tracks(written(tmp_path, in_lines(rows_of(people, 2.5), separator)), frame_rate=2.5)
+    assert list(tracks) == list(range(1, people + 1))
+    assert all(np.hypot(*track.velocity(track.times[:-1])) == pytest.approx(1.25) for track in tracks.values())
+    (note,) = tracks.notes
+    assert "taken as frame,id,x,y; name them in a first line" in note
+
+
+def test_ids_still_come_first_without_a_header_where_steps_say_so(tmp_path):
+    rows = sorted((one, frame, x, y) for frame, one, x, y in rows_of(3, 2.5))
+    tracks = hpop.read_tracks(written(tmp_path, in_lines(rows, ",")), frame_rate=2.5)
+    assert list(tracks) == [1, 2, 3]
+    assert "taken as id,frame,x,y" in tracks.notes[0]
+    timed = [(frame / 2.5, one, x, y) for frame, one, x, y in rows_of(3, 2.5)]
+    tracks = hpop.read_tracks(written(tmp_path, in_lines(timed, ",")))
+    assert tracks[2].times == pytest.approx(np.arange(30) / 2.5)
+    assert "taken as t,id,x,y" in tracks.notes[0]
+    counted = [(i, *row) for i, row in enumerate(rows)]  # as pandas writes an index
+    assert list(hpop.read_tracks(written(tmp_path, in_lines(counted, ",")), frame_rate=2.5)) == [1, 2, 3]
+
+
+UNITS = [("time/ms", 1e3), ("t_ms", 1e3), ("time [us]", 1e6), ("t (min)", 1 / 60), ("time_s", 1)]
+EPOCHS = [("timestamp", 1), ("timestamp", 1e3), ("t", 1e9), ("time/ms", 1e3)]
+
+
+@pytest.mark.parametrize(
+    ("title", "factor", "begin"), [(*one, 0) for one in UNITS] + [(*one, 1.7e9 * one[1]) for one in EPOCHS]
+)
+def test_times_have_the_unit_of_their_title_or_count_from_1970(tmp_path, title, factor, begin):
+    lines = "".join(f"A,{begin + 0.5 * i * factor:.18g},{0.5 * i},2\n" for i in range(4))
+    tracks = hpop.read_tracks(written(tmp_path, f"id,{title},x/m,y/m\n{lines}"))
+    assert tracks["A"].times == pytest.approx([0.0, 0.5, 1.0, 1.5], abs=1e-6)
+    said = "counts time from 1970 on; its first, 2023-11-14 22:13:20.000+00:00, is taken as 0 s"
+    assert (said in str(tracks.notes)) == bool(begin)
+
+
+def test_times_may_be_dates(tmp_path):
+    text = "id,time,x,y\nA,2023-11-14T12:00:00.5,0,0\nA,2023-11-14 12:00:02,1,0\n"
+    assert hpop.read_tracks(written(tmp_path, text))["A"].times == pytest.approx([0.0, 1.5])
+
+
+def test_numbers_may_have_decimal_commas(tmp_path):
+    expected = {7: Track([0.0, 0.5], [1.25, 1.5], [2.0, 2.0], recorded=True)}
+    for text in ("id;t;x;y\n7;0,0;1,25;2\n7;0,5;1,5;2,0\n", "7\t0,0\t1,25\t2\n7\t0,5\t1,5\t2,0\n"):
+        assert hpop.read_tracks(written(tmp_path, text)) == expected
+    assert hpop.read_tracks(written(tmp_path, "7 0,0 1,25 2\n7 0,5 1,5 2,0\n")) == expected
+
+
+def test_jupedsim_wrote_text_with_the_names_of_columns_in_a_comment(tmp_path):
+    head = "#description: jpscore (0.9.0)\n#framerate: 8.00\n#ID: the agent ID\n#FR: the current frame\n"
+    rows = (
+        "#ID\tFR\tX\tY\tZ\tA\tB\tANGLE\tCOLOR\n1\t8\t1.5\t3.5\t0\t.3\t.3\t0\t255\n1\t16\t2.5\t3.5\t0\t.3\t.3\t0\t255\n"
+    )
+    tracks = hpop.read_tracks(written(tmp_path, head + rows))
+    assert tracks == {1: Track([1.0, 2.0], [1.5, 2.5], [3.5, 3.5], recorded=True)}
+    assert "columns that are not read: A, B, ANGLE, COLOR" in tracks.notes[0]
+    turned = "# framerate: 2\n# frame id x/cm y/cm\n0 7 100 0\n1 7 150 0\n"
+    assert hpop.read_tracks(written(tmp_path, turned)) == {7: Track([0.0, 0.5], [1.0, 1.5], [0.0, 0.0], recorded=True)}
+
+
+def database(path, rows, fps="8"):
+    """What JuPedSim's sqlite writer makes (schema of its documentation)."""
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("CREATE TABLE trajectory_data (frame INTEGER, id INTEGER, pos_x REAL, pos_y REAL, ori_x REAL)")
+        base.execute("CREATE TABLE metadata (key TEXT NOT NULL UNIQUE PRIMARY KEY, value TEXT NOT NULL)")
+        base.execute("INSERT INTO metadata VALUES ('version', '1'), ('fps', ?)", [fps])
+        base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, ?, 0)", rows)
+        base.commit()
+    return path
+
+
+def test_jupedsim_writes_databases(tmp_path):
+    path = database(tmp_path / "out.sqlite", [(8, 1, 1.5, 3.5), (8, 2, 0, 0), (16, 1, 2.5, 3.5), (16, 2, 1, 0)])
+    tracks = hpop.read_tracks(path)
+    assert tracks == hpop.read_tracks(path, format="jupedsim")
+    assert list(hpop.read_tracks(path, ids=np.array([2]))) == [2]
+    assert tracks[1] == Track([1.0, 2.0], [1.5, 2.5], [3.5, 3.5], recorded=True)
+    with pytest.raises(MapError, match="says 8 frames a second, and frame_rate 10"):
+        hpop.read_tracks(path, frame_rate=10)
+    for rows, message in (([(0, 1, None, 0)], "cells that are no numbers"), ([], "has no rows")):
+        with pytest.raises(MapError, match=message):
+            hpop.read_tracks(database(tmp_path / f"{message}.sqlite", rows))
+    with closing(sqlite3.connect(tmp_path / "other.sqlite")) as base:
+        base.execute("CREATE TABLE persons (id)")
+    with pytest.raises(MapError, match="lacks the table metadata, trajectory_data: expected JuPedSim's tables"):
+        hpop.read_tracks(tmp_path / "other.sqlite")
+    (tmp_path / "cut.sqlite").write_bytes(path.read_bytes()[:5000])
+    with pytest.raises(MapError, match="cannot be read as SQLite"):
+        hpop.read_tracks(tmp_path / "cut.sqlite")
+
+
+def noted(tmp_path, rows, **options):
+    tracks = hpop.read_tracks(written(tmp_path, in_lines(rows, ",", "id,t,x,y\n")), **options)
+    return tracks, " ".join(tracks.notes)
+
+
+WALK = [(1, 0.5 * i, 0.5 * i, 0.0) for i in range(61)]  # 30 s at 1 m/s
+
+
+def test_who_is_there_once_is_left_out_and_told(tmp_path):
+    tracks, notes = noted(tmp_path, [*WALK, (2, 3, 0, 0), (314, 3, 5, 5)])
+    assert list(tracks) == [1]
+    assert "has people at one time only, who are left out: 2, 314" in notes
+
+
+def test_rows_out_of_order_are_sorted_and_those_twice_count_once(tmp_path):
+    tracks, notes = noted(tmp_path, [*WALK[30:], *WALK[:30], WALK[7], (2, 0, 5, 5), (2, 1, 5, 5)])
+    expected, _ = noted(tmp_path, [*WALK, (2, 0, 5, 5), (2, 1, 5, 5)])
+    assert tracks == expected
+    assert "not in order of time; they are sorted: 1" in notes
+    assert "has 1 row a second time, which count once: 1" in notes
+
+
+def test_who_is_missing_for_a_while_is_told_and_comes_back_as_another_after_long(tmp_path):
+    tracks, notes = noted(tmp_path, WALK[:10] + WALK[20:])
+    assert list(tracks) == [1]
+    assert (
+        "has people who are missing for a while, in which they are taken to walk straight: 1 after 4.5 s, for 5.5 s"
+        in notes
+    )
+    tracks, notes = noted(tmp_path, WALK[:10] + WALK[40:])
+    assert {name: (track.begin, track.end) for name, track in tracks.items()} == {1: (0, 4.5), "1 (2)": (20, 30)}
+    assert "missing for more than 10 s, and come back as others: 1 after 4.5 s, for 15.5 s" in notes
+    assert list(noted(tmp_path, WALK[:10] + WALK[40:], ids=[1])[0]) == [1, "1 (2)"]
+    waypoints = [(1, 0, 0, 0), (1, 2, 2, 0), (1, 40, 30, 0)]
+    assert noted(tmp_path, waypoints)[1] == ""  # nobody watched: they are waypoints
+
+
+def test_nobody_jumps(tmp_path):
+    other = [(1, t, x + 40.0, y) for _, t, x, y in WALK[31:]]  # another person under the same id
+    tracks, notes = noted(tmp_path, [*WALK[:31], *other])
+    assert {name: track.speed for name, track in tracks.items()} == pytest.approx({1: 1.0, "1 (2)": 1.0})
+    assert "has people who jump (faster than 10 m/s), and go on as others: 1 after 15 s, for 0.5 s" in notes
+    wrong = [*WALK[:31], (1, 15.5, -30.0, 8.0), *WALK[32:]]
+    tracks, notes = noted(tmp_path, wrong)
+    assert list(tracks) == [1]
+    assert tracks[1].speed == pytest.approx(1.0)
+    assert tracks[1].times.size == 60
+    assert "single points to which nobody runs and back (faster than 10 m/s), which are left out: 1 at 15.5 s" in notes
+
+
 def test_obsmat_was_annotated_two_and_a_half_times_a_second(tmp_path):
     (track,) = hpop.read_tracks(written(tmp_path, OBSMAT)).values()
     np.testing.assert_allclose(np.diff(track.times), 0.4)
@@ -92,9 +246,18 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
-        ("id,t,x,y\n1,1,0,0\n1,0.5,1,0\n", {}, "at the id 1: .* goes back: 1 s at point 0, then 0.5 s"),
         ("id,t,x,y\n1,1,0,0\n1,1,1,0\n", {}, "at the id 1: .* the same time twice"),
-        (PETRACK + "3 50 0 0 170\n", {}, "at the id 3: a track has 2 to .* got 1"),
+        (PETRACK + "3 50 0 0 170\n", {"ids": [3]}, "at the id 3: a track has 2 to .* got 1"),
+        ("id,t,x,y\n1,0,0,0\n2,0,5,0\n", {}, "nobody who is there at two times: 2 ids, each in one row"),
+        ("id,time/h,x,y\n1,0,0,0\n", {}, "has times in h; expected one of s, "),
+        ("id,date,x,y\n1,2023-11-14,0,0\n", {}, "lacks a column for t or frame"),
+        ("id,time,x,y\n1,2023-11-14 12:00:00,0,0\n1,soon,0,0\n", {}, "has 'soon' in the column t of line 3; .* date"),
+        (
+            '{"track": {"f": 1, "p": 1, "x": 0, "y": 0}}',
+            {},
+            "is JSON, which is not read; write it as CSV: a line id,t,x,y",
+        ),
+        ("1,0,0,0\n1,1,150,0\n", {}, "faster than anybody .* taken as id,t,x,y; name them in a first line"),
         ("id,t,x,y\n1,0,0,0\n1,1,nan,0\n", {}, "has 'nan' in the column x of line 3; expected a finite number"),
         (PETRACK.replace("110", "inf"), {}, "expected rows of 4 or 5 numbers .*; line 5 is '1 42 inf 250.5 176'"),
         ("id,t,x,y\n1,0,0,0\n1,1,150,0\n", {}, "150 m/s is faster than anybody .* check the unit .*frame rate"),
@@ -109,15 +272,13 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
         (PETRACK, {"unit": ["m"]}, "the unit of a track must be one of m, cm, mm"),
         (PETRACK, {"ids": 3}, "ids are a list of numbers and names"),
         (PETRACK, {"ids": [[3]]}, "ids are a list of numbers and names"),
-        (PETRACK, {"format": "trc"}, "must be one of csv, petrack, obsmat"),
+        (PETRACK, {"format": "trc"}, "must be one of csv, petrack, obsmat, jupedsim"),
         (PETRACK, {"format": "obsmat"}, "expected rows of 8 numbers .*; line 4 is '1 40 100"),
         (PETRACK + "1 44\n", {}, "cannot be read: expected rows of 4 or 5 numbers .*; line 9 is '1 44'"),
         (PETRACK + "1 50 0 0\n", {}, "cannot be read: expected rows of 4 or 5 numbers .*; line 9 is '1 50 0 0'"),
         (PETRACK + "1 forty 0 0 0\n", {}, "cannot be read: .*line 9 is '1 forty 0 0 0'"),
         (PETRACK.replace("20 fps", "12,5 fps"), {}, "says that there are '12,5' frames a second; expected a number"),
         (PETRACK.replace("20 fps", "1" * 400), {}, "says that there are inf frames a second; expected .* up to 10,000"),
-        ("id t x y\n1 0 0 0\n1 1 0 0\n", {}, "has blanks between its columns; expected commas, semicolons or tabs"),
-        ("1 0 0 0\n1 1 0 0\n", {}, "has blanks between its columns; .* format 'petrack'"),
         ("id,t,x,y\n1,0,0,0\n ,1,0,0\n", {}, "has no id in line 3"),
         (CSV, {"ids": []}, "ids are a list of numbers and names"),
         ("# framerate: 25\n", {"format": "petrack"}, "has no rows"),

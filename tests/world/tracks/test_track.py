@@ -114,7 +114,7 @@ def test_a_recorded_track_may_jump_but_not_fly():
         Track([0.0, 1.0, 2.0], [0.0, 130.0, 260.0], [0.0, 0.0, 0.0], recorded=True)
     with pytest.raises(MapError, match="as many times as x and y; got 2, 3 and 2"):
         Track([0.0, 1.0], [0.0, 1.0, 2.0], [0.0, 1.0])
-    with pytest.raises(MapError, match="True or False"):
+    with pytest.raises(MapError, match="recorded must be true or false, got 1"):
         Track([0.0, 1.0], [0.0, 1.0], [0.0, 1.0], recorded=1)
 
 
