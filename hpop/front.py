@@ -144,8 +144,8 @@ class Front(frontier.Front[Trajectory]):
         """Write the front with its trajectories and the problem's description to a JSON file.
 
         States and motions that several trajectories share are written once
-        (:meth:`hpop.motion_table.MotionTable.describe`). The files of the world are named by their whole paths, and as
-        seen from the front's folder: moved together, the front and its map are found again.
+        (:meth:`hpop.motion_table.MotionTable.describe`). The files of the world are named as seen from the front's
+        folder, not by whole paths: moved together, the front and its map are found again.
 
         Parameters
         ----------

@@ -105,12 +105,52 @@ def test_fronts_of_copies_of_a_map_join_and_of_another_map_do_not(tour: Path) ->
         _ = here | hpop.Front.load(copy / "out" / "front.json")
 
 
-def test_a_front_can_be_moved_away_from_its_map(tour: Path) -> None:
+def test_a_saved_front_names_its_map_as_its_folder_sees_it_and_no_place_of_this_machine(tour: Path) -> None:
+    text = (tour / "out" / "front.json").read_text()
+    assert json.loads(text)["problem"]["world"]["path"] == "../hall.map"
+    assert not any(part in text for part in tour.parts[1:])
+
+
+def test_a_map_in_the_home_folder_of_a_front_that_is_outside_is_named_without_whose_it_is(
+    tour: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    away = tour.parent / "away.json"
+    monkeypatch.setenv("HOME", str(tour))
+    hpop.Front.load(tour / "out" / "front.json").save(away)
+    assert json.loads(away.read_text())["problem"]["world"]["path"] == "~/hall.map"
+    assert rebuilt(away).world.describe()["path"] == str(tour / "hall.map")
+    monkeypatch.setenv("HOME", str(tour.rename(tour.parent / "ada")))  # of who was given it
+    assert rebuilt(away).world.describe()["path"] == str(tour.parent / "ada" / "hall.map")
+
+
+def test_a_front_that_is_moved_away_finds_its_map_beside_it(tour: Path) -> None:
+    (away := tour.parent / "away" / "deeper").mkdir(parents=True)
+    moved = (tour / "out" / "front.json").rename(away / "front.json")
+    with pytest.raises(
+        MapError, match=r"map of this front is not at .*away/hall.map.*Put it there, or beside the front"
+    ):
+        rebuilt(moved)
+    shutil.copy(tour / "hall.map", away)
+    assert rebuilt(moved).world.describe()["path"] == str(away / "hall.map")
+
+
+def as_once(path: Path) -> None:
+    """Let a front hold whole paths as well, as in files of earlier versions."""
+    saved = json.loads(path.read_text())
+    world = saved["problem"]["world"]
+    for name, seen in world["relative"].items():
+        (world if name == "path" else world["options"])[name] = str((path.parent / seen).resolve())
+    path.write_text(json.dumps(saved))
+
+
+def test_a_front_with_whole_paths_can_be_moved_away_from_its_map(tour: Path) -> None:
+    as_once(tour / "out" / "front.json")
     moved = (tour / "out" / "front.json").rename(tour.parent / "front.json")
     assert rebuilt(moved).world.describe()["path"] == str(tour / "hall.map")
 
 
 def test_a_copy_takes_the_map_beside_it_unless_that_changed_and_the_first_one_did_not(tour: Path) -> None:
+    as_once(tour / "out" / "front.json")
     copy = Path(shutil.copytree(tour, tour.parent / "copy"))
     assert rebuilt(copy / "out" / "front.json").world.describe()["path"] == str(copy / "hall.map")
     (copy / "hall.map").write_text(MAP.replace("@", "."))
@@ -128,6 +168,7 @@ def test_a_copy_takes_the_map_beside_it_unless_that_changed_and_the_first_one_di
 
 
 def test_a_front_whose_map_is_nowhere_names_both_places_for_it(tour: Path) -> None:
+    as_once(tour / "out" / "front.json")
     moved = tour.parent / "far" / "out" / "front.json"
     moved.parent.mkdir(parents=True)
     (tour / "out" / "front.json").rename(moved)
@@ -144,6 +185,7 @@ def test_a_front_whose_map_is_nowhere_names_both_places_for_it(tour: Path) -> No
 
 def test_a_front_with_whole_paths_alone_is_read(tour: Path) -> None:
     path = tour / "out" / "front.json"
+    as_once(path)
     saved = json.loads(path.read_text())
     del saved["problem"]["world"]["relative"]
     path.write_text(json.dumps(saved))
@@ -178,6 +220,7 @@ def test_a_mask_is_moved_with_its_map(masked: Path) -> None:
 
 @pytest.mark.parametrize("changed", ["map.pgm", "mask.pgm"])
 def test_an_image_that_changed_beside_the_front_is_left_for_the_first_one(masked: Path, changed: str) -> None:
+    as_once(masked / "front.json")
     copy = Path(shutil.copytree(masked, masked.parent / "copy"))
     assert rebuilt(copy / "front.json").world.describe()["path"] == str(copy / "map.yaml")
     (copy / changed).write_bytes(b"P5\n8 8\n255\n" + b"\xff" * 63 + b"\x01")

@@ -1,20 +1,20 @@
 """Files of which a robot is made: named in a description by path and SHA-256, and found again when both have moved.
 
 In a description a file is a record, ``{"path": ..., "sha256": [...]}``, wherever it stands; so is a folder, without
-hashes. A front that is saved adds ``"relative"``, the path as seen from its own folder.
+hashes. A front that is saved has in the place of the path the one as seen from its own folder, and says so by
+``"relative"``.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any, TypeGuard
 
 from hpop.errors import ModelError
 from hpop.regular_file import read_regular
 from hpop.text import shown
-from hpop.world.files import sha256
+from hpop.world.files import place_seen_from, places_found_from, sha256
 
 Record = dict[str, Any]
 MOST_BYTES = 100_000_000  # of a file that is looked at
@@ -34,31 +34,35 @@ def seen_from(folder: str, description: Any) -> Any:
     """A description whose records also say where the files are as seen from a folder."""
 
     def seen(one: Mapping[str, Any]) -> Record:
-        try:
-            return {**one, "relative": Path(os.path.relpath(one["path"], folder)).as_posix()}
-        except (ValueError, TypeError):  # on another drive, or no path
+        path = one["path"]
+        if not isinstance(path, str):  # malformed
             return dict(one)
+        place = place_seen_from(folder, path)
+        return {**one, "path": place, "relative": place}
 
     return _each_record(seen, description)
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """The description without what :func:`seen_from` added: the files that the folder sees there are the ones meant.
+    """The description by whole paths, without what :func:`seen_from` added: the files that the folder sees are meant.
 
-    Where they have changed, and those at the whole paths have not, these are. A record of a file at neither place
-    goes on saying where the folder would see it, by its whole path.
+    Where the folder does not see one, a file of the same name in the folder is. Records of earlier versions hold whole
+    paths as well: where a file has changed, and that at the whole path has not, this is meant. A record of a file at
+    none of these places goes on saying where the folder would see it.
     """
 
     def found(one: Mapping[str, Any]) -> Record:
         plain = {key: value for key, value in one.items() if key != "relative"}
-        relative = one.get("relative")
+        relative, path = one.get("relative"), str(one["path"])
         if not isinstance(relative, str):
             return plain
-        there = os.path.abspath(os.path.join(folder, relative))
+        there, beside = places_found_from(folder, relative)
+        first = path if os.path.isabs(path) else there
         if os.path.exists(there):
-            changed = not _is(there, one) and _is(str(one["path"]), one)
-            return plain if changed else plain | {"path": there}
-        return plain if os.path.exists(str(one["path"])) else plain | {"relative": there}
+            changed = not _is(there, one) and _is(first, one)
+            return plain | {"path": first if changed else there}
+        near = next(filter(os.path.exists, (first, beside)), None)
+        return plain | ({"path": first, "relative": there} if near is None else {"path": near})
 
     return _each_record(found, description)
 
@@ -67,9 +71,10 @@ def path_of(given: Mapping[str, Any], what: str) -> Any:
     """The path of a record; ModelError that names both places of a file that a front's folder does not see either."""
     path, there = given["path"], given.get("relative")
     if there is not None and not os.path.exists(str(path)):
+        once = f"neither at {shown(path, 400)}, where it was, nor" if path != there else "not"
         raise ModelError(
-            f"the {what} is neither at {shown(path, 400)}, where it was, nor at {shown(there, 400)}, where the saved "
-            "front would see it if both had moved; put it back to one of them, or plan again"
+            f"the {what} is {once} at {shown(there, 400)}, where the saved front sees it; put it there, or beside the "
+            "front under the same name, or plan again"
         )
     return path
 

@@ -8,7 +8,6 @@ import math
 import os
 import zlib
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from hpop.errors import MapError
 from hpop.registry import readers
 from hpop.text import shown
 from hpop.world.content import Content
+from hpop.world.files import place_seen_from, places_found_from
 from hpop.world.ground import Ground, Heights
 from hpop.world.shapes import Obstacle, Raster, check_size
 from hpop.world.solids import Solid
@@ -98,34 +98,48 @@ def build(description: Mapping[str, Any]) -> World:
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """A description that also says where its files are as seen from a folder, so that both can be moved together."""
-    absolute = {key: path for key, path in _paths(description).items() if os.path.isabs(path)}
-    try:
-        relative = {key: Path(os.path.relpath(path, folder)).as_posix() for key, path in absolute.items()}
-    except ValueError:  # on another drive
-        relative = {}
-    return {**description, "relative": relative} if relative else description
+    """A description that says where its files are as seen from a folder: both can be moved, and given away.
+
+    "relative" says which of its texts are such places.
+    """
+    relative = {key: place_seen_from(folder, path) for key, path in _paths(description).items() if os.path.isabs(path)}
+    return {**_at(description, relative), "relative": relative} if relative else description
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """The description without what :func:`seen_from` added: the files that the folder sees there are the ones meant.
+    """The description by whole paths, without what :func:`seen_from` added: the files that the folder sees are meant.
 
-    Where they have changed, and those at the whole paths have not, these are. Where one is at neither place, the
-    description goes on saying where the folder would see it, by whole paths.
+    Where the folder does not see one, a file of the same name in the folder is. Descriptions of earlier versions hold
+    whole paths as well: where files have changed, and those at the whole paths have not, these are meant. Where one is
+    at none of these places, the description goes on saying where the folder would see it.
     """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
         return description
-    described = {key: value for key, value in description.items() if key != "relative"}
-    found, seen = described, {}
-    for key, path in _paths(described).items():
-        seen[key] = there = os.path.abspath(os.path.join(folder, str(relative.get(key, path))))
-        if os.path.exists(there) and not (os.path.exists(path) and os.path.samefile(there, path)):
-            found = {**found, **({key: there} if key == "path" else {"options": {**found["options"], key: there}})}
-    if not all(map(os.path.exists, _paths(found).values())):
+    plain = {key: value for key, value in description.items() if key != "relative"}
+    first, places, seen = {}, {}, {}
+    for key, text in relative.items():
+        path = plain.get("path") if key == "path" else dict(plain.get("options") or {}).get(key)
+        if not (isinstance(text, str) and isinstance(path, str)):
+            continue  # malformed
+        seen[key], beside = places_found_from(folder, text)
+        whole = path if os.path.isabs(path) else seen[key]
+        places[key] = next(filter(os.path.exists, (seen[key], whole, beside)), whole)
+        first[key] = whole
+    described, found = _at(plain, first), _at(plain, places)
+    if not all(map(os.path.exists, places.values())):
         return {**found, "relative": seen}
-    others = found is not described and all(map(os.path.exists, _paths(described).values()))
-    return described if others and not _unchanged(found) and _unchanged(described) else found
+    same = all(os.path.exists(path) and os.path.samefile(path, places[key]) for key, path in first.items())
+    others = not same and all(map(os.path.exists, first.values()))
+    return described if same or (others and not _unchanged(found) and _unchanged(described)) else found
+
+
+def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, Any]:
+    """A description whose files are elsewhere."""
+    changed = {**description, **{key: place for key, place in places.items() if key == "path"}}
+    if others := {key: place for key, place in places.items() if key != "path"}:
+        changed["options"] = {**description["options"], **others}
+    return changed
 
 
 def _unchanged(description: Any) -> bool:
@@ -186,7 +200,10 @@ def _refuse_lost(description: Mapping[str, Any]) -> None:
         if os.path.isabs(there) and not os.path.exists(path):
             what = "the map of this front" if key == "path" else f"the {key} of this front's map"
             if there == path:
-                raise MapError(f"{what} is no longer at {path!r}. Put it back there, unchanged.")
+                raise MapError(
+                    f"{what} is not at {path!r}, where the front sees it. Put it there, or beside the front under the "
+                    "same name, unchanged."
+                )
             raise MapError(
                 f"{what} is at neither of the places where it is looked for: {path!r}, where it was, and {there!r}, "
                 "where the front would see it had they been moved together. Put it in one of them, unchanged."

@@ -98,3 +98,28 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
         "options": options,
         "sha256": [sha256(content) for content in contents],
     }
+
+
+def place_seen_from(folder: str, path: str) -> str:
+    """Return a file's path as seen from a folder, or from the home folder where that is left on the way.
+
+    It is written into files that others may get: it names neither user nor machine. On another drive it is the name.
+    """
+    home = os.path.abspath(os.path.expanduser("~"))
+    try:
+        if _lies_in(home, path) and not _lies_in(home, folder):
+            return Path("~", os.path.relpath(path, home)).as_posix()
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:
+        return os.path.basename(path)
+
+
+def places_found_from(folder: str, seen: str) -> list[str]:
+    """Return whole paths of what :func:`place_seen_from` gave: where it was, and of the same name in the folder."""
+    there = os.path.abspath(os.path.join(folder, os.path.expanduser(seen) if seen.startswith("~/") else seen))
+    return [there, os.path.join(os.path.abspath(folder), os.path.basename(there))]
+
+
+def _lies_in(folder: str, path: str) -> bool:
+    """Whether a path is within a folder, other than the root."""
+    return os.path.dirname(folder) != folder and os.path.commonpath([folder, os.path.abspath(path)]) == folder

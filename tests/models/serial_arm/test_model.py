@@ -208,6 +208,7 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     assert make_model(moved) == problem.model
     shutil.move(here / "robot", tmp_path / "robot")
     front.save(tmp_path / "front.json")
+    assert str(tmp_path) not in (tmp_path / "front.json").read_text()
     there.mkdir()
     for name in ("robot", "front.json"):
         shutil.move(tmp_path / name, there / name)
@@ -217,6 +218,11 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     assert loaded.problem["model"]["serial_arm"]["urdf"]["path"] == str(there / "robot/arm6.urdf")
     shutil.rmtree(there / "robot")
     once, seen = f"{tmp_path}/robot/arm6.urdf", f"{there}/robot/arm6.urdf"
+    with pytest.raises(FrontFileError, match=f"the URDF is not at '{seen}', where the saved front sees it; put it"):
+        Front.load(there / "front.json")
+    saved = json.loads((there / "front.json").read_text())
+    saved["problem"]["model"]["serial_arm"]["urdf"]["path"] = once  # as in files of earlier versions
+    (there / "front.json").write_text(json.dumps(saved))
     with pytest.raises(FrontFileError, match=f"the URDF is neither at '{once}', where it was, nor at '{seen}', where"):
         Front.load(there / "front.json")
 
