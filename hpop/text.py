@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shlex
 from collections.abc import Sequence
 from itertools import islice
 from math import log10
@@ -22,6 +24,22 @@ def printable(text: object, *, newlines: bool = False) -> str:
     Käthe \x1b[2J \u202e!
     """
     return HARMFUL.sub(lambda found: "\n" if newlines and found[0] == "\n" else ascii(found[0])[1:-1], str(text))
+
+
+def argument(path: str | os.PathLike[str]) -> str:
+    r"""Return a path as an argument of a printed command, quoted where the shell needs it.
+
+    Control characters are escaped in quotes of bash ($'...'), so that a command stays on its line.
+
+    >>> print(argument("floor.yaml"), argument("ground floor.yaml"), argument("-a.yaml"), argument("a\nb"))
+    floor.yaml 'ground floor.yaml' ./-a.yaml $'a\nb'
+    """
+    text = os.fspath(path)
+    text = f"./{text}" if text.startswith("-") else text
+    if not HARMFUL.search(text):
+        return shlex.quote(text)
+    escaped = (ascii(c)[1:-1] if HARMFUL.match(c) else f"\\{c}" if c in "\\'" else c for c in text)
+    return f"$'{''.join(escaped)}'"
 
 
 def shown(value: Any, most: int = LENGTH) -> str:

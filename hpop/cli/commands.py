@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING, Any, cast
 
 import click
@@ -21,7 +20,7 @@ import click
 from hpop import __version__, examples
 from hpop.cli import listing, results
 from hpop.cli.bridging import ros
-from hpop.cli.command import INTERRUPTED, imports_option, user_errors, verbose_option
+from hpop.cli.command import INTERRUPTED, NO_PATH, NOTHING_FOUND, imports_option, user_errors, verbose_option
 from hpop.cli.driving import drive
 from hpop.cli.exporting import export
 from hpop.cli.live import LivePage
@@ -36,6 +35,7 @@ from hpop.cli.terminal import Commands, echo
 from hpop.errors import OptionError, OutputError
 from hpop.interrupts import stopping_told
 from hpop.options import MOST_WORKERS
+from hpop.text import argument
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -45,8 +45,6 @@ if TYPE_CHECKING:
     from hpop.scenario import Scenario
 
 MOST_PORT = 65_535
-NO_PATH = 6
-NOTHING_FOUND = 13
 # A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
 # nothing: 25 ms. 2**20 still bridge the pause between two products of large matrices.
 SPIN = "20"
@@ -155,7 +153,7 @@ def plan(
         _draw(loaded, front, out, imports)
     except KeyboardInterrupt:  # nothing that was found is lost
         what = "complete and saved" if report.is_complete(front) else "saved"
-        left = f"the pictures were left out; `hpop show {quote(str(out))}` prints the front"
+        left = f"the pictures were left out; `hpop show {argument(out)}` prints the front"
         echo(f"interrupted: the front is {what} in {out / SAVED}; {left}", err=True)
         sys.exit(INTERRUPTED)
     if front.status == Status.NO_PATH:
@@ -180,9 +178,7 @@ def demo(context: click.Context, name: str, out: Path | None) -> None:
     """
     out = out or Path("out", name)
     scenario = examples.copied(name, out)
-    echo(
-        f"planning {scenario}: change it, and `hpop plan {quote(str(scenario))} --out {quote(str(out))}` plans it again"
-    )
+    echo(f"planning {scenario}: change it, and `hpop plan {argument(scenario)} --out {argument(out)}` plans it again")
     context.invoke(plan, scenario=scenario, out=out)
 
 
@@ -340,4 +336,4 @@ def _tidy(checkpoint: str, front: Front) -> None:
         with results.output_errors(f"cannot remove the checkpoint {file}", "it is no longer needed"):
             file.unlink(missing_ok=True)
     elif file.exists():
-        echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {quote(checkpoint)} to go on")
+        echo(f"the search is kept in {checkpoint}: plan again with --checkpoint {argument(checkpoint)} to go on")

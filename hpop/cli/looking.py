@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from hpop.cli import results
-from hpop.cli.command import imports_option, user_errors
+from hpop.cli.command import NO_PATH, NOTHING_FOUND, imports_option, user_errors
 from hpop.cli.terminal import echo
 from hpop.errors import OutputError, QueryError
+from hpop.text import argument
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
-    from hpop.scenario.new import GivenMap
+    from hpop.scenario.new import Draft, GivenMap
 
 DPI = 150
 
@@ -54,13 +56,13 @@ def _map_options(command: Any) -> Any:
 
 @click.command()
 @click.argument("path", metavar="MAP|SCENARIO", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), default=Path("look.png"), metavar="PNG", help="[look.png]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="PNG", help="[NAME_look.png]")
 @_map_options
 @imports_option
 @user_errors
 def look(
     path: Path,
-    out: Path,
+    out: Path | None,
     resolution: float | None,
     options: dict[str, str],
     reader: str | None,
@@ -70,8 +72,8 @@ def look(
     """Draw a map or scenario, before planning.
 
     The picture, in metres, shows where the robot is free, start, goal, people, landmarks and zones. A start or goal
-    that cannot be used is told with the nearest place that can. Of a MAP start and goal are those that `hpop new`
-    would choose.
+    that cannot be used is told with the nearest place that can (exit code 5), and where no way leads from the start to
+    a goal that too (6). Of a MAP start and goal are those that `hpop new` would try first.
     """
     from hpop.cli import user_code
     from hpop.scenario import load_scenario, new
@@ -87,7 +89,8 @@ def look(
         problem = load_scenario(path).problem
     else:
         given = new.GivenMap.of(path, reader, resolution, new.checked_options(options))
-        problem = new.first_problem(given.read(), radius)
+        problem = cast("Problem", new.first_problem(given.read(), radius))
+    out = Path(f"{path.stem}_look.png") if out is None else out
     seen = looked(problem, f"{path.name}: {_size(problem)}")
     with results.output_errors(f"cannot write {out}", "choose another --out"):
         save_figure(seen.figure, out, DPI)
@@ -96,6 +99,9 @@ def look(
     echo(f"written to {out}")
     if seen.refused:
         raise QueryError("\n".join(seen.refused))
+    if seen.no_way:
+        echo("error: as it seems, no way leads from the start to a goal; the picture shows what it reaches", err=True)
+        sys.exit(NO_PATH)
 
 
 @click.command()
@@ -119,30 +125,45 @@ def new(
 ) -> None:
     """Write a first scenario for a map.
 
-    It has comments, and plans as it is; beside it lies the schema that editors use. A MAP is an image, GeoJSON,
-    DXF, PDF, a ROS map or bag, a MovingAI grid, or what a reader of your own reads.
+    It has comments, and plans as it is; where no path was found that is told, and the exit code is 6, or 13 where the
+    time ran out. Beside it lies the schema that editors use. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a
+    MovingAI grid, or what a reader of your own reads.
     """
     from hpop.cli import user_code
     from hpop.scenario import new as scenarios
+    from hpop.status import Status
 
     user_code.register(imports)
     file = Path(f"{path.stem}_scenario.yaml") if out is None else out
     if file.exists():
         raise OutputError(f"{file} is there already; remove it, or choose another --out")
     given = scenarios.GivenMap.of(path, reader, resolution, scenarios.checked_options(options))
-    problem = scenarios.first_problem(given.read(), radius, start, goal)
-    _write(file, given, problem, chosen=start is None and goal is None)
+    draft = scenarios.first_draft(given.read(), radius, start, goal)
+    problem = draft.problem
+    _write(file, given, draft, chosen=start is None and goal is None)
     for note in problem.world.notes:
         echo(f"note: {note}")
     echo(f"written: {file}, and {file.with_name(scenarios.SCHEMA)}, by which editors complete and check it")
-    echo(f"the map is {_size(problem)}; next: hpop look {file}, then hpop plan {file} --out out/{file.stem}")
+    shell, folder = argument(file), argument(Path("out", file.stem))
+    if draft.status is None:
+        echo(f"the map is {_size(problem)}; next: hpop look {shell}, then hpop plan {shell} --out {folder}")
+        return
+    status, why = draft.status
+    closed = status == Status.NO_PATH
+    echo(f"the map is {_size(problem)}; hpop look {shell} shows where the robot is free")
+    found = "no path was found" if closed else f"no path was found within {scenarios.LONGEST:g} s"
+    way_out = "move start or goal (--start, --goal), or take a smaller robot (--radius)"
+    if not closed:
+        way_out = f"hpop plan {shell} may find one in more time; or {way_out}"
+    echo(f"error: {found} from the start to the goal: {why}; {way_out}", err=True)
+    sys.exit(NO_PATH if closed else NOTHING_FOUND)
 
 
-def _write(file: Path, given: GivenMap, problem: Problem, *, chosen: bool) -> None:
+def _write(file: Path, given: GivenMap, draft: Draft, *, chosen: bool) -> None:
     """Write a scenario that is read again before anybody is told of it, and its schema."""
     from hpop.scenario import json_schema, load_scenario, new
 
-    text = new.scenario_text(given, problem, file.parent, file.name, chosen=chosen)
+    text = new.scenario_text(given, draft, file.parent, file.name, chosen=chosen)
     with results.output_errors(f"cannot write {file}", "choose another --out"):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text(text, encoding="utf-8")

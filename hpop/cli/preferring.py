@@ -15,6 +15,7 @@ from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
 from hpop.errors import OutputError, StudyError
+from hpop.text import argument
 
 if TYPE_CHECKING:
     from hpop.cli.preferred import Difference
@@ -152,7 +153,8 @@ def prefer(
             if asking.why:
                 echo(f"no more questions: {asking.why}")
             print_preference(asking.person, front)
-            echo(f"written: {file}; `hpop show {folder} --web --preference {file}` marks the best one on a page")
+            shell = f"hpop show {argument(folder)} --web --preference {argument(file)}"
+            echo(f"written: {file}; `{shell}` marks the best one on a page")
 
 
 def _person(front: Front, file: Path, question: str, seed: int | None) -> Preference:

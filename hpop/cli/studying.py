@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from shlex import quote
 from typing import TYPE_CHECKING
 
 import click
@@ -15,7 +14,7 @@ from hpop.cli.front_file import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
 from hpop.cli.terminal import Commands, echo
 from hpop.errors import StudyError
-from hpop.text import counted
+from hpop.text import argument, counted
 
 if TYPE_CHECKING:
     from hpop.front import Front
@@ -152,9 +151,7 @@ def init(
     for note in design.notes:
         echo(f"note: {note}")
     echo(f"{participants:,} participants, {len(design.orders):,} orders of {len(design.letters)} stimuli of {path}")
-    echo(
-        f"written to {folder}: schedule.csv says who sees what; `hpop study serve {quote(str(folder))}` shows the pages"
-    )
+    echo(f"written to {folder}: schedule.csv says who sees what; `hpop study serve {argument(folder)}` shows the pages")
 
 
 @study.command()

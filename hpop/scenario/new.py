@@ -21,7 +21,8 @@ from hpop.problem import Problem
 from hpop.registry import make_model
 from hpop.regular_file import read_regular
 from hpop.scenario.json_schema import LINE
-from hpop.text import shown
+from hpop.status import Status, why_none
+from hpop.text import argument, shown
 from hpop.world import World
 from hpop.world.readers import reader_of
 
@@ -32,6 +33,9 @@ RESOLUTION = {"image": "resolution", "movingai": "resolution", "geojson": "scale
 STEPS = ((40.0, 0.25), (120.0, 0.5), (math.inf, 1.0))
 """Longer sides of maps, m, up to which lattices have such a step."""
 LONGEST = 10.0  # s: so long each is tried
+MOST_MEMORY = 2 * 10**9  # bytes
+ROOM = (0.0, 0.5, 1.0)
+"""How much larger the robot is, in steps of the lattice, for which start and goal are chosen, one after the other."""
 
 
 class GivenMap(NamedTuple):
@@ -74,6 +78,19 @@ class GivenMap(NamedTuple):
             raise MapError(f"{said}. Options of a reader are given by --set, such as --set scale=0.01.") from None
 
 
+class Draft(NamedTuple):
+    """A first problem and the lattice that plans it.
+
+    problem
+    step    m
+    status  how planning it ended where no path was found, and why; None where one was
+    """
+
+    problem: Problem
+    step: float
+    status: tuple[Status, str] | None
+
+
 def is_scenario(path: Path) -> bool:
     """Whether a file is a scenario, by the keys in it; what cannot be read is none."""
     if path.suffix.lower() not in (".yaml", ".yml"):
@@ -82,21 +99,50 @@ def is_scenario(path: Path) -> bool:
         text = read_regular(path, MOST_BYTES)
     except OSError:
         return not path.exists()  # said as of a scenario
-    return re.search(rb"^(world|criteria|start|planner)\s*:", text, re.MULTILINE) is not None
+    return re.search(rb"(^|^\s*\{|,)\s*[\"']?(world|criteria|start|planner)[\"']?\s*:", text, re.MULTILINE) is not None
 
 
-def first_problem(world: World, radius: float | None, start: str | None = None, goal: str | None = None) -> Problem:
+def first_draft(world: World, radius: float | None, start: str | None = None, goal: str | None = None) -> Draft:
+    """Return a problem of a round robot that a lattice plans, from a start to a goal as given, or far from each other.
+
+    Where no lattice finds a path to a goal that is chosen here, another is taken, to which wider passages lead. Raises
+    as `first_problem`.
+    """
+    first: Draft | None = None
+    for room in ROOM:
+        problem = first_problem(world, radius, start, goal, room=room * _usual_step(world))
+        if problem is None or (first is not None and _ends(problem) == _ends(first.problem)):
+            continue
+        step, status = _planned(problem)
+        if status is None:
+            return Draft(problem, step, None)
+        first = first or Draft(problem, step, status)
+        if start is not None and goal is not None:
+            break
+    assert first is not None  # room 0 raises where there is none
+    return first
+
+
+def first_problem(
+    world: World, radius: float | None, start: str | None = None, goal: str | None = None, *, room: float = 0.0
+) -> Problem | None:
     """The problem of a round robot, from a start to a goal as given, or far from each other where it is free.
 
-    Raises MapError where it is free nowhere, QueryError for a start or goal that cannot be used.
+    They are in one part of the free space, also for a robot whose radius is larger by ``room`` (m); None where there is
+    no such part. Raises MapError where the robot is free nowhere, QueryError for a start or goal that cannot be used.
     """
-    model = make_model({"differential_drive": {} if radius is None else {"radius": radius}})
-    free = FreeMap.of(model, world)
-    if free is None or not free.main:
-        raise _free_nowhere(model, world)
+    model: Any = make_model({"differential_drive": {} if radius is None else {"radius": radius}})
+    free = FreeMap.of(replace(model, radius=model.radius + room), world)
     begin, end = (None if text is None else _end(text, what) for text, what in ((start, "start"), (goal, "goal")))
     asked = begin or end
-    far = free.far_apart(free.part_at(*asked[:2]) if asked else 0)
+    if free is None or not free.main:
+        if room:
+            return None
+        raise _free_nowhere(model, world)
+    part = free.part_at(*asked[:2]) if asked else 0
+    if room and asked and not part:
+        return None
+    far = free.far_apart(part)
     first, last = (_rounded(model, world, place) for place in far)
     if asked is not None and math.dist(asked[:2], first if begin else last) > math.dist(
         asked[:2], last if begin else first
@@ -127,23 +173,23 @@ def _free_nowhere(model: Any, world: World) -> MapError:
     return error
 
 
-def scenario_text(given: GivenMap, problem: Problem, folder: Path, name: str, *, chosen: bool) -> str:
+def scenario_text(given: GivenMap, draft: Draft, folder: Path, name: str, *, chosen: bool) -> str:
     """The scenario as a file in a folder, with comments.
 
     ``chosen``: whether start and goal were, and nobody has asked for them.
     """
+    problem, step = draft.problem, draft.step
     path, robot = os.path.relpath(given.path, folder), cast(Any, problem.model)
     world = yaml.safe_dump(
         {"path": path, **given.options}, default_flow_style=True, sort_keys=False, width=10**6
     ).strip()
     x0, y0, x1, y1 = problem.world.bounds
-    step = _step(problem)
     start, goal = (_written(values) for values in (problem.start, problem.goals[0]))
     why = "; start and goal were chosen far apart: put them where you need them" * chosen
-    stem = Path(name).stem
+    file, out = argument(name), argument(Path("out", Path(name).stem))
     return f"""\
 {LINE.format(SCHEMA)}
-# Look at it: hpop look {name}        Plan: hpop plan {name} --out out/{stem}
+# Look at it: hpop look {file}        Plan: hpop plan {file} --out {out}
 # The words of these files: hpop explain lattice, hpop explain obstruction, and so on.
 world:                          # x from {x0:.4g} to {x1:.4g} m, y from {y0:.4g} to {y1:.4g} m
   {given.reader}: {world}
@@ -166,14 +212,30 @@ planner:                        # hpop planners lists others
 """
 
 
-def _step(problem: Problem) -> float:
-    """The step of a lattice for a map, m: by its size, or a half or quarter of that where only these find a way."""
-    x0, y0, x1, y1 = problem.world.bounds
-    step = next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
+def _ends(problem: Problem) -> tuple[Any, ...]:
+    return problem.start, *problem.goals
+
+
+def _usual_step(world: World) -> float:
+    """The step of a lattice for a map of this size, m."""
+    x0, y0, x1, y1 = world.bounds
+    return next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
+
+
+def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
+    """Return the step, m, of a lattice that finds a path, the usual one, a half or a quarter; or how planning ended."""
+    step = _usual_step(problem.world)
     length = next(one for one in problem.criteria if one.name == "length")
     shortest = replace(problem, criteria=(length,))
-    steps = (step, step / 2, step / 4)
-    return next((some for some in steps if len(shortest.solve("lattice", step=some, time_limit=LONGEST))), step)
+    status = Status.NO_PATH, ""
+    for some in (step, step / 2, step / 4):
+        front = shortest.solve("lattice", step=some, time_limit=LONGEST, max_memory=MOST_MEMORY)
+        if len(front):
+            return some, None
+        why = why_none(front.notes) or str(front.status)
+        is_closed = front.status == Status.NO_PATH
+        status = (Status.NO_PATH if is_closed else Status.TIME_LIMIT), why.removeprefix(f"{Status.NO_PATH}: ")
+    return step, status
 
 
 def _written(values: Any) -> str:

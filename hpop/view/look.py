@@ -49,11 +49,13 @@ class Look(NamedTuple):
     figure
     refused  why the start, or a goal, cannot be used, with the nearest place that can; empty where all can
     notes    what else is told: how much of the map is free, and what is cut off
+    no_way   whether the start and all goals can be used, but every goal lies in another part than the start
     """
 
     figure: Figure
     refused: tuple[str, ...]
     notes: tuple[str, ...]
+    no_way: bool
 
 
 @plain
@@ -102,8 +104,10 @@ def look(problem: Problem, title: str) -> Look:
         )
         better += [] if place is None else [place]
     free = FreeMap.of(model, world)
-    notes = [] if free is None else _notes(free, ends, bool(refused))
-    return Look(_drawn(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes))
+    apart = [] if free is None or refused else _apart(free, ends)
+    notes = [] if free is None else _notes(free, apart)
+    no_way = 0 < len(apart) == len(ends) - 1
+    return Look(_drawn(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
 
 
 def _ends(problem: Problem) -> dict[str, States]:
@@ -121,8 +125,14 @@ def _same(place: States, state: States) -> bool:
     return bool(np.hypot(place.x[0] - state.x[0], place.y[0] - state.y[0]) < 1e-9)
 
 
-def _notes(free: FreeMap, ends: dict[str, States], is_refused: bool) -> list[str]:
-    """How much is free, and whether start and goals are in one part of it, as far as the grid tells."""
+def _apart(free: FreeMap, ends: dict[str, States]) -> list[str]:
+    """Return the goals in another part of what is free than the start, as far as the grid tells."""
+    parts = {what: free.part_at(float(state.x[0]), float(state.y[0])) for what, state in ends.items()}
+    return [what for what, part in parts.items() if part != parts["start"]]
+
+
+def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
+    """How much is free, and which goals are cut off from the start."""
     if not free.main:
         return ["the robot is free nowhere on this map: is its scale right, or the robot too large?"]
     whole = float(free.areas.sum())
@@ -131,9 +141,7 @@ def _notes(free: FreeMap, ends: dict[str, States], is_refused: bool) -> list[str
     notes = [f"the robot is free on {_area(whole)}, looked at every {free.pitch:.2g} m"]
     if many > 1:
         notes[0] += f", in {many} parts between which it cannot go; the largest has {_area(largest)}"
-    parts = {what: free.part_at(float(state.x[0]), float(state.y[0])) for what, state in ends.items()}
-    apart = [what for what, part in parts.items() if part != parts["start"]]
-    if apart and not is_refused:
+    if apart:
         notes.append(
             f"as it seems, no way leads from the start to the {' or the '.join(apart)}: they are in other parts"
         )

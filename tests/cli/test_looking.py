@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 
@@ -105,6 +106,73 @@ def test_the_step_is_so_small_that_a_narrow_door_is_found(
     assert written.exit_code == 0, written.output
     assert yaml.safe_load(Path("plan_scenario.yaml").read_text())["planner"]["lattice"]["step"] < 0.25
     assert run("plan", "plan_scenario.yaml", "--out", "out").exit_code == 0
+
+
+def _slot(folder: Path) -> Path:
+    """Two rooms and a slot of 0.62 m through a wall of 0.4 m: its middle, at y = 1.83, is no row of the lattices.
+
+    From a start at y = 1 these have rows at 1.8125 and 1.875, 2 and 5 cm away; the robot has 1 cm to either side.
+    """
+    pixels = np.full((150, 250), 255, dtype=np.uint8)  # 5 x 3 m, row 0 at the top
+    pixels[[0, 149]] = pixels[:, [0, 249]] = 0
+    pixels[:, 140:160] = 0
+    pixels[150 - 107 : 150 - 76, 140:160] = 255  # y from 1.52 to 2.14
+    Image.fromarray(pixels).save(folder / "slot.png")
+    return folder / "slot.png"
+
+
+def test_a_goal_that_no_lattice_reaches_is_not_chosen(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written = run("new", _slot(tmp_path), "--resolution", "0.02", "--start", "1,1")
+    assert written.exit_code == 0, written.output
+    assert load_scenario(tmp_path / "slot_scenario.yaml").problem.goals[0][0] < 2.5
+    assert run("plan", "slot_scenario.yaml", "--out", "out").exit_code == 0
+
+
+def test_where_no_path_is_found_new_says_so_and_writes_what_was_asked_for(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    written = run("new", _slot(tmp_path), "--resolution", "0.02", "--start", "1,1", "--goal", "4,2")
+    assert written.exit_code == 6
+    assert "no path was found from the start to the goal: the widest passage" in written.stderr
+    assert "move start or goal (--start, --goal), or take a smaller robot (--radius)" in written.stderr
+    assert "hpop plan" not in written.output
+    assert load_scenario(tmp_path / "slot_scenario.yaml").problem.goals == ((4.0, 2.0, None),)
+
+
+def test_names_are_quoted_where_commands_are_printed(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    _image(tmp_path).rename(tmp_path / "it's the ground floor.png")
+    written = run("new", "it's the ground floor.png", "--resolution", "0.05")
+    text = (tmp_path / "it's the ground floor_scenario.yaml").read_text()
+    for said in (written.stdout.rpartition("next: ")[2], text.partition("Look at it: ")[2].partition("\n")[0]):
+        words = shlex.split(said.replace(", then", ""))
+        assert words[:3] == ["hpop", "look", "it's the ground floor_scenario.yaml"]
+        assert words[-2:] == ["--out", "out/it's the ground floor_scenario"]
+
+
+def test_a_picture_is_called_as_its_map_and_no_way_has_its_own_exit_code(
+    run: Callable[..., Result], write: Callable[..., None], room: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    hall = _geojson(tmp_path)
+    assert run("look", hall, "--set", "polygons=outline").exit_code == 0
+    assert (tmp_path / "hall_look.png").exists()
+    wall = {"corners": [[4, 0], [5, 0], [5, 6], [4, 6]]}
+    world = {"polygons": {"extent": [[0, 0], [9, 0], [9, 6], [0, 6]], "obstacles": [wall]}}
+    asked = {"world": world, "start": [2, 2, 0], "goal": [7, 2, 0], "criteria": ["length"]}
+    (tmp_path / "apart.yaml").write_text(json.dumps(asked))
+    result = run("look", "apart.yaml")
+    assert result.exit_code == 6, result.output
+    assert "no way leads from the start to" in result.stderr
+    assert (tmp_path / "apart_look.png").exists()
+    (tmp_path / "apart.yaml").write_text(json.dumps({**asked, "goal": [[7, 2, 0], [2, 4, 0]]}))
+    assert run("look", "apart.yaml").exit_code == 0  # one of two goals can be reached
 
 
 def test_start_and_goal_are_indoors_or_as_asked_for(
