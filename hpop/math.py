@@ -19,6 +19,11 @@ from hpop.symbols import Symbols, lift
 instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
 SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
 ALIGNED = 1e-4  # rad: the same of angles between vectors, which pass through zero in the middle of a motion
+CHEBYSHEV = (
+    *(0.17087277, -0.82215223, 1.48851587, -1.13520398, 0.27886807),
+    *(-0.18628806, 0.09678418, 0.37409196, 1.00002368, -1.26551223),
+)
+"""Coefficients, the highest first, of log(erfcx(x) (1 + x/2)) in 1/(1 + x/2)."""
 
 
 def is_symbolic(column: object) -> bool:
@@ -119,6 +124,22 @@ def erf(x: Column) -> Column:
     from scipy import special
 
     return special.erf(x)
+
+
+def erfcx(x: Column) -> Column:
+    """The scaled complementary error function exp(x²) (1 - erf(x)), of x >= 0.
+
+    On symbols it is Chebyshev's fit of Press et al. (Numerical Recipes, section 6.2), within 1.2e-7 of itself.
+
+    >>> round(float(erfcx(2.0)), 6)
+    0.255396
+    """
+    if not is_symbolic(x):
+        from scipy import special
+
+        return special.erfcx(x)
+    t = 1.0 / (1.0 + 0.5 * x)
+    return t * np.exp(reduce(lambda total, coefficient: total * t + coefficient, CHEBYSHEV))
 
 
 def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:

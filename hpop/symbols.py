@@ -5,6 +5,7 @@ CasADi's array interface is young, so all that touches it is here.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -183,3 +184,30 @@ def _wrapped(result: Any) -> Any:
     if name in ("ArrayInterfaceSX", "ArrayInterfaceMX"):
         return (SymbolsSX if name.endswith("SX") else SymbolsMX)(result.shape, array=result)
     return type(result)(map(_wrapped, result)) if type(result) in (list, tuple) else result
+
+
+def summed(function: Callable[..., Any], rows: Sequence[Sequence[float]], *columns: Any) -> Any:
+    """Sum (M,) over rows of numbers of ``function(*row, *columns)``, of columns (M,) and numbers.
+
+    Of symbols the function is asked once, of the symbols of one moment, and evaluated row by row: the expression stays
+    small.
+    """
+    given = [column for column in columns if not isinstance(column, (*NUMBERS, np.ndarray))]
+    if not given:
+        return sum(function(*row, *columns) for row in rows)
+    import casadi
+
+    moment = [casadi.SX.sym("moment") for _ in given]
+    numbers = [casadi.SX.sym("number") for _ in rows[0]]
+    alone = (lift(symbol, 1) for symbol in moment)
+    own = [column if isinstance(column, (*NUMBERS, np.ndarray)) else next(alone) for column in columns]
+    value = function(*(lift(number, 1) for number in numbers), *own)
+    one = casadi.Function("one", [*numbers, *moment], [value.to_casadi()])
+    each = one.map(len(rows))(
+        *(casadi.DM(list(row)).T for row in zip(*rows, strict=True)),
+        *(casadi.repmat(symbol, 1, len(rows)) for symbol in moment),
+    )
+    total = casadi.Function("total", moment, [casadi.sum2(each)])
+    shape = given[0].shape
+    values = total.map(shape[0])(*(casadi.vec(column.to_casadi()).T for column in given)).T
+    return lift(values, shape)

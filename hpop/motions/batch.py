@@ -17,7 +17,7 @@ from hpop.motions.bodies import Body, standing
 from hpop.motions.hold import stands
 from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
 from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
-from hpop.motions.panels import INTEGRATED, Nodes, elapsed_before, panel_counts, quadrature_nodes, runs
+from hpop.motions.panels import INTEGRATED, Nodes, before_kinks, elapsed_before, panel_counts, quadrature_nodes, runs
 from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
 from hpop.motions.states import States, picked_states
 
@@ -119,7 +119,7 @@ class Motions:
         """Whether the robot holds: nothing of it moves."""
         return stands(self.law)
 
-    def integrate(self, rate: Rate, *, jumps: bool = False) -> Column:
+    def integrate(self, rate: Rate, *, jumps: bool = False, detail: float | None = None) -> Column:
         """Time integral (M,) of a rate along each motion.
 
         Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
@@ -130,7 +130,9 @@ class Motions:
         panels end where somebody turns at a waypoint, comes or goes. While the robot holds only such a rate changes; a
         panel then lasts no longer than a second.
 
-        An adaptive quadrature looks closer at a rate that ``jumps``, as counts do.
+        An adaptive quadrature looks closer at a rate that ``jumps``, as counts do. A rate that changes within less than
+        two field cells says so by ``detail``, m: the robot and the fastest person together go no farther than half of
+        it in a panel, down to an eighth of a cell.
         """
         probe = self._probe(rate, self._symbolic_nodes[0] if self._symbolic else 0.0)
         constant = self._constant(rate, probe)
@@ -142,15 +144,17 @@ class Motions:
         total: Column = 0.0
         for phase in self.phases:
             mean = self._at_once(rate, phase, probe)
-            mean = self._phase_mean(rate, phase, probe, jumps, timed) if mean is None else mean
+            mean = self._phase_mean(rate, phase, probe, jumps, timed, detail) if mean is None else mean
             total = total + phase.duration * mean
         return total
 
-    def worst(self, rate: Rate) -> Column:
+    def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
         """Largest value (M,) of a rate along each motion, over panel ends and middles.
 
-        A rate that changes by at most c a metre is missed by at most c/4 of a field cell. Motions there and back
-        (:attr:`twins`) are looked at once if it reads states alone.
+        A rate that changes by at most c a metre is missed by at most c/4 of a field cell, by twice as much where people
+        walk. Where a rate reads the time, the moments just before a person turns, comes or goes count as well.
+        ``detail`` is as in :meth:`integrate`. Motions there and back (:attr:`twins`) are looked at once if it reads
+        states alone.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -160,11 +164,11 @@ class Motions:
         if self.whole and probe.read <= set(self.start.names) and (self.twins != np.arange(len(self))).any():
             own, which = np.unique(self.twins, return_inverse=True)
             start, end = self.start.take(own), self.end.take(own)
-            return replace(self, start=start, end=end, t0=None, turns=None).worst(rate)[which]
+            return replace(self, start=start, end=end, t0=None, turns=None).worst(rate, detail=detail)[which]
         largest: Column = None
         for phase in self.phases:
             value = self._at_once(rate, phase, probe)
-            value = self._phase_worst(rate, phase, probe, timed) if value is None else value
+            value = self._phase_worst(rate, phase, probe, timed, detail) if value is None else value
             largest = value if largest is None else np.maximum(largest, value)
         return largest
 
@@ -240,18 +244,20 @@ class Motions:
         known = [probe.value] if phase is self.phases[0] else []
         return known + [rate(self._instants(phase, u, None)) for u in nodes[len(known) :]]
 
-    def _phase_mean(self, rate: Rate, phase: Phase, probe: _Probe, jumps: bool, timed: bool) -> Column:
+    def _phase_mean(
+        self, rate: Rate, phase: Phase, probe: _Probe, jumps: bool, timed: bool, detail: float | None
+    ) -> Column:
         if self._symbolic:
             nodes = self._symbolic_nodes
             return sum(self._at_nodes(rate, phase, probe, nodes)) / len(nodes)
         if self._adaptive:
             pieces = pieces_of(self._turned * (phase.end - phase.begin), jumps=jumps)
             if timed:
-                pieces = np.maximum(pieces, panel_counts(self, phase, timed))
+                pieces = np.maximum(pieces, panel_counts(self, phase, timed, detail))
             some = np.flatnonzero(phase.duration)
             return adaptive_integrals(self._at(rate, phase), evenly, some, pieces, jumps=jumps)
         mean = np.zeros(len(self))
-        for nodes, columns in self._quadrature(phase, timed):
+        for nodes, columns in self._quadrature(phase, timed, detail):
             values = rate(self._instants(phase, nodes.u, nodes.owner, columns))
             mean[nodes.run] += nodes.sums(nodes.weight * values)
         return mean
@@ -278,24 +284,25 @@ class Motions:
         """The rate at fractions of a phase, of motions that are named."""
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
-    def _quadrature(self, phase: Phase, timed: bool) -> Iterable[tuple[Nodes, dict[str, Column]]]:
+    def _quadrature(self, phase: Phase, timed: bool, detail: float | None) -> Iterable[tuple[Nodes, dict[str, Column]]]:
         """What `quadrature_nodes` gives, and the states at the nodes that criteria have read.
 
         Of motions that are cut together they are kept for all criteria. Arrays alone are kept: moments refer to their
         motions, and would only be freed by a collection of garbage.
         """
-        kept: dict[tuple[int, bool], tuple[Nodes, dict[str, Column]]] = self.__dict__.setdefault("_quadratures", {})
-        key = next(i for i, other in enumerate(self.phases) if other is phase), timed
+        kept: dict[tuple[int, bool, float | None], tuple[Nodes, dict[str, Column]]]
+        kept = self.__dict__.setdefault("_quadratures", {})
+        key = next(i for i, other in enumerate(self.phases) if other is phase), timed, detail
         if key in kept:
             return [kept[key]]
-        blocks = quadrature_nodes(self, phase, GAUSS_NODES, timed)
+        blocks = quadrature_nodes(self, phase, GAUSS_NODES, timed, detail)
         together = list(islice(blocks, 2))
         if len(together) == 1:
             kept[key] = together[0], {}
             return [kept[key]]
         return ((nodes, {}) for nodes in chain(together, blocks))
 
-    def _phase_worst(self, rate: Rate, phase: Phase, probe: _Probe, timed: bool) -> Column:
+    def _phase_worst(self, rate: Rate, phase: Phase, probe: _Probe, timed: bool, detail: float | None) -> Column:
         ends_and_middles = np.array([0.0, 0.5, 1.0])
         if self._symbolic:
             count = self.panels or SYMBOLIC_PANELS
@@ -303,7 +310,11 @@ class Motions:
             return reduce(np.maximum, self._at_nodes(rate, phase, probe, nodes))
         largest = np.empty(len(self))
         largest[:] = rate(self._instants(phase, np.ones(len(self)), np.arange(len(self))))
-        for _, owner, u, _ in quadrature_nodes(self, phase, ends_and_middles[:-1], timed):  # the next panel has the end
+        whose, before = before_kinks(self, phase) if timed else (np.empty(0, np.int64), np.empty(0))
+        if whose.size:
+            np.maximum.at(largest, whose, rate(self._instants(phase, before, whose)))
+        # The next panel has the end.
+        for _, owner, u, _ in quadrature_nodes(self, phase, ends_and_middles[:-1], timed, detail):
             inside = np.broadcast_to(rate(self._instants(phase, u, owner)), owner.shape)
             first = np.flatnonzero(np.diff(owner, prepend=-1))
             own = owner[first]

@@ -19,6 +19,8 @@ HELD = 1.0  # s: no panel of a hold lasts longer
 FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
 AT_ONCE = 2**18  # panels that are cut together
 INTEGRATED = "costs were integrated along motions"
+JUST = 1e-9  # s: a moment just before another
+FINEST = 0.125  # of a field cell: no detail of a rate makes panels shorter
 CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 
 
@@ -41,13 +43,15 @@ class Nodes(NamedTuple):
         return np.bincount(self.owner - self.run.start, values, minlength=self.run.stop - self.run.start)
 
 
-def quadrature_nodes(motions: Motions, phase: Phase, within: FloatArray, timed: bool) -> Iterator[Nodes]:
+def quadrature_nodes(
+    motions: Motions, phase: Phase, within: FloatArray, timed: bool, detail: float | None = None
+) -> Iterator[Nodes]:
     """Yield the nodes of all motions, panels no coarser than promised.
 
     About `AT_ONCE` panels are cut together, so that long motions take time and not memory; in between, the limits are
     asked.
     """
-    panels = panel_counts(motions, phase, timed)
+    panels = panel_counts(motions, phase, timed, detail)
     first, last = kinks_between(motions, phase) if timed else (0 * panels, 0 * panels)
     for run in runs(panels + last - first):
         if run.start:
@@ -92,9 +96,9 @@ def _nodes(
 
 
 def _kinks_in(
-    motions: Motions, phase: Phase, run: slice, first: IntArray, last: IntArray
+    motions: Motions, phase: Phase, run: slice, first: IntArray, last: IntArray, before: float = 0.0
 ) -> tuple[IntArray, FloatArray]:
-    """Motion and fraction of the phase's time of every moment within it at which a prediction has a kink."""
+    """Motion and fraction of the phase's time of the kinks of predictions within it, or of so many seconds before."""
     each = last - first
     if not each.any():
         return np.empty(0, np.int64), np.empty(0)
@@ -102,35 +106,48 @@ def _kinks_in(
     number = np.arange(owner.size) - np.repeat(np.cumsum(each) - each, each)
     whose = owner + run.start
     since = motions.world.content.kinks[first[owner] + number] - (motions.t0 + elapsed_before(motions, phase))[whose]
-    return whose, np.minimum(since / phase.duration[whose], 1.0)
+    return whose, np.clip((since - before) / np.maximum(phase.duration[whose], JUST), 0.0, 1.0)
 
 
-def kinks_between(motions: Motions, phase: Phase) -> tuple[IntArray, IntArray]:
-    """Places (M,) among the kinks of the first within a phase and of the first beyond it."""
+def before_kinks(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
+    """Motion and fraction of the phase's time just before every kink after its begin, up to its end.
+
+    A prediction that jumps has its new value at the kink itself: who leaves is there until just before.
+    """
+    return _kinks_in(motions, phase, slice(0, len(motions)), *kinks_between(motions, phase, JUST), before=JUST)
+
+
+def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[IntArray, IntArray]:
+    """Places (M,) among the kinks of the first within a phase and of the first beyond it, or so many seconds later."""
     kinks = motions.world.content.kinks if motions.panels is None and motions.t0 is not None else np.empty(0)
     if not kinks.size:
         return np.zeros(len(motions), dtype=np.int64), np.zeros(len(motions), dtype=np.int64)
     begin = motions.t0 + elapsed_before(motions, phase)
     first = np.searchsorted(kinks, begin, side="right")
-    return first, np.maximum(first, np.searchsorted(kinks, begin + phase.duration, side="left"))
+    return first, np.maximum(first, np.searchsorted(kinks, begin + phase.duration + beyond, side="left"))
 
 
-def panel_counts(motions: Motions, phase: Phase, timed: bool) -> IntArray:
-    """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised."""
+def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | None = None) -> IntArray:
+    """Number (M,) of panels in a phase: fixed, or so that none is longer or turns further than promised.
+
+    detail  m  of a rate's change: the robot and the fastest person together go no farther than half of it in a panel
+    """
     if motions.panels is not None:
         return np.full(len(motions), motions.panels)
-    walked = min(motions.world.content.fastest, FASTEST) / motions.world.cell * phase.duration if timed else 0.0
+    cell = motions.world.cell
+    fine = np.inf if detail is None else max(0.5 * detail, FINEST * cell)
+    walked = min(motions.world.content.fastest, FASTEST) * phase.duration if timed else 0.0 * phase.duration
     if motions.stands:
-        lasting = np.maximum(phase.duration / HELD, walked)
+        lasting = np.maximum(phase.duration / HELD, walked / min(cell, fine))
         return np.asarray(np.maximum(1, np.ceil(lasting - 1e-9)), dtype=np.int64)
     share = phase.end - phase.begin
     farthest, most_turned = motions.model.extent(motions)
-    lengths = farthest * share / motions.world.cell
-    angles = most_turned * share / PANEL_ANGLE
     # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
     stretch = {"speed-up": 2.0, "slow-down": 2.0, "ramp": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
-    panels = np.ceil(np.maximum(stretch * np.maximum(lengths, angles), walked) - 1e-9)
-    return np.asarray(np.maximum(CURVE_PANELS if phase.shape == "drive" else 1, panels), dtype=np.int64)
+    lengths, angles = stretch * farthest * share, stretch * most_turned * share
+    panels = np.maximum(np.maximum(lengths, walked) / cell, np.maximum(angles / PANEL_ANGLE, (lengths + walked) / fine))
+    least = CURVE_PANELS if phase.shape == "drive" else 1
+    return np.asarray(np.maximum(least, np.ceil(panels - 1e-9)), dtype=np.int64)
 
 
 def elapsed_before(motions: Motions, phase: Phase) -> Column:

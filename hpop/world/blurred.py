@@ -17,16 +17,12 @@ depends on the direction is a function of the share alone, and all distances and
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Literal
 
 import numpy as np
 
 from hpop.arrays import Column, FloatArray
-from hpop.math import is_symbolic, is_zero
-from hpop.symbols import lift
 from hpop.world.field import Field
-from hpop.world.people import Person
 
 FAR = 160, 640  # steps of the table from no distance to an infinite one, least and most: 11 a detail at the end
 SHARES = 96  # steps of the table from no distance to no deviation
@@ -113,54 +109,3 @@ def _means(
         density = scaled / deviation * np.exp(-0.5 * ((r - distance) / deviation) ** 2) * bessel
         means[at] = np.einsum("ij,ij,j->i", function(r), density, weights) * half[:, 0]
     return means
-
-
-RINGS, SPOKES = 6, 12
-
-
-def averaged(effect: Callable[..., Column]) -> Callable[..., Column]:
-    """An effect(person, x, y, *others, t) (N,) of places (N,), as its mean over where the person may be then.
-
-    For what depends on more than the distance: a cubature of 72 places, on six rings by Gauss-Laguerre, and on each
-    twelve evenly, those of every other ring half a step on. It is exact for polynomials up to degree 11 of the place.
-    """
-
-    def mean(person: Person, x: Column, y: Column, *others: Column | None) -> Column:
-        deviation = person.deviation(others[-1])
-        if is_zero(deviation):
-            return effect(person, x, y, *others)
-        if is_symbolic(x):
-            return _on_symbols(effect, person, deviation, x, y, *others)
-        moved = ((weight, x - deviation * dx, y - deviation * dy) for weight, dx, dy in _cubature())
-        return sum(weight * effect(person, *place, *others) for weight, *place in moved)
-
-    return mean
-
-
-def _on_symbols(effect: Callable[..., Column], person: Person, deviation: Column, *columns: Column | None) -> Column:
-    """The mean on symbols: the effect is asked once, and becomes a function of the symbols of one moment and place."""
-    import casadi
-
-    given = [column for column in (deviation, *columns) if is_symbolic(column)]
-    moment = [casadi.SX.sym("moment") for _ in given]
-    alone = (lift(symbol, 1) for symbol in moment)
-    own, x, y, *others = (next(alone) if is_symbolic(column) else column for column in (deviation, *columns))
-    dx, dy = casadi.SX.sym("dx"), casadi.SX.sym("dy")
-    moved = (x - own * lift(dx, 1), y - own * lift(dy, 1))
-    one = casadi.Function("one", [dx, dy, *moment], [effect(person, *moved, *others).to_casadi()])
-    weights, *places = (casadi.DM(row).T for row in zip(*_cubature(), strict=True))
-    each = one.map(weights.numel())(*places, *(casadi.repmat(symbol, 1, weights.numel()) for symbol in moment))
-    mean = casadi.Function("mean", moment, [casadi.dot(each, weights)])
-    shape = given[0].shape
-    values = mean.map(shape[0])(*(casadi.vec(column.to_casadi()).T for column in given)).T
-    return lift(values, shape)
-
-
-@cache
-def _cubature() -> list[tuple[float, float, float]]:
-    """Weights, of sum 1, and places of the standard normal distribution in the plane."""
-    halves, weights = np.polynomial.laguerre.laggauss(RINGS)
-    angles = 2.0 * np.pi / SPOKES * (np.arange(SPOKES) + 0.5 * (np.arange(RINGS)[:, None] % 2))  # (rings, spokes)
-    radii = np.sqrt(2.0 * halves)[:, None]
-    columns = np.broadcast_arrays(weights[:, None] / SPOKES, radii * np.cos(angles), radii * np.sin(angles))
-    return [tuple(row) for row in np.stack(columns, axis=-1).reshape(-1, 3).tolist()]

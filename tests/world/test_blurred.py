@@ -1,18 +1,14 @@
 """Means of functions of an uncertain distance: closed forms, the distribution of a distance, and symbols."""
 
 from functools import cache
-from math import prod
 
 import casadi
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.stats import ncx2
 
 from hpop.motions.symbolic import lift
-from hpop.world.blurred import Blurred, averaged
-from hpop.world.content import Person
+from hpop.world.blurred import Blurred
 
 WIDTH = 0.8  # m, of a Gaussian
 DISTANCES = np.array([0.0, 0.1, 0.3, 0.8, 1.7, 3.0, 5.0])
@@ -73,23 +69,3 @@ def test_symbols_give_the_numbers_and_their_slopes():
         inside = slice(1, None)  # a distance is not below 0
         numeric = (above - below) / (2 * step)
         assert slopes.reshape(2, -1)[i][inside] == pytest.approx(numeric[inside], abs=1e-5)
-
-
-@settings(max_examples=25)
-@given(st.integers(0, 11), st.integers(0, 11), st.floats(0.01, 3.0))
-def test_the_cubature_has_the_moments_of_a_normal_distribution(i, j, deviation):
-    if i + j > 11:
-        i, j = i % 6, j % 6
-
-    def moment(k):
-        return prod(range(k - 1, 0, -2)) if k % 2 == 0 else 0
-
-    found = averaged(lambda _, x, y, t: x**i * y**j)(Person(0, 0, spread=deviation), np.zeros(1), np.zeros(1), None)
-    assert found[0] == pytest.approx(
-        moment(i) * moment(j) * deviation ** (i + j), rel=1e-9, abs=1e-9 * deviation ** (i + j)
-    )
-
-
-def test_an_effect_of_a_sure_place_is_the_effect():
-    effect = averaged(lambda person, x, y, t: np.hypot(x - person.x, y - person.y))
-    assert effect(Person(1, 2), np.array([4.0]), np.array([6.0]), None) == [5.0]

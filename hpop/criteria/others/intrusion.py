@@ -31,6 +31,10 @@ class WorstIntrusion:
     deviation. So where only one person is near it is a bound from above on how likely it is, at the worst moment, that
     the person is nearer; for several, that anyone is. It says nothing of how likely that is at some moment of the whole
     way, which no worst moment does; see ``expected_contacts``. Of people whose places are sure it counts those nearer.
+
+    The worst moment is looked for where the robot and the fastest person together have gone another quarter of the
+    softness, or a sixteenth of a field cell if that is more, and just before a person leaves. The mean is a table,
+    nearer than 1e-4 to the integral up to distances of .5 m, and than 1e-3 up to 3 m, whatever the softness.
     """
 
     distance: float = HALL["intimate"]  # m between surfaces, below which it is an intrusion; 0 is a contact
@@ -42,7 +46,7 @@ class WorstIntrusion:
 
     def cost(self, m: Motions) -> Column:
         """Largest expected number (M,) of people who are nearer."""
-        return m.worst(_nearer(m, self.distance, self.softness, self.robot_radius))
+        return m.worst(_nearer(m, self.distance, self.softness, self.robot_radius), detail=self.softness)
 
 
 @criterion("expected_contacts", group="O", unit="1", aggregate="sum", requires=("base", "people"))
@@ -55,6 +59,9 @@ class ExpectedContacts:
     Boole's inequality the cost is a bound from above on how likely it is that anyone is that near at any of these
     moments (averaged over when the first of them is), however the moments depend on each other. A contact that lasts is
     counted again and again: then the bound is far from being met, and above 1 it says nothing. It is no likelihood.
+
+    The integral is by Gauss-Legendre in pieces in which the robot and the fastest person together go no farther than
+    half the softness, or an eighth of a field cell if that is more, cut where a person comes or leaves.
     """
 
     distance: float = 0.0  # m between surfaces, at and below which it is a contact
@@ -68,7 +75,8 @@ class ExpectedContacts:
 
     def cost(self, m: Motions) -> Column:
         """Expected number (M,) of moments of contact."""
-        return m.integrate(_nearer(m, self.distance, self.softness, self.robot_radius)) / self.every
+        rate = _nearer(m, self.distance, self.softness, self.robot_radius)
+        return m.integrate(rate, detail=self.softness) / self.every
 
 
 def _check_nearness(criterion: WorstIntrusion | ExpectedContacts, robot_radius: float | None) -> None:

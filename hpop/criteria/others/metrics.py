@@ -13,6 +13,7 @@ from hpop.criteria.others.robot import checked_radius, reach
 from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
 from hpop.history import Track
+from hpop.motions.panels import JUST
 from hpop.options import LEAST, MOST, real
 from hpop.world.proxemics import HALL, offset
 
@@ -58,7 +59,7 @@ def social_metrics(
 
     shortest_length  m  of the shortest path from start to goal, for the path efficiency
     robot_radius     m  of the robot, round about its axis; by default as far as the model reaches
-    step             s  between samples; the ends of motions are sampled too
+    step             s  between samples; the ends of motions, and where people turn, come or leave, are sampled too
 
     Raises CriterionError for a step or a length that is none.
     """
@@ -68,7 +69,8 @@ def social_metrics(
         shortest_length = real("shortest_length", shortest_length, LEAST, MOST, what, error=CriterionError)
     radius = reach(trajectory.model, robot_radius)
     middles = _middles(trajectory, step)
-    times = np.union1d(middles, trajectory.times)
+    turns = world.content.kinks[(world.content.kinks > 0) & (world.content.kinks <= trajectory.duration)]
+    times = np.unique(np.concatenate([middles, trajectory.times, turns, turns - JUST]))
     moments = Track(trajectory, times)
     base, velocity = moments.base, moments.twist("base").velocity
     least = np.inf

@@ -10,14 +10,16 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import base_velocity, clock
 from hpop.errors import CriterionError
-from hpop.math import hypot
+from hpop.math import erf, erfcx, hypot, is_zero
 from hpop.motions import Motions
 from hpop.options import LEAST, MOST, set_reals
-from hpop.world.blurred import averaged
+from hpop.symbols import summed
 from hpop.world.content import Person
 from hpop.world.proxemics import expected, offset
 
 STANDSTILL = 1e-9  # a length of D below which the force is 0: its range γ|D| is
+TINY = 1e-6  # m: no deviation is taken to be smaller, if it grows
+ROOT_PI = float(np.sqrt(np.pi))
 
 
 @criterion("social_force", group="O", unit="m/s", aggregate="sum", requires=("base", "people"))
@@ -35,10 +37,11 @@ class SocialForce:
     of θ, counts as ±1 at θ = 0 too, where the paper has 0 at that one angle: on a straight way to a person θ is 0
     up to rounding.
 
-    The mean E is over what people may do: their futures by their weights, and the places where each may be by a
-    cubature of 72 places: where the deviation is half a metre or less it is within 2 % of the strongest push, rms over
-    places within three metres, and within .2 % of it on average. It is the mean of the whole cost, whether a person's
-    deviations at different times have to do with each other or not.
+    The mean E is over what people may do: their futures by their weights, and the places where each may be, by an
+    integral over the directions of e, of which those over distances are in closed form: within 1e-4 m/s² with the
+    default constants and velocities that differ by up to 4 m/s, whatever the deviation. The velocity is the predicted
+    one. It is the mean of the whole cost, whether a person's deviations at different times have to do with each other
+    or not.
     """
 
     strength: float = 4.5  # A, m/s²
@@ -54,27 +57,79 @@ class SocialForce:
 
     def cost(self, m: Motions) -> Column:
         """Time integral (M,) of the force per unit of mass, m/s."""
-        people, force = m.world.content.people, averaged(self._force)
+        people = m.world.content.people
         return m.integrate(
-            lambda s: expected(people, force, s.base.x, s.base.y, *base_velocity(m, s), clock(s, people))
+            lambda s: expected(people, self._force, s.base.x, s.base.y, *base_velocity(m, s), clock(s, people))
         )
 
     def _force(self, person: Person, x: Column, y: Column, vx: Column, vy: Column, t: Column | None) -> Column:
-        """|f| (N,), m/s²."""
+        """Mean of |f| (N,), m/s²."""
         dx, dy = offset(person, x, y, t)
         walks_x, walks_y = person.velocity_at(t)
-        distance = hypot(dx, dy)
+        distance, deviation = hypot(dx, dy), person.deviation(t)
         apart = distance > 0
         inverse = np.where(apart, 1.0 / np.where(apart, distance, 1.0), 0.0)
         ex, ey = dx * inverse, dy * inverse
-        Dx = self.anticipation * (walks_x - vx) + ex
-        Dy = self.anticipation * (walks_y - vy) + ey
+        if not is_zero(deviation):
+            ahead = np.where(apart, ex, 1.0)  # any direction will do where none is
+            columns = (distance, ahead, ey, walks_x - vx, walks_y - vy, np.maximum(deviation, TINY))
+            return summed(self._towards, DIRECTIONS, *columns)
+        reach, strongest = self._along(ex, ey, walks_x - vx, walks_y - vy)
+        return strongest * np.exp(-distance / reach)
+
+    def _along(self, ex: Column, ey: Column, wx: Column, wy: Column) -> tuple[Column, Column]:
+        """B (N,), m, and |f| (N,) at distance 0, m/s², in directions e, for velocities w of people less the robot's."""
+        Dx, Dy = self.anticipation * wx + ex, self.anticipation * wy + ey
         length = hypot(Dx, Dy)
         pushes = length > STANDSTILL
-        reach = self.stretch * np.where(pushes, length, 1.0)  # B
+        reach = self.stretch * np.where(pushes, length, 1.0)
         forward, aside = ex * Dx + ey * Dy, Dx * ey - Dy * ex
-        defined = np.logical_and(pushes, apart)
+        defined = np.logical_and(pushes, ex * ex + ey * ey > 0)
         bend = reach * np.arctan2(np.where(defined, aside, 0.0), np.where(defined, forward, 1.0))  # B θ
         square = -2.0 * bend * bend
         squared = np.exp(square * self.slowing**2) + np.exp(square * self.turning**2)  # |f|² is the sum of two squares
-        return np.where(pushes, self.strength * np.exp(-distance / reach) * np.sqrt(squared + 1e-300), 0.0)
+        return reach, np.where(pushes, self.strength * np.sqrt(squared + 1e-300), 0.0)
+
+    def _towards(
+        self,
+        tangent: Column,
+        share: Column,
+        distance: Column,
+        ex: Column,
+        ey: Column,
+        wx: Column,
+        wy: Column,
+        deviation: Column,
+    ) -> Column:
+        """What one direction contributes (N,) to the mean of |f|, the person being predicted at a distance along e.
+
+        In polar coordinates r, φ about the robot, φ = 0 towards the prediction, the place has the density
+        exp(-(r² - 2 r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times what depends on φ alone. With a = d cos φ -
+        σ²/B the integral over r is exp(-d²/2σ²) (1 + a/σ sqrt(π/2) exp(a²/2σ²) (1 + erf(a/σ sqrt 2)))/2π.
+        Directions are those of tan(φ/2) = k tan(ψ/2), ψ even, k = 2σ/sqrt(d² + 4σ²): dense where the person is likely.
+        """
+        narrow = 2.0 * deviation / np.sqrt(distance * distance + 4.0 * deviation * deviation) * tangent
+        whole = 1.0 + narrow * narrow
+        versine = 2.0 * narrow * narrow / whole  # 1 - cos φ
+        cos, sin = 1.0 - versine, 2.0 * narrow / whole
+        reach, strongest = self._along(ex * cos - ey * sin, ex * sin + ey * cos, wx, wy)
+        less = distance * versine + deviation * deviation / reach
+        nearest = distance - less  # a
+        z = nearest / (np.sqrt(2.0) * deviation)
+        off = distance / deviation
+        behind = np.exp(-0.5 * off * off)
+        there = np.exp(np.minimum(-0.5 * less * (distance + nearest) / (deviation * deviation), 0.0))
+        beyond = behind * (1.0 - ROOT_PI * np.maximum(-z, 0.0) * erfcx(np.maximum(-z, 0.0)))
+        before = behind + ROOT_PI * z * there * (1.0 + erf(np.maximum(z, 0.0)))
+        # dφ/dψ, of which the share holds the part of the node alone
+        weight = share * narrow / tangent / whole
+        return weight * strongest * np.where(z > 0, before, np.maximum(beyond, 0.0))
+
+
+def _directions(count: int) -> tuple[tuple[float, float], ...]:
+    """tan(ψ/2) of even directions ψ, and (1 + tan²(ψ/2)) / count."""
+    tangents = np.tan(np.pi * ((np.arange(count) + 0.5) / count - 0.5))
+    return tuple(zip(tangents.tolist(), ((1.0 + tangents**2) / count).tolist(), strict=True))
+
+
+DIRECTIONS = _directions(48)

@@ -30,8 +30,8 @@ class TimeToCollision:
     predicted one, at the velocity predicted for that moment: the deviation is not asked. ``worst_intrusion`` takes it
     into account.
 
-    The cost jumps where the robot would just graze somebody, hence it has no gradient there. A turn in place is no
-    speed.
+    The cost jumps where the robot would just graze somebody, hence it has no gradient there. A person who leaves counts
+    until that very moment. A turn in place is no speed.
     """
 
     horizon: float = 3.0  # s, later collisions cost nothing
