@@ -133,7 +133,7 @@ class _Moment(Motions):
     phase: int = 0
     at: float = 0.0
 
-    def worst(self, rate: Rate) -> Column:
+    def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
         """The rate (M,) at that moment."""
         return rate(self._instants(self.phases[self.phase], self.at, None))
 
