@@ -257,9 +257,9 @@ class Motions:
             some = np.flatnonzero(phase.duration)
             return adaptive_integrals(self._at(rate, phase), evenly, some, pieces, jumps=jumps)
         mean = np.zeros(len(self))
-        for nodes, columns in self._quadrature(phase, timed, detail):
-            values = rate(self._instants(phase, nodes.u, nodes.owner, columns))
-            mean[nodes.run] += nodes.sums(nodes.weight * values)
+        for part, columns in self._quadrature(phase, timed, detail):
+            values = rate(self._instants(phase, part.u, part.owner, columns))
+            mean[part.run] += part.sums(part.weight * values)
         return mean
 
     @property
@@ -326,7 +326,8 @@ class Motions:
         if not self.whole or self.panels is not None or self._symbolic or self._adaptive:
             yield slice(0, len(self)), self
             return
-        for run in runs(sum(panel_counts(self, phase, timed=self.t0 is not None) for phase in self.phases)):
+        counts = [panel_counts(self, phase, timed=self.t0 is not None) for phase in self.phases]
+        for run in runs(np.sum(counts, axis=0)):
             if run.start:
                 limits.check(INTEGRATED)
             yield run, self if run.stop - run.start == len(self) else self._some(run)

@@ -40,7 +40,8 @@ class Nodes(NamedTuple):
 
     def sums(self, values: FloatArray) -> FloatArray:
         """Sums of values (N,) over each motion of the run."""
-        return np.bincount(self.owner - self.run.start, values, minlength=self.run.stop - self.run.start)
+        each = np.bincount(self.owner - self.run.start, values, minlength=self.run.stop - self.run.start)
+        return np.asarray(each, dtype=np.float64)
 
 
 def quadrature_nodes(

@@ -15,7 +15,7 @@ from hpop.goals import checked_goal
 from hpop.math import wrap
 from hpop.motions import Motions, States
 from hpop.options import set_wholes
-from hpop.planners.base import Candidates, planner
+from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import goals_of, start_of
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED
 from hpop.planners.lattice import Lattice
@@ -40,9 +40,10 @@ class AnyAngle:
     step           m      of the lattice
     headings       4, 8 or 16 of the lattice
     max_positions  count  corners that are taken, those that most of the lattice's paths share; None takes all
-    time_limit     s      of each of the two searches; what is found until then is returned and called incomplete
-    max_labels     count  partial paths kept by each
-    max_memory     bytes  allocated by each
+    time_limit     s      of both searches, half of it of the lattice's; what is found until then is returned and called
+                          incomplete
+    max_labels     count  partial paths kept by each search
+    max_memory     bytes  allocated by each search
 
     Becerra et al. 2020 (arXiv 2002.10696) leave angles other than multiples of 45 degrees open. Here the positions at
     which the lattice's non-dominated paths turn, and those at which they bend when pulled taut, with start and goal,
@@ -74,14 +75,14 @@ class AnyAngle:
         set_wholes(self, "max_positions", least=0, optional=True)
 
     def budget(self) -> Budget:
-        """The limits of each of the two searches; the first has reading the map with it."""
+        """The limits: the time is that of both searches and of reading the map, all else that of each search."""
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def _lattice(self) -> Lattice:
         return Lattice(
             self.step,
             self.headings,
-            time_limit=self.time_limit,
+            time_limit=None if self.time_limit is None else 0.5 * self.time_limit,
             max_labels=self.max_labels,
             max_memory=self.max_memory,
         )
@@ -94,17 +95,19 @@ class AnyAngle:
         objectives = edge_objectives(problem.criteria, "any-angle")
         begun = time.perf_counter()
         refuse_moving(problem, "any-angle planner")
-        first = self._lattice().solve(problem, progress)
+        spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+        first = _first_of(self._lattice(), problem, progress)
         if first.status is Status.INTERRUPTED or not first.trajectories:
             return _lattice_only(first)
         began = time.perf_counter()
         problem = _on_headings(problem, first.trajectories)
-        spending = Spending(self.budget(), memory=problem.read_memory)
         try:
             roadmap, notes = self.roadmap(problem, first, spending)
             found = on_roadmap("any-angle", problem, objectives, roadmap, progress, notes)
         except KeyboardInterrupt:
             return _lattice_only(replace(first, status=Status.INTERRUPTED))
+        if not found.trajectories and not found.status.is_final:
+            return _lattice_only(replace(first, status=found.status, notes=(*first.notes, *found.notes)))
         # An interruption ends the plan, whatever came before it.
         own = first.status.is_final or found.status is Status.INTERRUPTED
         return replace(
@@ -137,6 +140,15 @@ class AnyAngle:
         )
         few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
         return roadmap, (few,) if count < len(corners) else ()
+
+
+def _first_of(lattice: Lattice, problem: Problem, progress: ProgressCallback | None) -> Candidates:
+    """What the lattice finds, in its last stage or until a limit."""
+    found: Candidates | None = None
+    for now in lattice.stages(problem, progress):
+        found = now if now.status.is_final else joined(found, now)
+    assert found is not None  # there is at least one stage
+    return found
 
 
 def _lattice_only(first: Candidates) -> Candidates:

@@ -174,9 +174,24 @@ def _megabytes(size: int) -> str:
     return f"{size / 1e6:,.0f} MB" if size >= 1e7 else f"{size / 1e6:.2g} MB"
 
 
-def stopped(name: str, objectives: Objectives, stop: Exhausted, spending: Spending) -> Candidates:
-    """What the planner ``name`` returns when a limit was passed before it could search: nothing, and what helps."""
+def stopped(
+    name: str, objectives: Objectives, stop: Exhausted, spending: Spending, first: Candidates | None = None
+) -> Candidates:
+    """What the planner ``name`` returns when a limit was passed before it could search, and what helps.
+
+    That is the ``first`` answer, found before on a part of its graph; nothing without one.
+    """
     costs = len(objectives.optimised)
+    helps = f"take a larger step or fewer samples, fewer criteria, or raise {OPTIONS[stop.status]}"
+    note = f"{stop.status}: it was passed while {stop.doing}; {helps}"
+    if first is not None and first.trajectories:
+        return replace(
+            first,
+            status=stop.status,
+            certificate=f"{name}: incomplete ({stop.status}): its graph was not built; {first.certificate}",
+            notes=(*first.notes, note),
+            stats={**first.stats, "build_seconds": spending.seconds()},
+        )
     return Candidates(
         objectives=objectives.optimised,
         trajectories=(),
@@ -185,11 +200,7 @@ def stopped(name: str, objectives: Objectives, stop: Exhausted, spending: Spendi
         status=stop.status,
         certificate=f"{name}: incomplete ({stop.status}): its graph was not built, so nothing was searched",
         provenance=(),
-        notes=(
-            *objectives.notes,
-            f"{stop.status}: it was passed while {stop.doing}; take a larger step or fewer samples, fewer "
-            f"criteria, or raise {OPTIONS[stop.status]}",
-        ),
+        notes=(*objectives.notes, note),
         stats={"build_seconds": spending.seconds()},
         filters=objectives.filters,
     )

@@ -10,7 +10,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import takes_any, takes_sets
 from hpop.planners.graphs.claims import ROUNDED
-from hpop.planners.graphs.graph_planner import GraphPlanner, GraphSpec, graph_planner
+from hpop.planners.graphs.graph_planner import GraphPlanner, GraphSpec, first_of, graph_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
 from hpop.planners.needs import needs_of
@@ -103,11 +103,13 @@ class WeightedSum:
             )
         check_count(self.weights, objectives.optimised)
         spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+        first: Candidates | None = None
         try:
+            first = first_of(planner, "weighted-sum", problem, objectives, spending, progress)
             query = planner.graph_query(problem, objectives, spending, progress)
             budget = spending.left()
         except Exhausted as stop:
-            return stopped("weighted-sum", objectives, stop, spending)
+            return stopped("weighted-sum", objectives, stop, spending, first)
         paths = supported_paths(
             query.graph,
             query.start,

@@ -264,7 +264,7 @@ def test_an_interruption_is_told_though_the_lattice_ran_out_of_time(monkeypatch)
     """A plan of several planners goes on after a time limit, but not after Ctrl-C."""
     asked = cluttered(3, (*ON_THE_LATTICE, None))
     first = dataclasses.replace(Lattice(step=STEP).solve(asked), status=Status.TIME_LIMIT)
-    monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: first)
+    monkeypatch.setattr(Lattice, "stages", lambda planner, problem, progress=None: iter([first]))
 
     checks = []
 

@@ -109,7 +109,7 @@ class EpsilonConstraint:
         limits = roles.limits(self.epsilon or {}, problem)
         warm = warm_starts(self, problem, progress, executor)
         if warm.interrupted is not None:
-            return _within(warm.interrupted, limits, roles, problem) if self.epsilon else warm.interrupted
+            return self._within(warm.interrupted, limits, roles, problem)
         polylines, costs, dropped = warm.polylines(problem, roles.criteria)
         known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
         run = _GridRun(
@@ -117,13 +117,15 @@ class EpsilonConstraint:
         )
         run.warn_of_tight_bounds()
         status = warm.ended(run.go(executor))
-        return run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
+        found = run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
+        return found if (kept := warm.kept(found)) is found else self._within(kept, limits, roles, problem)
 
-
-def _within(found: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
-    """Those of some candidates that keep bounds (k,)."""
-    costs = trajectory_costs(roles.criteria, found.trajectories, problem.world)
-    return found.some(np.flatnonzero([not exceeds(row, limits, roles.criteria).any() for row in costs]))
+    def _within(self, found: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
+        """Those of some candidates that keep the bounds (k,) of ``epsilon``."""
+        if not self.epsilon:
+            return found
+        costs = trajectory_costs(roles.criteria, found.trajectories, problem.world)
+        return found.some(np.flatnonzero([not exceeds(row, limits, roles.criteria).any() for row in costs]))
 
 
 @dataclass(eq=False)

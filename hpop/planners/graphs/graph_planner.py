@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 from hpop.errors import OptionError
-from hpop.planners.base import Planner, make_planner
+from hpop.planners.base import Candidates, Planner, make_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Spending
@@ -22,7 +22,11 @@ GraphSpec = str | Mapping[str, Mapping[str, Any] | None]
 
 
 class GraphPlanner(Planner, Protocol):
-    """A planner that says what a problem is on its graph; ``graph_options`` are those of its options that make it."""
+    """A planner that says what a problem is on its graph; ``graph_options`` are those of its options that make it.
+
+    It may have ``first_answer(name, problem, objectives, spending, progress)``: a few paths of a part of a large graph,
+    with their costs, as candidates of the planner ``name``; None where the graph is soon built.
+    """
 
     graph_options: ClassVar[tuple[str, ...]]
 
@@ -30,6 +34,21 @@ class GraphPlanner(Planner, Protocol):
         self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
     ) -> GraphQuery:
         """The problem on the planner's graph; building it may spend what the limits leave, or raises Exhausted."""
+
+
+def first_of(
+    planner: GraphPlanner,
+    name: str,
+    problem: Problem,
+    objectives: Objectives,
+    spending: Spending,
+    progress: ProgressCallback | None,
+) -> Candidates | None:
+    """A first answer to keep, where there is a limit that may be passed before the graph is built; else None."""
+    find: Callable[..., Candidates | None] | None = getattr(planner, "first_answer", None)
+    if find is None or spending.budget.time_limit is None:
+        return None
+    return find(name, problem, objectives, spending, progress)
 
 
 def graph_planner(spec: GraphSpec, option: str) -> GraphPlanner:

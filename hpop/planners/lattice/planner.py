@@ -17,7 +17,7 @@ from hpop.planners.graphs.joined_ends import Ends, with_ends
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
-from hpop.planners.lattice.stages import MOST_IN_TIME, part_of, stages
+from hpop.planners.lattice.stages import MOST_IN_TIME, first_answer, part_of, stages
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
@@ -244,6 +244,17 @@ class Lattice:
     ) -> GraphQuery:
         """The problem on the lattice's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
         return self.query(problem, objectives, progress, self.lattice(problem, spending))
+
+    def first_answer(
+        self,
+        name: str,
+        problem: Problem,
+        objectives: Objectives,
+        spending: Spending,
+        progress: ProgressCallback | None = None,
+    ) -> Candidates | None:
+        """What the planner ``name``, which searches this graph otherwise, keeps in case it is not built in time."""
+        return first_answer(name, self, problem, objectives, spending, progress)
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
         """The lattice anchored at the problem's start; building it may spend what is in the spending."""

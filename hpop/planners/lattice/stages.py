@@ -140,7 +140,30 @@ def _at_once(
     return exact if exact.status.is_final or exact.status is Status.INTERRUPTED else None
 
 
-def _first_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback | None) -> Candidates:
+def first_answer(
+    name: str,
+    planner: Lattice,
+    problem: Problem,
+    objectives: Objectives,
+    spending: Spending,
+    progress: ProgressCallback | None,
+) -> Candidates | None:
+    """Points on the part of a large lattice round a shortest way, of the planner ``name``; None of a small one."""
+    lattice = planner.lattice(problem, spending)
+    part = None if lattice.costed(objectives.optimised) else part_of(planner, lattice, problem, MOST)
+    if part is None:
+        return None
+    query = planner.query(problem, objectives, progress, part)
+    query.break_ties()
+    budget = spending.share(max(QUICK, SHARE * query.build_seconds))
+    found = _first_answer(query, budget, progress, name)
+    query.drop_ties()
+    return found
+
+
+def _first_answer(
+    query: GraphQuery, budget: Budget, progress: ProgressCallback | None, name: str = "lattice"
+) -> Candidates:
     """Points found within the budget, and what they are."""
 
     def search(graph: Graph) -> ParetoPaths:
@@ -148,7 +171,7 @@ def _first_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback 
         return find(graph, query.start, query.goals, budget=budget, progress=progress)
 
     kind = "non-dominated" if "max" in query.graph.aggregates else "supported"
-    return _stage(query, query.with_fewest_turns(search), f"{kind} points")
+    return _stage(name, query, query.with_fewest_turns(search), f"{kind} points")
 
 
 def _quick_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback | None) -> Candidates:
@@ -157,13 +180,13 @@ def _quick_answer(query: GraphQuery, budget: Budget, progress: ProgressCallback 
     def search(graph: Graph) -> ParetoPaths:
         return first_paths(graph, query.start, query.goals, budget, progress)
 
-    return _stage(query, query.with_fewest_turns(search), "points of weighted costs")
+    return _stage("lattice", query, query.with_fewest_turns(search), "points of weighted costs")
 
 
-def _stage(query: GraphQuery, paths: ParetoPaths, what: str) -> Candidates:
-    """Paths of a first stage, and what they are."""
+def _stage(name: str, query: GraphQuery, paths: ParetoPaths, what: str) -> Candidates:
+    """Paths of a first stage of the planner ``name``, and what they are."""
     found = query.candidates(
-        "lattice",
+        name,
         replace(paths, status=Status.UNFINISHED)
         if paths.status is Status.NO_PATH
         else paths,  # the last stage says why

@@ -13,7 +13,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.front import Front
 from hpop.motions import HOLD
-from hpop.planners.base import Candidates, Planner, joined, make_planner, stages_of, sweeps
+from hpop.planners.base import Candidates, Planner, joined, make_planner, stages_of
 from hpop.planners.judgement import judge
 from hpop.planners.needs import refuse_moving, refuse_unsupported
 from hpop.planners.polylines.polyline import Polyline
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 WarmStart = str | Mapping[str, Mapping[str, Any]] | Front | Sequence[Trajectory]
 SHARED = ("step", "headings")
+SHARE = 0.5  # of a time limit that the planner of the warm starts may take
 FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
 
 
@@ -49,12 +50,32 @@ class WarmStarts(NamedTuple):
     status       how the planner ended that found them
     notes        what the user should know of them
     interrupted  what an interrupted planner found, of which nothing goes on: it is kept instead
+    found        what the planner found that was named
     """
 
     trajectories: Sequence[Trajectory]
     status: Status
     notes: tuple[str, ...]
     interrupted: Candidates | None = None
+    found: Candidates | None = None
+
+    def kept(self, after: Candidates) -> Candidates:
+        """What a plan found that went on from these; where it was stopped before it found anything, these themselves.
+
+        Those that were given are known to whoever gave them, and are not returned.
+        """
+        stopped = after.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT, Status.INTERRUPTED)
+        if after.trajectories or not stopped or self.found is None:
+            return after
+        name = after.stats.get("planner", "it")
+        note = f"{after.status}: {name} found nothing until then; these are its warm starts as they were found"
+        return replace(
+            self.found,
+            status=after.status,
+            certificate=f"{name}: incomplete ({after.status}), its warm starts; {self.found.certificate}",
+            notes=(note, *after.notes),
+            stats={**self.found.stats, **after.stats},
+        )
 
     def polylines(
         self, problem: Problem, criteria: Sequence[Criterion]
@@ -94,11 +115,19 @@ def warm_starts(
     if planner is None:
         known = _given(starting, problem)
     else:
-        on_executor = {"executor": executor} if executor is not None and sweeps(planner) else {}
         refuse_moving(problem, f"warm start by {planner.name}")
-        known = _planned(planner.solve(problem, progress, **on_executor), problem)
+        known = _last(known_trajectories(starting, problem, progress, executor))
     straight, curves = straightened(known.trajectories, problem)
     return known._replace(trajectories=straight, notes=(*known.notes, *curves))
+
+
+def _last(stages: Generator[Candidates, None, WarmStarts]) -> WarmStarts:
+    """What comes of the last of some stages."""
+    while True:
+        try:
+            next(stages)
+        except StopIteration as end:
+            return cast(WarmStarts, end.value)
 
 
 def known_trajectories(
@@ -121,7 +150,7 @@ def _planner_of(starting: Starting, problem: Problem) -> Planner | None:
     """The planner of the warm starts, if they are not given."""
     if not isinstance(starting.warm_start, str | Mapping):
         return None
-    planner = warm_planner(starting, time_limit=starting.time_limit)
+    planner = warm_planner(starting, time_limit=None if starting.time_limit is None else SHARE * starting.time_limit)
     refuse_unsupported(planner, problem.model)
     return planner
 
@@ -145,7 +174,8 @@ def _planned(found: Candidates, problem: Problem) -> WarmStarts:
         return _interrupted(found)
     if not given:
         return WarmStarts((), status, (f"no warm start: {status}", *found.notes))
-    return _moving(given, status, () if status.is_final else (f"the warm starts are not all there are: {status}",))
+    notes = () if status.is_final else (f"the warm starts are not all there are: {status}",)
+    return _moving(given, status, notes)._replace(found=found)
 
 
 def _interrupted(found: Candidates) -> WarmStarts:

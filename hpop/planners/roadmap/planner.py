@@ -20,6 +20,7 @@ from hpop.planners.goals import End, goals_of, start_of
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
+from hpop.planners.graphs.shortest import shortest_path
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
@@ -343,14 +344,25 @@ def on_roadmap(
     checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
     """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
-    spending = roadmap.spending
+    spending, first = roadmap.spending, None
     try:
+        first = _first_of(name, roadmap, objectives)
         query = roadmap_query(objectives, roadmap, progress, notes)
         query.break_ties()
         found = query.exact(name, spending.left(), progress, checkpoint=checkpoint)
     except Exhausted as stop:
-        return stopped(name, objectives, stop, spending)
+        found = stopped(name, objectives, stop, spending, first)
+        return _judged(found, problem, roadmap) if found.trajectories else found
     return _judged(found, problem, roadmap)
+
+
+def _first_of(name: str, roadmap: AnyRoadmap, objectives: Objectives) -> Candidates | None:
+    """The shortest path of a roadmap of positions, kept in case a time limit is passed before its edges are costed."""
+    if roadmap.spending.budget.time_limit is None or not isinstance(roadmap, StateRoadmap):
+        return None
+    if roadmap.costed(objectives.optimised):
+        return None
+    return shortest_path(name, roadmap, objectives, roadmap.start, roadmap.goals)
 
 
 def _judged(found: Candidates, problem: Problem, roadmap: AnyRoadmap) -> Candidates:

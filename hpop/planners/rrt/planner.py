@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import InitVar, dataclass, replace
+from time import time
 from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
@@ -21,7 +22,7 @@ from hpop.planners.needs import on_wheels
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.roadmap.planner import checked_ends
 from hpop.planners.rrt.query import Query
-from hpop.planners.rrt.run import TreeRun, load_ompl, run
+from hpop.planners.rrt.run import LATE, TreeRun, load_ompl, run
 from hpop.randomness import MaybeRNG, set_seed
 from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
@@ -44,7 +45,7 @@ class RRT:
                            None for a fresh one (SPEC 7)
     keep                   "selected": that one alone, ties by length; "all": every run's, for the front to filter
     max_extensions  count  of a tree before its run gives up
-    time_limit      s      of all runs, looked at between them; those finished until then are selected from
+    time_limit      s      of all runs, those finished until then are selected from, a tree that still grows is dropped
 
     The reference of the study in Becerra et al. 2020 (arXiv 2002.10696); how its trees grow is our choice. They are
     OMPL's (Sucan, Moll and Kavraki 2012), their drives those of :mod:`hpop.planners.rrt.query`. Wheel accelerations are
@@ -81,14 +82,18 @@ class RRT:
         Raises OptionError without OMPL, QueryError when start or goal is blocked, or when people move.
         """
         load_ompl()
-        query, objectives = self._query(problem), edge_objectives(problem.criteria, "rrt")
         watch = Watch("rrt", self.time_limit, progress)
+        until = None if self.time_limit is None else time() + self.time_limit
+        query, objectives = self._query(problem, until), edge_objectives(problem.criteria, "rrt")
 
         def report(done: Mapping[int, TreeRun]) -> None:
             watch.report(len(done), self.runs - len(done), sum(not one.failure for one in done.values()))
 
         with Sweep(run, query, executor) as sweep:
-            finished, status = sweep.until(self._seeds(), watch.is_late, report)
+            results, status = sweep.until(self._seeds(), watch.is_late, report)
+        finished = {i: one for i, one in results.items() if one.failure != LATE}
+        if status is Status.COMPLETE and len(finished) < self.runs:
+            status = Status.TIME_LIMIT
         found = _Ended(self, problem, objectives, query, finished, status).candidates()
         return replace(found, notes=(*found.notes, *sweep.notes), stats={**found.stats, "seconds": watch.seconds})
 
@@ -96,7 +101,7 @@ class RRT:
         """Seeds of the runs; OMPL takes no 0."""
         return [1 + int(np.random.SeedSequence((self.seed, i)).generate_state(1)[0] >> 1) for i in range(self.runs)]
 
-    def _query(self, problem: Problem) -> Query:
+    def _query(self, problem: Problem, until: float | None) -> Query:
         moving = [p.name or f"number {i}" for i, p in enumerate(problem.world.content.people) if p.moves]
         if moving:
             raise QueryError(
@@ -113,7 +118,7 @@ class RRT:
                     f"the {what} ({x:.3f}, {y:.3f}) leaves rrt no room: it plans for the circle that the robot sweeps "
                     "in turning, and that meets an obstacle there. Move it, or use another planner."
                 )
-        return Query(model, problem.world, start, goal, self.max_extensions)
+        return Query(model, problem.world, start, goal, self.max_extensions, until)
 
 
 @dataclass(frozen=True, eq=False)

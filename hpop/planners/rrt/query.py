@@ -72,6 +72,7 @@ class Query:
     start       (x m, y m, yaw rad)
     goal        (x m, y m, yaw rad); a yaw of None is free
     extensions  of a tree before a run gives up
+    until       s since 1970, which workers share: a tree that still grows then is dropped; None for never
     """
 
     model: DifferentialDrive
@@ -79,6 +80,7 @@ class Query:
     start: tuple[float, float, float]
     goal: tuple[float, float, float | None]
     extensions: int
+    until: float | None = None
 
     @cached_property
     def limits(self) -> WheelLimits:

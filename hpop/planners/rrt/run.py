@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import threading
 from importlib import import_module
+from time import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from hpop.planners.rrt.close import close
 from hpop.planners.rrt.query import STEP, Base, Query, of_wheels
 
 MOST_STEPS = 5  # wheel accelerations are held for one to so many steps
+LATE = "were ended by the time limit"
 VELOCITIES = 0.5  # weight of differences in speed (m/s, rad/s) beside those in position (m), in the tree's distance
 
 _alone = threading.Lock()  # OMPL's random numbers begin at a seed that the whole process shares
@@ -40,13 +42,14 @@ class TreeRun(NamedTuple):
 
 
 def run(query: Query, seed: int) -> TreeRun:
-    """Grow one tree; its outcome depends on the arguments alone."""
+    """Grow one tree; its outcome depends on the arguments alone, unless it is `LATE`."""
     if query.arrived:
         return TreeRun(np.empty((0, 3)), "", 0)
     with _alone:
         controls, extensions = grow(query, seed)
     if controls is None:
-        return TreeRun(np.empty((0, 3)), "did not reach the goal", extensions)
+        failure = "did not reach the goal" if extensions >= query.extensions else LATE
+        return TreeRun(np.empty((0, 3)), failure, extensions)
     closed = close(query, controls)
     if closed is None:
         return TreeRun(np.empty((0, 3)), "ended near the goal, from where it could not be led to it", extensions)
@@ -88,12 +91,14 @@ def grow(query: Query, seed: int) -> tuple[FloatArray | None, int]:
 
         def enough() -> bool:
             nonlocal extensions
+            if query.until is not None and time() >= query.until:
+                return True
             extensions += 1
             return extensions > query.extensions
 
         tree.solve(ob.PlannerTerminationCondition(enough))
         if not definition.hasExactSolution():
-            return None, query.extensions
+            return None, min(extensions, query.extensions)
         return _controls(query, definition.getSolutionPath()), extensions
     finally:
         util.setLogLevel(level)

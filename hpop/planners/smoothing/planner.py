@@ -103,7 +103,7 @@ class Smoothing:
         notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
         found = _candidates(job, objectives, outcomes, warm.ended(ended), notes)
         stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
-        return replace(found, stats=stats)
+        return warm.kept(replace(found, stats=stats))
 
 
 def _candidates(

@@ -107,7 +107,7 @@ class WeightedSumCorridor:
         left = [f"{ended}: {count - len(run.found)} of {count} corridors were not tried"] * (len(run.found) < count)
         run.notes += [*sweep.notes, *left]
         found = run.candidates(warm.ended(ended))
-        return replace(found, stats={**found.stats, "seconds": watch.seconds})
+        return warm.kept(replace(found, stats={**found.stats, "seconds": watch.seconds}))
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:

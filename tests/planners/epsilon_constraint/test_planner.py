@@ -264,7 +264,7 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch, step):
 def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch, step):
     first = Lattice(step=step).solve(PAPER)
     stopped = dataclasses.replace(first, status=Status.INTERRUPTED)
-    monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
+    monkeypatch.setattr(Lattice, "stages", lambda planner, problem, progress=None: iter([stopped]))
     candidates = EpsilonConstraint(step=step).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     assert candidates.trajectories == first.trajectories
@@ -282,7 +282,7 @@ def test_warm_starts_that_are_not_all_are_said(monkeypatch, step):
     first = Lattice(step=step).solve(PAPER)
     two = {name: getattr(first, name)[:2] for name in ("trajectories", "planned", "tolerance", "provenance")}
     stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT, **two)
-    monkeypatch.setattr(Lattice, "solve", lambda planner, problem, progress=None: stopped)
+    monkeypatch.setattr(Lattice, "stages", lambda planner, problem, progress=None: iter([stopped]))
     candidates = EpsilonConstraint(step=step).solve(PAPER)
     assert candidates.status is Status.LABEL_LIMIT
     assert "the warm starts are not all there are: label limit" in candidates.notes

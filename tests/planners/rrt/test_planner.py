@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
+from itertools import count
 
 import numpy as np
 import pytest
@@ -272,6 +273,21 @@ def test_time_that_runs_out_keeps_what_is_finished(monkeypatch):
     assert candidates.status is Status.TIME_LIMIT
     assert 0 < candidates.stats["runs"] < 8
     assert candidates.trajectories
+
+
+def test_a_tree_that_still_grows_when_time_is_up_is_dropped(monkeypatch):
+    """There is no way, so each tree would grow to 100,000 extensions; time goes by a second an extension."""
+    wall = World.from_polygons([shapely.box(2.6, 0, 3.0, 5)], extent=shapely.box(0, 0, 6, 5))
+    problem = Problem(wall, ROBOT, (1, 1, 0), (5, 1, 0), ["length"])
+    clock = count(1e9)
+    monkeypatch.setattr("hpop.planners.rrt.run.time", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.planners.rrt.planner.time", lambda: 1e9)
+    candidates = RRT(runs=2, max_extensions=100_000, time_limit=50.0).solve(problem)
+    assert next(clock) < 1e9 + 120
+    assert candidates.status is Status.TIME_LIMIT
+    assert candidates.stats["runs"] == 0
+    assert candidates.stats["failed"] == {}
+    assert any("time was up" in note for note in candidates.notes)
 
 
 @pytest.mark.parametrize("at", [0, 2])
