@@ -8,10 +8,11 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from hpop.apart.answer import Answer, Refused
-from hpop.apart.lines import FARTHEST, MOST_DEEP, SAG, Lines
+from hpop.apart.lines import FARTHEST, HIDDEN, MOST_DEEP, SAG, Lines
 
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX")
 FILLED = ("SOLID", "TRACE")
+WIDE = ("LWPOLYLINE", "POLYLINE")
 
 
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
@@ -28,8 +29,10 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
     except DXFError as error:
         raise Refused(f"it is no DXF drawing that can be read ({str(error)[:200]})") from None
     lines = Lines(options["layers"])
-    hidden = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off() or layer.is_frozen()}
-    for placed in _within(drawing.modelspace(), None, "", 0, lines):
+    frozen = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_frozen()}
+    hidden = frozen | {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off()}
+    walk = _Walk(lines, frozen if options["layers"] is None else set())
+    for placed in walk.within(drawing.modelspace(), None, "", 0):
         _add(placed, placed.layer.casefold() not in hidden, lines)
     return lines.answer(
         (layer.dxf.name for layer in drawing.layers),
@@ -46,26 +49,54 @@ class _Placed(NamedTuple):
     layer: str
 
 
-def _within(entities: Any, matrix: Any, around: str, deep: int, lines: Lines) -> Iterator[_Placed]:
-    """Entities, those of blocks where they are inserted; layer 0 of a block is its reference's.
+class _Walk:
+    """A walk through the entities of a drawing.
 
-    Matrices are multiplied here: ezdxf turns a reference within a stretched block into one that it can say.
+    frozen  layers, in lower case, whose references to blocks are not shown, whatever the layers of what is in these
     """
-    for entity in entities:
-        lines.look()
-        layer = str(entity.dxf.get("layer", "0"))
-        layer = around if layer == "0" and around else layer
-        if entity.dxftype() != "INSERT":
-            yield _Placed(entity, matrix, layer)
-        elif deep == MOST_DEEP:
-            lines.left_out[f"blocks more than {MOST_DEEP} deep"] += 1
-        elif (block := entity.block()) is None:
-            lines.left_out["INSERT without a block"] += 1
-        else:
-            for reference in entity.multi_insert() if entity.mcount > 1 else (entity,):
-                lines.look()
-                own = reference.matrix44()
-                yield from _within(block, own if matrix is None else own @ matrix, layer, deep + 1, lines)
+
+    def __init__(self, lines: Lines, frozen: set[str]) -> None:
+        self._lines, self._frozen = lines, frozen
+
+    def within(self, entities: Any, matrix: Any, around: str, deep: int) -> Iterator[_Placed]:
+        """Yield what is shown, that of blocks where they are inserted; layer 0 of a block is its reference's.
+
+        Matrices are multiplied here: ezdxf turns a reference within a stretched block into one that it can say.
+        """
+        lines = self._lines
+        for entity in entities:
+            lines.look()
+            layer = str(entity.dxf.get("layer", "0"))
+            layer = around if layer == "0" and around else layer
+            kind = entity.dxftype()
+            if entity.dxf.get("invisible", 0):  # group 60, such as the states of a dynamic block that are not chosen
+                lines.left_out["invisible"] += 1
+            elif kind == "MLINE":
+                yield from (_Placed(part, matrix, layer) for part in self._parts(entity))
+            elif kind != "INSERT":
+                yield _Placed(entity, matrix, layer)
+            elif layer.casefold() in self._frozen:
+                lines.left_out[HIDDEN] += 1
+            elif deep == MOST_DEEP:
+                lines.left_out[f"blocks more than {MOST_DEEP} deep"] += 1
+            elif (block := entity.block()) is None:
+                lines.left_out["INSERT without a block"] += 1
+            elif block.block is not None and block.block.is_xref:
+                lines.left_out["references to other drawings (XREF)"] += 1
+            else:
+                for reference in entity.multi_insert() if entity.mcount > 1 else (entity,):
+                    lines.look()
+                    own = reference.matrix44()
+                    whole = own if matrix is None else own @ matrix
+                    yield from self.within(block, whole, layer, deep + 1)
+
+    def _parts(self, wall: Any) -> list[Any]:
+        """The lines, arcs and fills of an MLINE, the wall tool of AutoCAD."""
+        try:
+            return list(wall.virtual_entities())
+        except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError):
+            self._lines.left_out["MLINE without a style"] += 1
+            return []
 
 
 def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
@@ -86,6 +117,26 @@ def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
         lines.left_out[f"{kind} without a line"] += 1
         return
     lines.add(layer, [points for each in paths for points in _flat(each)], filled=solid)
+    if kind in WIDE and entity.has_width:
+        for corners in _band(entity, lines):
+            placed_corners = corners if matrix is None else matrix.transform_vertices(corners)
+            lines.add(layer, [[(v.x, v.y) for v in placed_corners]], filled=True)
+
+
+def _band(polyline: Any, lines: Lines) -> list[Any]:
+    """Quadrilaterals (groups 40, 41 and 43) that a wide polyline fills, each of four corners, outside of its block."""
+    from ezdxf.math import Vec3
+    from ezdxf.render.trace import TraceBuilder
+
+    level = polyline.dxf.get("elevation", 0.0)
+    try:
+        faces = TraceBuilder.from_polyline(polyline).faces_wcs(polyline.ocs(), Vec3(level).z if level else 0.0)
+        found = [list(face) for face in faces]
+    except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError):
+        lines.left_out["widths that cannot be read"] += 1
+        return []
+    lines.wide += bool(found)
+    return found
 
 
 def _flat(path: Any) -> Iterator[list[tuple[float, float]]]:

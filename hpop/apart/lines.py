@@ -23,6 +23,10 @@ SAG = 5e-4
 """How far a curve may be from its chords, for each unit of the size of the curve."""
 
 
+HIDDEN = "on layers that are off or frozen"
+"""What is said of things that are not shown."""
+
+
 class Lines:
     """What is found of a drawing.
 
@@ -35,12 +39,15 @@ class Lines:
         self._starts = [0]
         self._layer: list[int] = []
         self._area: list[int] = []
+        self._width: list[float] = []
         self._areas = 0
         self._things = 0
         self._layers: dict[str, int] = {}
         self.counted: Counter[str] = Counter()
         """How many lines and areas each layer has, those that are not asked for included."""
         self.left_out: Counter[str] = Counter()
+        self.wide = 0
+        """How many lines are areas as well, as thick as they are drawn."""
 
     def look(self) -> None:
         """Count one more thing that is looked at; `Refused` where there are too many."""
@@ -54,11 +61,21 @@ class Lines:
         if self._asked is not None:
             return layer.casefold() in self._asked
         if not shown:
-            self.left_out["on layers that are off or frozen"] += 1
+            self.left_out[HIDDEN] += 1
         return shown
 
-    def add(self, layer: str, paths: Iterable[Sequence[tuple[float, float]]], *, filled: bool = False) -> None:
-        """Add lines, each through points; together they bound an area where they are filled."""
+    def add(
+        self,
+        layer: str,
+        paths: Iterable[Sequence[tuple[float, float]]],
+        *,
+        filled: bool = False,
+        width: float = 0.0,
+    ) -> None:
+        """Add lines, each through points; together they bound an area where they are filled.
+
+        width  how thick they are drawn, in the drawing's units, where their ends are cut off; 0 for the width of a pen
+        """
         self._areas += filled
         for path in paths:
             if len(path) < 2:
@@ -67,6 +84,7 @@ class Lines:
             self._starts.append(len(self._points))
             self._layer.append(self._layers.setdefault(layer, len(self._layers)))
             self._area.append(self._areas if filled else 0)
+            self._width.append(width)
             if len(self._points) > MOST_POINTS:
                 raise Refused(
                     f"its lines have more than {MOST_POINTS:,} points; expected a floor plan. Choose layers, or leave "
@@ -91,9 +109,11 @@ class Lines:
             "layers": list(self._layers),
             "counted": dict(self.counted.most_common(100)),
             "left_out": dict(self.left_out.most_common(20)),
+            "wide": self.wide,
         }
-        arrays = {"points": points, "starts": self._starts, "layer": self._layer, "area": self._area}
-        return Answer(words, {name: np.asarray(a, "<f8" if name == "points" else "<i8") for name, a in arrays.items()})
+        arrays = {"starts": self._starts, "layer": self._layer, "area": self._area}
+        whole = {name: np.asarray(numbers, "<i8") for name, numbers in arrays.items()}
+        return Answer(words, {"points": points, "width": np.asarray(self._width, "<f8"), **whole})
 
 
 def said(counted: Counter[str] | dict[str, int], most: int = 12) -> str:

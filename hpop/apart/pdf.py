@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ctypes
+import io
 import math
-from collections.abc import Iterator
+import re
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from hpop.apart.answer import Answer, Refused
+from hpop.apart.clip import Visible
 from hpop.apart.lines import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, Lines
 
 PAPER = 0.9
@@ -17,6 +20,14 @@ PAPER = 0.9
 INK = 0.5
 """Brightness below which a fill is solid: lighter ones colour rooms."""
 LAYERLESS = "(no layer)"
+PEN = 72 / 25.4
+"""Thickness up to which a line is a pen's, 1 mm on paper: what is thicker is drawn as a band."""
+MOST_UNIT = 75_000.0
+"""Largest UserUnit: a page is at most 200 inches of its units across, and 237 miles."""
+STREAM = re.compile(rb"stream\r?\n.*?endstream", re.DOTALL)
+PLAIN_OBJECT = re.compile(rb"\d+ \d+ obj\b(.*?)\bendobj", re.DOTALL)
+PLAIN_PAGE = re.compile(rb"/Type\s*/Page\b")
+PLAIN_UNIT = re.compile(rb"/UserUnit\s+(\d{1,6}(?:\.\d*)?|\.\d+)")
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -38,20 +49,44 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
     except pdfium.PdfiumError as error:
         raise Refused(f"it is no PDF that can be read ({str(error)[:200]}); has it a password?") from None
     lines = Lines(options["layers"])
-    shown = _as_shown(page)
-    for thing, matrix, layer in _within(raw, page.raw, shown, LAYERLESS, 0, lines):
+    unit = _unit(pdfium, document, page, options["page"] - 1, data)
+    shown, width, height = _as_shown(page, unit)
+    visible = Visible((0.0, 0.0, width, height))
+    for thing, matrix, layer, clip in _within(raw, page.raw, shown, LAYERLESS, visible, 0, lines):
         kind = raw.FPDFPageObj_GetType(thing)
         if kind == raw.FPDF_PAGEOBJ_PATH:
-            _add(raw, thing, matrix, layer, lines)
+            _add(raw, thing, matrix, layer, clip, lines)
         else:
             names = {raw.FPDF_PAGEOBJ_TEXT: "texts", raw.FPDF_PAGEOBJ_IMAGE: "images"}
             lines.left_out[names.get(kind, "shadings and others")] += 1
-    return lines.answer((), pages=pages)
+    if (notes := raw.FPDFPage_GetAnnotCount(page.raw)) > 0:
+        lines.left_out["annotations"] += notes
+    return lines.answer((), pages=pages, unit=unit)
 
 
-def _as_shown(page: Any) -> Matrix:
-    """From the page's coordinates to those of the page as it is shown: its lower left corner, and its rotation."""
+def _unit(pdfium: Any, document: Any, page: Any, number: int, data: bytes) -> float:
+    """How many points (1/72 inch) a unit of a page is: its UserUnit (PDF 1.6), of which pdfium knows nothing.
+
+    pdfium copies the page into a document whose objects are not compressed, where the entry is plain to see.
+    """
+    if b"UserUnit" not in data and b"ObjStm" not in data:
+        return 1.0
+    alone, copy = pdfium.PdfDocument.new(), io.BytesIO()
+    alone.import_pages(document, [number])
+    alone.save(copy)
+    # Of the page: streams, in which the word may stand as well, are left out.
+    plain = STREAM.sub(b"", copy.getvalue())
+    found = next((PLAIN_UNIT.search(item) for item in PLAIN_OBJECT.findall(plain) if PLAIN_PAGE.search(item)), None)
+    unit = float(found[1]) if found else 1.0
+    return unit if 0 < unit <= MOST_UNIT else 1.0
+
+
+def _as_shown(page: Any, unit: float) -> tuple[Matrix, float, float]:
+    """From the page's coordinates to points of the page as it is shown, from its lower left corner; and its size."""
     left, bottom, right, top = page.get_cropbox()
+    x0, y0, x1, y1 = page.get_mediabox()
+    if min(right, x1) > max(left, x0) and min(top, y1) > max(bottom, y0):
+        left, bottom, right, top = max(left, x0), max(bottom, y0), min(right, x1), min(top, y1)
     width, height = right - left, top - bottom
     to_corner = np.array([[1.0, 0, 0], [0, 1, 0], [-left, -bottom, 1]])
     turned = {
@@ -60,13 +95,15 @@ def _as_shown(page: Any) -> Matrix:
         180: [[-1.0, 0, 0], [0, -1, 0], [width, height, 1]],
         270: [[0.0, 1, 0], [-1, 0, 0], [height, 0, 1]],
     }
-    return np.asarray(to_corner @ np.array(turned[page.get_rotation()]))
+    across = (width, height) if page.get_rotation() in (0, 180) else (height, width)
+    whole = to_corner @ np.array(turned[page.get_rotation()]) @ np.diag([unit, unit, 1.0])
+    return np.asarray(whole), across[0] * unit, across[1] * unit
 
 
 def _within(
-    raw: Any, parent: Any, matrix: Matrix, around: str, deep: int, lines: Lines
-) -> Iterator[tuple[Any, Matrix, str]]:
-    """Objects of a page, those of forms where these are drawn, each with what places it, and its layer."""
+    raw: Any, parent: Any, matrix: Matrix, around: str, clip: Visible, deep: int, lines: Lines
+) -> Iterator[tuple[Any, Matrix, str, Visible]]:
+    """Objects of a page, those of forms where these are drawn, each with what places it, its layer, and its clip."""
     of_page = deep == 0
     count = raw.FPDFPage_CountObjects(parent) if of_page else raw.FPDFFormObj_CountObjects(parent)
     for i in range(count):
@@ -77,12 +114,24 @@ def _within(
         if not raw.FPDFPageObj_GetMatrix(thing, ctypes.byref(own)):
             own = raw.FS_MATRIX(1, 0, 0, 1, 0, 0)
         placed = np.array([[own.a, own.b, 0], [own.c, own.d, 0], [own.e, own.f, 1]]) @ matrix
+        within = _clipped(raw, thing, matrix, clip, lines)
         if raw.FPDFPageObj_GetType(thing) != raw.FPDF_PAGEOBJ_FORM:
-            yield thing, placed, layer
+            yield thing, placed, layer, within
         elif deep == MOST_DEEP:
             lines.left_out[f"forms more than {MOST_DEEP} deep"] += 1
         else:
-            yield from _within(raw, thing, placed, layer, deep + 1, lines)
+            yield from _within(raw, thing, placed, layer, within, deep + 1, lines)
+
+
+def _clipped(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) -> Visible:
+    """What is visible of an object: the clip around it and its own paths, in the coordinates of what holds it."""
+    own = raw.FPDFPageObj_GetClipPath(thing)
+    for number in range(max(0, raw.FPDFClipPath_CountPaths(own))):
+        lines.look()
+        count = raw.FPDFClipPath_CountPathSegments(own, number)
+        segments = (raw.FPDFClipPath_GetPathSegment(own, number, i) for i in range(count))
+        clip = clip.cut(_parts(raw, segments, count, matrix))
+    return clip
 
 
 def _layer(raw: Any, thing: Any) -> str:
@@ -104,8 +153,8 @@ def _text(get: Any) -> str:
     return buffer.raw[: size.value].decode("utf-16-le", "replace").rstrip("\0")
 
 
-def _add(raw: Any, path: Any, matrix: Matrix, layer: str, lines: Lines) -> None:
-    """Add what a path draws, if it draws something dark."""
+def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines) -> None:
+    """Add what a path draws within its clip, if it draws something dark."""
     fill, stroke = ctypes.c_int(), ctypes.c_int()
     if not raw.FPDFPath_GetDrawMode(path, ctypes.byref(fill), ctypes.byref(stroke)):
         return
@@ -115,8 +164,23 @@ def _add(raw: Any, path: Any, matrix: Matrix, layer: str, lines: Lines) -> None:
         if fill.value or stroke.value:
             lines.left_out["light fills and lines"] += 1
         return
-    if lines.wants(layer):
-        lines.add(layer, _parts(raw, path, matrix, lines), filled=is_area)
+    if not lines.wants(layer):
+        return
+    count = raw.FPDFPath_CountSegments(path)
+    parts = _parts(raw, (raw.FPDFPath_GetPathSegment(path, i) for i in range(count)), count, matrix)
+    seen = clip.of(parts, filled=is_area)
+    if seen != parts:
+        lines.left_out["in part or whole outside of the page or of a clip path"] += 1
+    lines.add(layer, seen, filled=is_area, width=_thickness(raw, path, matrix) if is_line and not is_area else 0.0)
+
+
+def _thickness(raw: Any, path: Any, matrix: Matrix) -> float:
+    """How thick a line is drawn, in points; 0 for what a pen draws."""
+    width = ctypes.c_float()
+    if not raw.FPDFPageObj_GetStrokeWidth(path, ctypes.byref(width)):
+        return 0.0
+    thick = width.value * math.sqrt(abs(float(np.linalg.det(matrix[:2, :2]))))
+    return thick if PEN < thick <= FARTHEST else 0.0
 
 
 def _brightness(get: Any, path: Any) -> float:
@@ -127,16 +191,14 @@ def _brightness(get: Any, path: Any) -> float:
     return 1.0 - alpha.value / 255 * (1.0 - (red.value + green.value + blue.value) / 765)
 
 
-def _parts(raw: Any, path: Any, matrix: Matrix, lines: Lines) -> list[list[tuple[float, float]]]:
-    """The parts of a path as points, curves within a share of their size."""
+def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> list[list[tuple[float, float]]]:
+    """The parts of a path of some segments as points, curves within a share of their size."""
     parts: list[list[tuple[float, float]]] = []
-    count = raw.FPDFPath_CountSegments(path)
     if count > MOST_POINTS:
         raise Refused(f"a line of it has {count:,} points; expected a floor plan, at most {MOST_POINTS:,}")
     curve: list[tuple[float, float]] = []
     x, y = ctypes.c_float(), ctypes.c_float()
-    for i in range(count):
-        segment = raw.FPDFPath_GetPathSegment(path, i)
+    for segment in segments:
         raw.FPDFPathSegment_GetPoint(segment, ctypes.byref(x), ctypes.byref(y))
         placed = np.array([x.value, y.value, 1.0]) @ matrix
         point = (float(placed[0]), float(placed[1]))

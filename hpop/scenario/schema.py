@@ -139,6 +139,7 @@ class Drawing(MapFile):
     wall_width: float = Field(default=0.05, gt=0)  # m, how thick a line is
     inside: Point | None = None  # m, [x, y]: what cannot be reached from there is solid
     origin: Annotated[Pair, _form("an origin [x, y] in the drawing's units")] = (0.0, 0.0)
+    door_arcs: Literal["closed", "open"] = "closed"  # whether arcs along which doors swing are walls
 
 
 class DXF(Drawing):

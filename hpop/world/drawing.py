@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import shapely
@@ -17,8 +17,11 @@ from hpop.apart.lines import said
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import MapError
 from hpop.limits import READING
+from hpop.options import one_of
 from hpop.text import shown
 from hpop.world.crossings import check_joinable, check_widenable
+from hpop.world.doors import Arc, DoorArcs, door_arcs
+from hpop.world.doors import said as said_of_doors
 from hpop.world.ground import Ground
 from hpop.world.placement import Placement
 from hpop.world.shapes import LARGEST, SMALLEST, Obstacle, check_inside, check_positive
@@ -39,16 +42,19 @@ class Options(NamedTuple):
     wall_width  m
     layers      names, or None for all that are shown
     inside      a point of the free space, m, or None
+    door_arcs   whether arcs along which doors swing are walls, or left out
     """
 
     wall_width: float
     layers: list[str] | None
     inside: tuple[float, float] | None
+    door_arcs: DoorArcs
 
 
-def options(wall_width: Any, layers: Any, inside: Any) -> Options:
+def options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> Options:
     """The options checked, or `MapError`."""
-    return Options(check_positive("wall_width", wall_width), _names(layers), check_inside(inside))
+    one_of("door_arcs", door_arcs, get_args(DoorArcs), error=MapError)
+    return Options(check_positive("wall_width", wall_width), _names(layers), check_inside(inside), door_arcs)
 
 
 def _names(layers: Any) -> list[str] | None:
@@ -80,20 +86,29 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
             f"{path}: a scale of {placement.scale:g} m a unit makes it {width:.3g} x {height:.3g} m; expected a "
             "building. Give another scale."
         )
-    walls = _walls(points, starts, np.flatnonzero(area == 0), asked.wall_width, path)
+    wide = np.maximum(asked.wall_width, arrays["width"] * placement.scale)  # of lines that are so thick on paper
+    thin = np.flatnonzero(area == 0)
+    swings = list(door_arcs(points, starts, thin))
+    if asked.door_arcs == "open":
+        points, starts, wide, thin = _without(swings, points, starts, wide, thin)
+    walls = _walls(points, starts, thin, wide, asked.wall_width, path)
     solid = [*walls, *_areas(points, starts, area, path)]
     if not solid:
         raise MapError(f"{path} has lines without length only; {left or nothing}.")
     limits.check(READING)
-    counted = {words["layers"][layer]: count for layer, count in zip(*_counted(arrays["layer"]), strict=True)}
+    by_layer = {words["layers"][layer]: count for layer, count in zip(*_counted(arrays["layer"]), strict=True)}
     try:
         check_joinable(solid, f"{path}")
     except MapError as error:
-        raise MapError(f"{error} layers chooses which are read, such as those of walls: {said(counted)}.") from None
+        raise MapError(f"{error} layers chooses which are read, such as those of walls: {said(by_layer)}.") from None
     limits.check(READING)
     union = shapely.disjoint_subset_union_all(solid)  # in a thirtieth of the time of union_all
     size = f"{len(starts) - 1:,} lines and fills of {width:.4g} x {height:.4g} m"
-    notes = [f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(counted)}", left]
+    notes = [f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(by_layer)}", left]
+    if thick := words["wide"] + np.count_nonzero(wide > asked.wall_width):
+        notes.append(f"lines as thick as they are drawn: {thick:,}")
+    if swings:
+        notes.append(said_of_doors(swings, asked.door_arcs))
     if asked.layers is None:
         notes.append("layers chooses which are read; doors that are drawn as lines are closed, so leave out theirs")
     extent = shapely.box(*union.bounds)
@@ -112,17 +127,41 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
     return numbers.tolist(), counts.tolist()
 
 
-def _walls(points: FloatArray, starts: IntArray, lines: IntArray, width: float, path: str | Path) -> list[BaseGeometry]:
-    """Polygons along lines."""
+def _walls(
+    points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
+) -> list[BaseGeometry]:
+    """Polygons along lines, each of its width, m; what is wider than usual ends where its line does."""
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):
         limits.check(READING)
         some = lines[begin : begin + BLOCK]
-        made = _linestrings(points, starts, some)
-        for line in made[shapely.get_num_coordinates(made) > LONG].tolist():
-            check_widenable(line, width / 2, f"a line of {path}")
-        walls += widened(made, width)
+        for width in np.unique(widths[some]).tolist():
+            made = _linestrings(points, starts, some[widths[some] == width])
+            for line in made[shapely.get_num_coordinates(made) > LONG].tolist():
+                check_widenable(line, width / 2, f"a line of {path}")
+            walls += widened(made, width, cap="square" if width == usual else "flat")
     return walls
+
+
+def _without(
+    arcs: Sequence[Arc], points: FloatArray, starts: IntArray, widths: FloatArray, lines: IntArray
+) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+    """Points, starts, widths and lines without arcs; what a line has beside its arc is a line of its own."""
+    pieces = [
+        (points[begin:end], widths[arc.line])
+        for arc in arcs
+        for begin, end in ((starts[arc.line], arc.first + 1), (arc.last, starts[arc.line + 1]))
+        if end - begin > 1
+    ]
+    ends = starts[-1] + np.cumsum([len(piece) for piece, _ in pieces], dtype=np.int64)
+    kept = np.setdiff1d(lines, [arc.line for arc in arcs])
+    added = len(starts) - 1 + np.arange(len(pieces))
+    return (
+        np.concatenate([points, *(piece for piece, _ in pieces)]),
+        np.append(starts, ends),
+        np.append(widths, [width for _, width in pieces]),
+        np.append(kept, added).astype(np.int64),
+    )
 
 
 def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArray[np.object_]:

@@ -10,6 +10,7 @@ import numpy as np
 from hpop.apart.answer import Answer
 from hpop.errors import MapError
 from hpop.world import drawing
+from hpop.world.doors import DoorArcs
 from hpop.world.drawing import WALL_WIDTH
 from hpop.world.files import file_source, read_bytes
 from hpop.world.placement import Placement
@@ -39,6 +40,7 @@ def read(
     wall_width: float = WALL_WIDTH,
     inside: tuple[float, float] | None = None,
     origin: tuple[float, float] = (0.0, 0.0),
+    door_arcs: DoorArcs = "closed",
 ) -> World:
     """Read the model space of a DXF drawing, ASCII or binary, as a `World`.
 
@@ -56,9 +58,13 @@ def read(
         drawn as two lines, and all outside of the building. Without it the extent is the bounding box of the walls.
     origin : (x, y)
         The drawing's point that becomes (0, 0), in its units.
+    door_arcs : "closed" or "open"
+        Whether arcs that look like the swing of a door (0.4 to 1.6 m, about a quarter of a circle) are walls, or left
+        out. ``world.notes`` say where they are.
 
-    Lines, polylines, arcs, circles, ellipses and splines are walls, and so are those of blocks where these are
-    inserted; solid hatches, solids and traces are obstacles. All else is counted in ``world.notes``, which name the
+    Lines, polylines, arcs, circles, ellipses, splines and the lines of MLINEs are walls, and so are those of blocks
+    where these are inserted; wide polylines, solid hatches, solids and traces are obstacles. What is invisible, or on
+    layers that are off or frozen, is left out. That and all else is counted in ``world.notes``, which name the
     layers. A curve is a polyline within a two thousandth of its size.
 
     Raises
@@ -67,7 +73,7 @@ def read(
         If the file is missing or no drawing, says no units, has no lines or not the layers asked for, or takes more
         time or memory than `hpop.world.reading_apart` allows.
     """
-    asked = drawing.options(wall_width, layers, inside)
+    asked = drawing.options(wall_width, layers, inside, door_arcs)
     Placement(1.0 if scale is None else scale, origin)  # checked before the file is read
     content = read_bytes(path, "DXF drawing", limit=MOST_BYTES)
     found = extract("dxf", path, content, {"layers": asked.layers})

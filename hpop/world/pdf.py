@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from hpop.errors import MapError
 from hpop.options import whole
 from hpop.world import drawing
+from hpop.world.doors import DoorArcs
 from hpop.world.drawing import WALL_WIDTH
 from hpop.world.files import file_source, read_bytes
 from hpop.world.placement import Placement
@@ -32,6 +34,7 @@ def read(
     wall_width: float = WALL_WIDTH,
     inside: tuple[float, float] | None = None,
     origin: tuple[float, float] = (0.0, 0.0),
+    door_arcs: DoorArcs = "closed",
 ) -> World:
     """Read a page of a PDF with lines, as drawing programs write it, as a `World`; exactly one of scale and ratio.
 
@@ -50,9 +53,13 @@ def read(
         As `hpop.world.dxf.read` has them.
     origin : (x, y)
         The point that becomes (0, 0), in points from the lower left corner of the page as it is shown.
+    door_arcs : "closed" or "open"
+        As `hpop.world.dxf.read` has it.
 
-    Dark lines are walls, whatever their thickness on paper; dark fills are obstacles, lighter ones colour rooms and are
-    left out, as are texts and images. All that is counted in ``world.notes``.
+    Dark lines are walls; those of more than 1 mm on paper are as thick as they are drawn. Dark fills are obstacles,
+    lighter ones colour rooms and are left out, as are texts, images, annotations, and what lies outside of the page or
+    of a clip path. All that is counted in ``world.notes``. A page whose unit is no point (UserUnit) is as large as it
+    says.
 
     Raises
     ------
@@ -60,7 +67,7 @@ def read(
         If the file is missing or no PDF, has no such page, no lines or not the layers asked for, or takes more time or
         memory than `hpop.world.reading_apart` allows.
     """
-    asked = drawing.options(wall_width, layers, inside)
+    asked = drawing.options(wall_width, layers, inside, door_arcs)
     page = whole("page", page, 1, MOST_PAGES, error=MapError)
     if (scale is None) == (ratio is None):
         raise MapError(
@@ -82,4 +89,7 @@ def read(
             f"by image with resolution {metres * 72 / 150:.4g}."
         ) from None
     options = {"scale": metres, "page": page, **asked._asdict(), "origin": list(origin)}
+    if (unit := found.words["unit"]) != 1.0:
+        note = f"{path}: a unit of page {page} is {unit:g} points by its UserUnit."
+        world = replace(world, notes=(note, *world.notes))
     return world.read_from(file_source("pdf", path, options, content))

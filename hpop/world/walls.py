@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import shapely
@@ -33,8 +33,8 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
     return widened(np.array([line]), width)
 
 
-def widened(lines: NDArray[np.object_], width: float) -> list[Polygon]:
+def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
     """The same for many lines (n,), of which none comes near to itself again and again."""
-    found = shapely.buffer(lines, width / 2, cap_style="square", join_style="mitre", mitre_limit=SHARPEST)
+    found = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
     parts: NDArray[np.object_] = shapely.get_parts(found)
     return [part for part in parts.tolist() if isinstance(part, Polygon) and part.area > 0]

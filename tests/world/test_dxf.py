@@ -67,7 +67,8 @@ def test_a_plan_in_millimetres_is_the_room_that_was_drawn(plan):
     solid = world.solid()
     assert shapely.symmetric_difference(solid, shapely.union_all([wall, inner, column, swing])).area < 0.02
     assert world.bounds == pytest.approx((-0.05, -0.05, 6.05, 4.05), abs=0.002)
-    units, what, left, doors = world.notes
+    units, what, left, swings, doors = world.notes
+    assert "1 arcs look like the swing of a door, 0.9 m wide" in swings
     assert "drawn in millimetres of 0.001 m by its header" in units
     assert "doors that are drawn as lines are closed" in doors
     assert "5 lines and fills of 6 x 4 m; lines are walls 0.1 m thick" in what
@@ -215,3 +216,155 @@ def test_coordinates_that_are_none_are_refused(number):
 def test_wrong_options_are_refused_before_the_file_is_read(tmp_path, options, message):
     with pytest.raises(MapError, match=message):
         World.from_file(tmp_path / "there_is_none.dxf", **options)
+
+
+# What is not shown, and what is as thick as it is drawn
+
+
+def test_what_is_invisible_is_no_wall_and_told():
+    def draw(drawing):
+        space = drawing.modelspace()
+        space.add_line((0, 0), (6, 0))
+        space.add_line((1, 0), (1, 4), dxfattribs={"invisible": 1})
+        door = drawing.blocks.new("DOOR")  # a dynamic block keeps its other states so
+        door.add_line((0, 0), (1, 0))
+        door.add_line((0, 0), (0, 1), dxfattribs={"invisible": 1})
+        space.add_blockref("DOOR", (3, 3))
+        space.add_blockref("DOOR", (4, 3), dxfattribs={"invisible": 1})
+
+    words, found = lines(draw)
+    assert [part.tolist() for _, part in found] == [[[0, 0], [6, 0]], [[3, 3], [4, 3]]]
+    assert words["left_out"] == {"invisible": 3}
+
+
+def test_a_block_on_a_frozen_layer_is_hidden_with_all_in_it_and_one_that_is_off_is_not():
+    """AutoCAD: freezing the layer of a reference hides the block, turning it off hides what is on layer 0 of it."""
+
+    def draw(drawing):
+        drawing.layers.add("FROZEN").freeze()
+        drawing.layers.add("OFF").off()
+        block = drawing.blocks.new("B")
+        block.add_line((0, 0), (1, 0), dxfattribs={"layer": "WALLS"})
+        block.add_line((0, 1), (1, 1), dxfattribs={"layer": "0"})
+        for x, layer in ((0, "FROZEN"), (10, "OFF")):
+            drawing.modelspace().add_blockref("B", (x, 0), dxfattribs={"layer": layer})
+
+    words, found = lines(draw)
+    assert [(layer, part.tolist()) for layer, part in found] == [("WALLS", [[10, 0], [11, 0]])]
+    assert words["left_out"] == {"on layers that are off or frozen": 2}
+    assert len(lines(draw, ["WALLS"])[1]) == 2  # a layer that is asked for is read wherever it is
+
+
+def test_a_reference_to_another_drawing_is_told():
+    def draw(drawing):
+        drawing.modelspace().add_line((0, 0), (1, 0))
+        drawing.add_xref_def("other.dxf", "OTHER")
+        drawing.modelspace().add_blockref("OTHER", (0, 0))
+
+    assert lines(draw)[0]["left_out"] == {"references to other drawings (XREF)": 1}
+
+
+def test_wide_polylines_are_as_thick_as_they_are_drawn(tmp_path):
+    def draw(drawing):
+        space = drawing.modelspace()
+        space.add_lwpolyline([(0, 0), (10, 0), (10, 6), (0, 6)], close=True)
+        space.add_lwpolyline([(1, 4.5), (9, 4.5)], dxfattribs={"const_width": 0.2})
+        space.add_polyline2d([(1, 1.5), (5, 1.5)], dxfattribs={"default_start_width": 0.4, "default_end_width": 0.0})
+        block = drawing.blocks.new("B")
+        block.add_lwpolyline([(0, 0), (1, 0)], dxfattribs={"const_width": 0.1})
+        space.add_blockref("B", (6, 2), dxfattribs={"xscale": 2, "yscale": 4})
+
+    path = tmp_path / "plan.dxf"
+    path.write_bytes(dxf(draw))
+    world = World.from_file(path)
+    x = np.array([5.0, 5.0, 5.0, 1.1, 4.9, 7.0, 7.0])
+    y = np.array([4.59, 4.41, 4.65, 1.68, 1.6, 2.19, 2.25])
+    # A taper from 0.4 to 0 is 0.39 wide at x = 1.1 and 0.01 at 4.9; in the block 0.1 times 4.
+    assert (world.clearance(x, y) > 0).tolist() == [False, False, True, False, True, False, True]
+    assert world.clearance(np.array([5.0]), np.array([4.65])) == pytest.approx(0.05)
+    assert [note for note in world.notes if "lines as thick as they are drawn: 3" in note]
+
+
+def test_a_wide_arc_is_a_ring():
+    """A half circle of radius 2 and width 0.5 covers pi 2 0.5 / 2 on either side: pi in all."""
+    _, found = lines(
+        lambda drawing: drawing.modelspace().add_lwpolyline(
+            [(0, 0, 0.5, 0.5, 1), (4, 0, 0.5, 0.5, 0)], format="xyseb", dxfattribs={}
+        )
+    )
+    faces = shapely.union_all([shapely.Polygon(part) for _, part in found[1:]])
+    assert faces.area == pytest.approx(math.pi, rel=0.02)
+
+
+def test_an_mline_is_two_walls(tmp_path):
+    def draw(drawing):
+        style = {"scale_factor": 0.3, "justification": 1}
+        drawing.modelspace().add_mline([(0, 0), (6, 0), (6, 4), (0, 4)], close=True, dxfattribs=style)
+        drawing.modelspace().add_lwpolyline([(-1, -1), (7, -1), (7, 5), (-1, 5)], close=True)
+
+    words, found = lines(draw)
+    assert not words["left_out"]
+    walls = shapely.MultiLineString([part for _, part in found])
+    for point in ((3, 0.15), (3, -0.15), (6.15, 2), (5.85, 2)):  # 0.3 apart, about the line
+        assert shapely.distance(walls, shapely.Point(point)) == pytest.approx(0, abs=1e-9)
+    path = tmp_path / "plan.dxf"
+    path.write_bytes(dxf(draw))
+    assert World.from_file(path, inside=(3, 2)).clearance(np.array([3.0]), np.array([0.0]))[0] == 0
+
+
+# Doors
+
+
+def door_plan(drawing):
+    """Two rooms of 3 x 4 m; in the wall between them a door of 0.9 m whose arc closes the passage."""
+    space = drawing.modelspace()
+    space.add_lwpolyline(ROOM, close=True)
+    space.add_line((3, 0), (3, 1))
+    space.add_line((3, 1.9), (3, 4))
+    space.add_line((3, 1), (3.9, 1))  # the leaf, open
+    space.add_arc((3, 1), 0.9, 0, 90)
+
+
+def test_arcs_of_doors_are_told_and_left_out_where_that_is_asked_for(tmp_path):
+    path = tmp_path / "plan.dxf"
+    path.write_bytes(dxf(door_plan))
+    closed, opened = World.from_file(path), World.from_file(path, door_arcs="open")
+    place = 3 + 0.9 * math.cos(math.pi / 4), 1 + 0.9 * math.sin(math.pi / 4)
+    told = "1 arcs look like the swing of a door, 0.9 m wide, such as at (3.64, 1.64)"
+    assert [note for note in closed.notes if f"{told}, and close passages; door_arcs: open" in note]
+    assert [note for note in opened.notes if f"{told}: they are left out" in note]
+    x, y = np.array([[place[0]], [place[1]]])
+    assert closed.clearance(x, y)[0] == 0
+    assert opened.clearance(x, y)[0] == pytest.approx(0.64 - 0.025, abs=0.01)  # the leaf and the jamb are as far
+    assert (
+        len(shapely.get_parts(shapely.difference(closed.extent, closed.solid()))) == 2
+    )  # what is swept lies with the left room
+    assert len(shapely.get_parts(shapely.difference(opened.extent, opened.solid()))) == 1
+    assert World.from_description(opened.describe()).solid().equals(opened.solid())
+    with pytest.raises(MapError, match="door_arcs must be one of closed, open"):
+        World.from_file(path, door_arcs="ajar")
+
+
+@pytest.mark.parametrize(
+    ("draw", "count"),
+    [
+        (lambda space: space.add_lwpolyline([(4, 1, 0), (3.9, 1, 0.41421356), (3, 1.9, 0)], format="xyb"), 1),  # a leaf
+        (lambda space: space.add_arc((3, 1), 0.9, 0, 180), 0),  # half a circle: an alcove
+        (lambda space: space.add_arc((3, 1), 3.0, 0, 90), 0),  # a round hall
+        (lambda space: space.add_circle((3, 1), 0.9), 0),
+        (lambda space: space.add_spline([(1, 1), (2, 2), (3, 1), (4, 3)]), 0),
+        (lambda space: space.add_lwpolyline([(x, x * x / 9) for x in range(9)]), 0),
+    ],
+)
+def test_which_curves_are_arcs_of_doors(tmp_path, draw, count):
+    path = tmp_path / "plan.dxf"
+
+    def both(drawing):
+        drawing.modelspace().add_lwpolyline([(-9, -9), (9, -9), (9, 9), (-9, 9)], close=True)
+        draw(drawing.modelspace())
+
+    path.write_bytes(dxf(both))
+    assert len([note for note in World.from_file(path).notes if "swing of a door" in note]) == count
+    world = World.from_file(path, door_arcs="open")
+    leaf = world.clearance(np.array([3.95]), np.array([1.0]))[0]
+    assert (leaf == 0) == (count == 1)  # what a line has beside its arc stays

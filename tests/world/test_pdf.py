@@ -120,7 +120,7 @@ def test_lines_as_light_as_paper_and_what_is_not_drawn_are_none():
         (pdf(ROOM), {"ratio": 100, "inside": (0, 0)}, r"inside \(0, 0\) is in a wall or beyond"),
         (b"%PDF-1.6 but nothing else", {"ratio": 100}, "no PDF that can be read"),
         (b"plain text", {"ratio": 100}, "no PDF that can be read"),
-        (pdf(ROOM.replace(b"350", b"1000000000")), {"ratio": 100}, "expected a building. Give another scale"),
+        (pdf(ROOM), {"ratio": 1e8}, "expected a building. Give another scale"),
     ],
 )  # fmt: skip
 def test_what_is_no_plan_is_refused_with_the_way_out(tmp_path, data, options, message):
@@ -144,3 +144,88 @@ def test_compressed_content_is_read():
     packed = stream(zlib.compress(b"10 10 m 20 20 l S"), b"/Filter /FlateDecode")
     data = pdf(b"").replace(stream(b""), packed)
     assert found(data)[1] == [[[10, 10], [20, 20]]]
+
+
+# The page as it is shown: its unit, its border, clip paths, thick strokes
+
+
+def test_a_page_of_another_unit_has_its_true_size(tmp_path):
+    """UserUnit 2: a unit is 2/72 inch, so that 300 x 200 of them at 1:100 are 21.17 x 14.11 m."""
+    world = World.from_file(saved(tmp_path, pdf(ROOM, page=b"/UserUnit 2")), ratio=100)
+    x0, y0, x1, y1 = world.bounds
+    metre = 2 * 0.0254 / 72 * 100
+    assert (x1 - x0, y1 - y0) == pytest.approx((300 * metre + 0.05, 200 * metre + 0.05))
+    assert (x0, y0) == pytest.approx((50 * metre - 0.025, 50 * metre - 0.025))
+    assert "a unit of page 1 is 2 points by its UserUnit" in world.notes[0]
+
+
+def test_a_unit_that_stands_in_a_compressed_object_is_found_and_one_in_the_text_of_a_page_is_not():
+    inside = stream(b"3 0", b"/Type /ObjStm /N 1 /First 4")  # only its name matters here: no object is in it
+    words, _ = found(pdf(b"% /UserUnit 7\n" + ROOM, page=b"/UserUnit 1.5", objects=[inside]))
+    assert words["unit"] == 1.5
+    assert found(pdf(b"% /UserUnit 7\n" + ROOM, objects=[inside]))[0]["unit"] == 1
+    assert found(pdf(ROOM, page=b"/UserUnit 0", objects=[inside]))[0]["unit"] == 1
+
+
+def test_what_lies_outside_of_the_page_is_not_shown():
+    outside = b"500 10 m 500 90 l S 390 100 m 450 100 l S 0.1 g 380 200 100 50 re f\n"
+    words, parts = found(pdf(ROOM + outside))
+    assert parts[0][:2] == [[50, 50], [350, 50]]
+    assert parts[1] == pytest.approx(np.array([[390, 100], [400.01, 100]]))
+    assert shapely.Polygon(parts[2]).bounds == pytest.approx((380, 200, 400.01, 250))
+    assert words["left_out"] == {"in part or whole outside of the page or of a clip path": 3}
+    cropped = found(pdf(ROOM, page=b"/CropBox [0 0 200 300]"))[1]
+    assert max(x for part in cropped for x, _ in part) == pytest.approx(200.01)
+
+
+def test_clip_paths_cut_what_is_drawn():
+    box = b"q 100 100 100 100 re W n 1 w 0 150 m 400 150 l S 0 10 m 400 10 l S Q\n"
+    triangle = b"q 0 0 m 100 0 l 0 100 l h W n 1 w 0 50 m 400 50 l S Q\n"
+    words, parts = found(pdf(box + triangle))
+    assert [sorted(part) for part in parts] == [
+        [pytest.approx([99.99, 150]), pytest.approx([200.01, 150])],
+        [pytest.approx([0, 50]), pytest.approx([50, 50])],
+    ]
+    assert words["left_out"] == {"in part or whole outside of the page or of a clip path": 3}
+    fill = found(pdf(b"q 100 100 m 300 100 l 100 300 l h W n 0 g 0 0 200 200 re f Q"))[1]
+    assert shapely.Polygon(fill[0]).area == pytest.approx(100 * 100)
+
+
+def test_a_form_shows_what_lies_in_its_box_and_in_the_clip_around_it():
+    form = stream(b"1 w 0 10 m 300 10 l S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99] /Matrix [1 0 0 1 7 0]")
+    inner = found(pdf(b"q 1 0 0 1 50 0 cm /X Do Q", resources=b"/XObject << /X 5 0 R >>", objects=[form]))[1]
+    assert inner[0] == pytest.approx(np.array([[57, 10], [156.01, 10]]))
+    around = b"q 0 0 100 100 re W n 1 0 0 1 50 0 cm /X Do Q"
+    assert found(pdf(around, resources=b"/XObject << /X 5 0 R >>", objects=[form]))[1][0][1] == pytest.approx(
+        [100.01, 10]
+    )
+
+
+def test_thick_strokes_are_as_thick_as_they_are_drawn(tmp_path):
+    """At 1:100 a stroke of 8.504 points (3 mm) is 0.3 m thick, one of half of that, stretched twice, too."""
+    frame = b"0.1 w 10 10 m 390 10 l 390 290 l 10 290 l s\n"
+    strokes = b"8.504 w 100 100 m 300 100 l S q 2 0 0 2 0 0 cm 4.252 w 50 100 m 150 100 l S Q 0.1 w 50 50 m 350 50 l S"
+    world = World.from_file(saved(tmp_path, pdf(frame + strokes)), ratio=100)
+    metre = 0.0254 / 72 * 100
+    x, y = (np.array(axis) * metre for axis in ((200.0, 200, 200, 98), (100.0, 200, 50, 100)))
+    above = world.clearance(x, y + np.array([0.2, 0.2, 0.2, 0.0]))
+    assert above == pytest.approx([0.05, 0.05, 0.175, 2 * metre], abs=1e-4)  # ends are cut off, as a stroke's are
+    assert [note for note in world.notes if "lines as thick as they are drawn: 2" in note]
+
+
+def test_annotations_are_told():
+    note = b"<< /Type /Annot /Subtype /Line /L [0 0 100 100] /Rect [0 0 100 100] >>"
+    assert found(pdf(ROOM, page=b"/Annots [5 0 R]", objects=[note]))[0]["left_out"] == {"annotations": 1}
+
+
+def test_the_arc_of_a_door_is_left_out_where_that_is_asked_for(tmp_path):
+    """A quarter of a circle of 25.5 points (0.9 m at 1:100) as drawing programs write it, with its leaf."""
+    k = 0.5523 * 25.5
+    swing = (200, 100, 225.5, 100, 225.5, 100 + k, 200 + k, 125.5, 200, 125.5)
+    door = b"%.2f %.2f m %.2f %.2f l %.2f %.2f %.2f %.2f %.2f %.2f c S" % swing
+    path = saved(tmp_path, pdf(ROOM + door))
+    metre = 0.0254 / 72 * 100
+    x, y = np.array([[200 + 25.5 / 2**0.5], [100 + 25.5 / 2**0.5]]) * metre
+    closed, opened = World.from_file(path, ratio=100), World.from_file(path, ratio=100, door_arcs="open")
+    assert (closed.clearance(x, y) > 0, opened.clearance(x, y) > 0.5) == (False, True)
+    assert opened.clearance(np.array([212 * metre]), np.array([100 * metre]))[0] == 0  # the leaf

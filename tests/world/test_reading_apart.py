@@ -91,9 +91,9 @@ def test_a_reader_is_found_by_the_ending(tmp_path):
     assert {name: reader_of(name) for name in named} == named
     assert reader_of(tmp_path) == "ros_bag"
     with pytest.raises(
-        MapError, match=r"'plan.dwg' does not say .* give reader, one of dxf, geojson, image, .*Endings"
+        MapError, match=r"'plan.xyz' does not say .* give reader, one of dxf, geojson, image, .*Endings"
     ):
-        World.from_file("plan.dwg")
+        World.from_file("plan.xyz")
     for path in (3, None, b"\x00"):
         with pytest.raises(MapError):
             World.from_file(path)

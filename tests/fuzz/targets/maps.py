@@ -166,15 +166,21 @@ def dxf(rng: Rng, folder: Path) -> str:
     """A drawing with bent bytes, or hostile options; read here, where memory and time are bounded as well."""
     path = folder / "plan.dxf"
     path.write_bytes(bent_bytes(plans.dxf(_drawn), rng))
-    options = {("scale", "layers", "wall_width", "inside")[rng.integers(4)]: hostile(rng)} if rng.random() < 0.3 else {}
+    named = ("scale", "layers", "wall_width", "inside", "door_arcs")
+    options = {named[rng.integers(len(named))]: hostile(rng)} if rng.random() < 0.3 else {}
+    asked_for: dict[str, Any] = {"door_arcs": ("closed", "open")[rng.integers(2)], **options}
     with _read_here():
-        return verdict(lambda: _looked_at(hpop.World.from_file(path, **options)))
+        return verdict(lambda: _looked_at(hpop.World.from_file(path, **asked_for)))
 
 
 def _drawn(drawing: Any) -> None:
     space = drawing.modelspace()
     space.add_lwpolyline([(0, 0, 0.3), (6, 0, 0), (6, 4, 0), (0, 4, -1)], format="xyb", close=True)
     space.add_circle((3, 2), 0.5, dxfattribs={"layer": "COLUMNS"})
+    space.add_arc((1, 0), 0.9, 0, 90)
+    space.add_line((0, 0), (6, 4), dxfattribs={"invisible": 1})
+    space.add_lwpolyline([(0, 1, 0.2, 0.1, 0.5), (2, 1, 0.1, 0.1, 0), (2, 3, 0, 0, 0)], format="xyseb")
+    space.add_mline([(0, 2), (3, 2), (3, 3)], dxfattribs={"scale_factor": 0.2})
     space.add_spline([(1, 1), (2, 2), (3, 1)])
     space.add_hatch().paths.add_polyline_path([(4, 1), (5, 1), (5, 2)], is_closed=True)
     drawing.blocks.new("TABLE").add_ellipse((0, 0), (0.4, 0), 0.5)
@@ -185,8 +191,11 @@ def pdf(rng: Rng, folder: Path) -> str:
     """A page with bent bytes, in the process that is meant to break down where pdfium does."""
     form = plans.stream(b"0 0 m 9 0 l 9 9 9 9 0 9 c S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99]")
     content = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s q 2 0 0 2 90 90 cm /X Do Q 0.2 g 100 200 30 30 re f"
+    content += b" q 60 60 m 200 60 l 60 200 l h W n 5 w 0 100 m 500 100 l S 60 60 90 90 re f Q"
     path = folder / "plan.pdf"
-    path.write_bytes(bent_bytes(plans.pdf(content, resources=b"/XObject << /X 5 0 R >>", objects=[form]), rng))
+    path.write_bytes(
+        bent_bytes(plans.pdf(content, page=b"/UserUnit 2", resources=b"/XObject << /X 5 0 R >>", objects=[form]), rng)
+    )
     return verdict(lambda: _looked_at(hpop.World.from_file(path, ratio=100)))
 
 
