@@ -59,7 +59,17 @@ def _encoding_of(data: bytes, first: int) -> str:
 
 
 def read_yaml(text: str, path: str | Path) -> Any:
-    """Load plain YAML; `MapError` for Python tags, aliases, wrong syntax, and nesting deeper than `MAX_DEPTH`.
+    """Load one document of plain YAML as `read_yaml_documents` does; `MapError` for several."""
+    documents = read_yaml_documents(text, path)
+    if len(documents) > 1:
+        raise MapError(f"{path} is {len(documents)} yaml documents, one after the other (---); expected one.")
+    return documents[0] if documents else None
+
+
+def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
+    """Load all documents of plain YAML but empty ones.
+
+    Raises `MapError` for Python tags, aliases, wrong syntax, and nesting deeper than `MAX_DEPTH`.
 
     Nesting is counted on the events first: PyYAML's C loader ends the process when it goes too deep. Aliases of aliases
     make values whose size doubles with every line.
@@ -77,7 +87,7 @@ def read_yaml(text: str, path: str | Path) -> Any:
             if getattr(event, "anchor", None):
                 line = event.start_mark.line + 1
                 raise MapError(f"{path}, line {line}: anchors and aliases are not read; write the values out.")
-        return yaml.load(text, Loader=loader)
+        return [document for document in yaml.load_all(text, Loader=loader) if document is not None]
     except (yaml.YAMLError, ValueError) as error:
         if isinstance(error, MapError):
             raise

@@ -1,6 +1,7 @@
 """Planning scenes of MoveIt: all primitives of the benchmark's, forms of messages, and all that is refused by name."""
 
 import copy
+import json
 import math
 from pathlib import Path
 
@@ -90,7 +91,8 @@ def test_all_40_scenes_of_the_benchmark_are_read_as_an_independent_reading_has_t
             np.testing.assert_array_equal(solid.pose[:3, 3], pose["position"])
             turned = Rotation.from_quat(pose["orientation"]).as_matrix()
             np.testing.assert_allclose(solid.pose[:3, :3], turned, atol=1e-12)
-        assert not world.notes
+        unread = [note.split(".yaml': ")[1].partition(" is not read")[0] for note in world.notes]
+        assert unread == ["allowed_collision_matrix", "robot_state"]
         x0, y0, x1, y1 = world.bounds
         assert x0 < 0 < x1
         assert y0 < 0 < y1
@@ -199,3 +201,98 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
 def test_what_is_not_read_is_refused_with_the_object_and_what_was_expected(tmp_path, scene, message):
     with pytest.raises(MapError, match=message):
         World.from_moveit_scene(written(tmp_path, scene))
+
+
+def echoed(scene):
+    """A message as ros2 topic echo prints it: a byte as a character, --- after it."""
+    for thing in scene["world"]["collision_objects"]:
+        if isinstance(thing.get("operation"), int):
+            thing["operation"] = chr(thing["operation"])
+    return yaml.safe_dump(json.loads(json.dumps(scene))) + "---\n"  # nothing twice, so that there are no aliases
+
+
+def names_and_places(path):
+    world = World.from_moveit_scene(path)
+    return {solid.name: tuple(solid.pose[:3, 3].round(9).tolist()) for solid in world.bodies}, world.notes
+
+
+def test_a_scene_is_read_as_ros_2_prints_it(tmp_path):
+    text = echoed(copy.deepcopy(SCENE))
+    assert 'operation: "\\0"' in text
+    expected = World.from_moveit_scene(written(tmp_path, SCENE)).bodies
+    found = World.from_moveit_scene(written(tmp_path, text)).bodies
+    assert [solid.describe() for solid in found] == [solid.describe() for solid in expected]
+
+
+def test_changes_after_a_scene_are_applied(tmp_path):
+    at = {"position": [0, 0, 0]}
+    box = {"primitives": [{"type": 1, "dimensions": [1, 1, 1]}], "pose": {"position": [5, 0, 0]}}
+    changes = [
+        {"id": "ball", "operation": 3, "pose": {"position": [2, 2, 2]}, "header": {"frame_id": "world"}},
+        {"id": "block", "operation": 1},
+        {"id": "box", "operation": 0, "header": {"frame_id": "world"}, **box},
+        {"id": "box", "operation": 2, "header": {"frame_id": "world"}, **box | {"pose": at}},
+    ]
+    text = echoed(copy.deepcopy(SCENE)) + echoed({"is_diff": True, "world": {"collision_objects": changes}})
+    world = World.from_moveit_scene(written(tmp_path, text))
+    places = [(solid.name, tuple(solid.pose[:3, 3].round(9).tolist())) for solid in world.bodies]
+    assert places[2:] == [("ball", (2, 2, 2)), ("box", (5, 0, 0)), ("box", (0, 0, 0))]
+    assert "has 2 messages; the last whole scene and the changes after it are read" in " ".join(world.notes)
+    again = echoed({"world": {"collision_objects": changes[2:3]}})
+    assert list(names_and_places(written(tmp_path, text + again))[0]) == ["box"]
+    alone = {"is_diff": True, "world": {"collision_objects": changes[2:3]}}
+    assert "is a change of a scene (is_diff)" in names_and_places(written(tmp_path, alone))[1][0]
+    with pytest.raises(MapError, match="object 'lamp' is to be removed, added to or moved, but it is not there"):
+        World.from_moveit_scene(
+            written(tmp_path, alone | {"world": {"collision_objects": [{"id": "lamp", "operation": 1}]}})
+        )
+
+
+def test_objects_in_a_frame_that_is_fixed_in_another_are_placed_there(tmp_path):
+    turned = {
+        "translation": {"x": 1, "y": 0, "z": 0},
+        "rotation": {"x": 0, "y": 0, "z": math.sqrt(0.5), "w": math.sqrt(0.5)},
+    }
+    scene = changed(*BALL, "header", "frame_id", to="cell")
+    scene["fixed_frame_transforms"] = [{"header": {"frame_id": "world"}, "child_frame_id": "cell", "transform": turned}]
+    places, _ = names_and_places(written(tmp_path, scene))
+    assert places["ball"] == (0, 1, 1)  # (1, 1, 1) turned a quarter to the left, then 1 m ahead
+    assert places["block"] == (-1, 0, 0) or places["table"] == (3, 2, 0.35)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"link_padding": [{"link_name": "a", "padding": 0.02}, {"link_name": "b", "padding": 0.0}]},
+         "pads 1 link of the robot by up to 0.02 m (link_padding), which is not applied"),
+        ({"link_scale": [{"link_name": "a", "scale": 1.1}]}, "scales 1 link of the robot by up to 1.1 (link_scale)"),
+        ({"link_scale": [{"link_name": "a", "scale": 1.0}]}, ""),
+        ({"allowed_collision_matrix": {"entry_names": ["a"], "entry_values": []}}, "an SRDF says which links may"),
+        ({"object_colors": [{"id": "ball"}]}, "has 1 colour of objects, which are not read"),
+        ({"link_paddings": []}, "it has 'link_paddings', which is not read. Did you mean 'link_padding'?"),
+    ],
+)  # fmt: skip
+def test_what_a_scene_says_beside_its_objects_is_noted(tmp_path, changes, said):
+    before, after = (World.from_moveit_scene(written(tmp_path, SCENE | more)).notes for more in ({}, changes))
+    assert len(after) == len(before) + bool(said)
+    assert said in " ".join(after)
+
+
+def test_a_misspelt_key_of_an_object_is_noted(tmp_path):
+    scene = changed(*BALL, "poze", to={"position": [0, 0, 0]})
+    assert "its objects have 'poze', which is not read. Did you mean 'pose'?" in " ".join(
+        names_and_places(written(tmp_path, scene))[1]
+    )
+
+
+@pytest.mark.parametrize(
+    ("place", "cut", "message"),
+    [
+        ((*BLOCK, "meshes", 0, "vertices"), [*CUBE, "..."], "vertices is cut short .* ros2 topic echo --full-length"),
+        ((*BLOCK, "meshes", 0, "triangles"), "...", "triangles is cut short"),
+        ((*BLOCK, "meshes"), "<sequence type: shape_msgs/msg/Mesh, length: 1>", "meshes is left out, .* --no-arr does"),
+    ],
+)
+def test_a_message_that_was_not_printed_whole_is_refused(tmp_path, place, cut, message):
+    with pytest.raises(MapError, match=message):
+        World.from_moveit_scene(written(tmp_path, changed(*place, to=cut)))
