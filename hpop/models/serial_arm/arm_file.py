@@ -13,7 +13,7 @@ from hpop.arrays import FloatArray
 from hpop.errors import ModelError
 from hpop.models.serial_arm.assembly import assembled, parts_of, touching
 from hpop.models.serial_arm.chain import Chain, Mount, Part
-from hpop.models.serial_arm.doubts import strangers, uncovered
+from hpop.models.serial_arm.doubts import pointless, strangers, uncovered, undriven
 from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
 from hpop.models.serial_arm.srdf import Pair, Semantics, read_srdf
 from hpop.models.serial_arm.urdf import Mesh, read_urdf
@@ -86,7 +86,9 @@ def read_arm(
     if semantics is not None:
         solid = [link for link, shapes in robot.links.items() if shapes]
         apart |= semantics.apart(solid)
-    notes = (*uncovered(robot), *(() if semantics is None else strangers(robot, semantics)))
+    notes = (*uncovered(robot), *pointless(robot))
+    if semantics is not None:
+        notes = (*notes, *strangers(robot, semantics), *undriven(chain.names, semantics))
     states = {} if semantics is None else _states(chain, semantics)
     unnamed = {"": NO_SRDF} if semantics is None else _unnamed(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)

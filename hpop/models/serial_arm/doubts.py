@@ -33,6 +33,20 @@ def strangers(robot: Robot, semantics: Semantics) -> Iterator[str]:
             )
 
 
+def undriven(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
+    """Joints between the root and the tip that the SRDF calls passive, and that are planned for as if they were not."""
+    if passive := sorted(semantics.passive & {*joints}):
+        yield (
+            f"the SRDF says that the joints {_listed(passive)} are not driven (passive_joint), but the arm moves by "
+            f"them: give where they stand in fixed, as {{{passive[0]}: 0.0}}"
+        )
+
+
+def pointless(robot: Robot) -> Iterator[str]:
+    """Limits of joints that are strange, and left out."""
+    yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
+
+
 def uncovered(robot: Robot) -> Iterator[str]:
     """Links that nothing is known to collide with: those that can be seen, or all where none has a solid."""
     if not any(robot.links.values()):

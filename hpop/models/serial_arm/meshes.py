@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.arrays import FloatArray, IntArray
 from hpop.errors import ModelError, did_you_mean
 from hpop.models.serial_arm.urdf import Mesh
 from hpop.models.serial_arm.xml import file_bytes
@@ -25,6 +25,8 @@ MOST_BODIES = 64
 """Convex pieces of one mesh, at most."""
 DEEPEST = 1e-3
 """m: a mesh whose surface lies deeper in its convex hull is not convex."""
+SAME = 1e-6
+"""Share of a mesh's size by which corners differ that are one: a file may have one for each face."""
 KINDS = ("stl", "obj", "ply", "off")
 
 
@@ -85,19 +87,43 @@ def _loaded(data: bytes, path: Path) -> Any:
         ) from None
     kind = path.suffix[1:].lower()
     if kind not in KINDS:
-        raise _error(path, f"meshes are read from {', '.join(KINDS)} files, got {shown(path.suffix)}; convert it")
+        raise _error(
+            path,
+            f"meshes are read from {', '.join(KINDS)} files, got {shown(path.suffix)}; convert it, as Blender does, or "
+            "trimesh with pycollada for .dae: trimesh.load(FILE, force='mesh').export('mesh.stl')",
+        )
     try:
         mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=True, skip_materials=True)
         faces, vertices = len(mesh.faces), np.asarray(mesh.vertices, float)
     except Exception as error:  # whatever a reader of foreign files raises
-        raise _error(path, f"it cannot be read ({printable(error)[:80]})") from None
+        hint = "write it with triangles alone, as STL"
+        raise _error(path, f"it cannot be read ({printable(error)[:80]}); {hint}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise _error(path, "its corners must have three coordinates each")
     if not 0 < faces <= MOST_FACES:
-        raise _error(path, f"expected 1 to {MOST_FACES:,} faces, found {faces:,}")
+        raise _error(
+            path,
+            f"expected 1 to {MOST_FACES:,} faces, found {faces:,}; decimate it (trimesh's simplify_quadric_decimation, "
+            "MeshLab and Blender do), or give its convex hull, a box or a cylinder if that is not too much"
+            if faces
+            else f"expected 1 to {MOST_FACES:,} faces, found none",
+        )
     if not np.isfinite(vertices).all():
         raise _error(path, "its coordinates must be finite numbers")
-    return mesh
+    joined = _joined(vertices, np.asarray(mesh.faces))
+    return trimesh.Trimesh(*joined, process=False)
+
+
+def _joined(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return corners (V, 3) and faces (F, 3) with each corner once, whatever its normals, and no face flat or twice."""
+    size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
+    _, first, number = np.unique(np.rint(vertices / (SAME * size)), axis=0, return_index=True, return_inverse=True)
+    corners = number.reshape(-1)[faces]
+    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    _, once = np.unique(np.sort(corners[solid], axis=1), axis=0, return_index=True)
+    kept = corners[solid][np.sort(once)]
+    used, places = np.unique(kept, return_inverse=True)
+    return vertices[first][used], places.reshape(-1, 3)
 
 
 class _Convex(NamedTuple):

@@ -24,6 +24,7 @@ class Semantics:
     grouped   the state and the group of each set of values
     loose     names of joints by which it says that the robot stands in the world: no URDF has those
     disabled  pairs of links that never collide, or always do, each in alphabetical order
+    passive   joints that it says are not driven
     lonely    links whose collisions with any other are not looked at, but for the pairs in ``enabled``
     """
 
@@ -32,6 +33,7 @@ class Semantics:
     groups: frozenset[str]
     grouped: frozenset[tuple[str, str]]
     loose: frozenset[str]
+    passive: frozenset[str]
     disabled: frozenset[Pair]
     lonely: frozenset[str]
     enabled: frozenset[Pair]
@@ -50,6 +52,7 @@ def pair_of(a: str, b: str) -> Pair:
 def read_srdf(path: str | os.PathLike[str]) -> Semantics:
     """What is in an SRDF; ModelError for what is none."""
     file = XmlFile(path, "SRDF", "robot")
+    file.refuse_xacro("arm.srdf")
     root = file.root
     if root.find("link") is not None:
         raise file.error("it is a URDF, for it has links; an SRDF has groups, states by name, and pairs of links")
@@ -58,9 +61,11 @@ def read_srdf(path: str | os.PathLike[str]) -> Semantics:
         for tag in ("disable_collisions", "enable_collisions")
     )
     lonely = frozenset(file.name(one, "link") for one in root.findall("disable_default_collisions"))
-    groups, loose = (frozenset(map(file.name, root.findall(tag))) for tag in ("group", "virtual_joint"))
+    groups, loose, passive = (
+        frozenset(map(file.name, root.findall(tag))) for tag in ("group", "virtual_joint", "passive_joint")
+    )
     grouped = frozenset((file.name(state), file.name(state, "group")) for state in root.findall("group_state"))
-    return Semantics(file, _states(file, root), groups, grouped, loose, disabled, lonely, enabled)
+    return Semantics(file, _states(file, root), groups, grouped, loose, passive, disabled, lonely, enabled)
 
 
 def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:

@@ -1,7 +1,7 @@
 """A robot as a URDF describes it: links with their collision geometry, and the joints between them.
 
-Only what planning needs is read: of a link its ``collision`` elements, of a joint its type, origin, axis, limits and
-whether it mimics another. http://wiki.ros.org/urdf/XML
+Only what planning needs is read: of a link its ``collision`` elements, of a joint its type, origin, axis, limits, soft
+limits (``safety_controller``) and whether it mimics another. http://wiki.ros.org/urdf/XML
 """
 
 from __future__ import annotations
@@ -61,8 +61,9 @@ class Joint:
     kind    one of KINDS
     origin  (4, 4)  its frame, which is the child's at value 0, in that of the parent
     axis    (3,)    unit vector in its frame
-    low, high, speed  None where the file does not say them
+    low, high, speed  None where the file does not say them; soft limits where these are tighter
     mimic   the joint that it follows, or None
+    doubt   what is strange about its limits, in words, or ""
     """
 
     name: str
@@ -75,6 +76,7 @@ class Joint:
     high: float | None
     speed: float | None
     mimic: Mimic | None
+    doubt: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,11 +114,7 @@ class Robot:
 def read_urdf(path: str | os.PathLike[str]) -> Robot:
     """The robot in a URDF; ModelError for what is none, or cannot be trusted."""
     file = XmlFile(path, "URDF", "robot")
-    if any(element.tag.startswith("xacro:") for element in file.root.iter()):
-        raise file.error(
-            f"it is xacro, which has to be expanded first: xacro {printable(file.path.name)[:80]} > arm.urdf (a "
-            "command of ROS, and of pip install xacro)"
-        )
+    file.refuse_xacro("arm.urdf")
     links, bare = {}, set()
     if file.root.find("link") is None:
         semantic = any(file.root.find(tag) is not None for tag in ("group", "group_state", "disable_collisions"))
@@ -204,6 +202,13 @@ def _joint(file: XmlFile, element: Element) -> Joint:
     }
     if limit is not None and kind in ("revolute", "prismatic"):  # an attribute that is left out is 0
         bounds |= {key: bounds[key] or 0.0 for key in ("lower", "upper")}
+    soft, doubt = element.find("safety_controller"), ""
+    if soft is not None and kind in ("revolute", "prismatic"):
+        within = _soft(file, what, soft, bounds)
+        if None not in within.values() and within["lower"] >= within["upper"]:  # type: ignore[operator]  # not None
+            doubt = f"the soft limits of {what} leave it no room within its limits, and are left out"
+        else:
+            bounds |= within
     axis = np.array([1.0, 0.0, 0.0])
     if direction is not None and kind not in ("fixed", "floating"):
         axis = file.numbers(f"the axis of {what}", direction.get("xyz"), 3)
@@ -219,7 +224,23 @@ def _joint(file: XmlFile, element: Element) -> Joint:
         )
         follows = Mimic(file.name(mimic, "joint"), factor, offset)
     origin = _pose(file, what, element)
-    return Joint(name, kind, parent, child, origin, axis, bounds["lower"], bounds["upper"], bounds["velocity"], follows)
+    low, high, speed = (bounds[key] for key in ("lower", "upper", "velocity"))
+    return Joint(name, kind, parent, child, origin, axis, low, high, speed, follows, doubt)
+
+
+def _soft(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Return the tighter of the hard limits and those of a safety_controller, as MoveIt has them.
+
+    An attribute that is left out sets no limit.
+    """
+    given = {
+        key: file.number(f"the soft {key} limit of {what}", text)
+        for key in ("lower", "upper")
+        if (text := soft.get(f"soft_{key}_limit"))
+    }
+    low = max((value for value in (given.get("lower"), hard["lower"]) if value is not None), default=None)
+    high = min((value for value in (given.get("upper"), hard["upper"]) if value is not None), default=None)
+    return {"lower": low, "upper": high}
 
 
 def _pose(file: XmlFile, what: str, element: Element) -> FloatArray:

@@ -50,6 +50,14 @@ class XmlFile:
         """An error about this file."""
         return ModelError(f"{self.what} {shown(str(self.path), 400)}: {said}")
 
+    def refuse_xacro(self, expanded: str) -> None:
+        """Raise ModelError for xacro, whose macros and includes are not expanded here."""
+        if any(element.tag.startswith("xacro:") for element in self.root.iter()):
+            raise self.error(
+                f"it is xacro, which has to be expanded first: xacro {printable(self.path.name)[:80]} > {expanded} (a "
+                "command of ROS, and of pip install xacro)"
+            )
+
     def name(self, element: Element, attribute: str = "name") -> str:
         """An attribute that names something."""
         given = element.get(attribute)

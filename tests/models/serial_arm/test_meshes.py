@@ -54,6 +54,69 @@ def test_pieces_that_are_convex_are_hulls_each(tmp_path):
     assert sorted(len(hull.points) for hull in jibs(with_mesh(tmp_path, "two.stl"))) == [8, 8]
 
 
+def obj(mesh):
+    """A mesh as most programs write it: a normal for each face, and a part with its material for each third one."""
+    lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in mesh.vertices] + [
+        f"vn {x:g} {y:g} {z:g}" for x, y, z in mesh.face_normals
+    ]
+    for number, face in enumerate(mesh.faces, 1):
+        lines += [f"o part{number}\nusemtl m{number}"] * (number % 3 == 0)
+        lines.append("f " + " ".join(f"{corner + 1}//{number}" for corner in face))
+    return "\n".join(lines)
+
+
+def ply(mesh):
+    """A mesh with three corners of its own for each face, and their normals."""
+    rows = [
+        (*mesh.vertices[corner], *normal)
+        for face, normal in zip(mesh.faces, mesh.face_normals, strict=True)
+        for corner in face
+    ]
+    head = [f"property float {name}" for name in ("x", "y", "z", "nx", "ny", "nz")]
+    lines = ["ply", "format ascii 1.0", f"element vertex {len(rows)}", *head, f"element face {len(mesh.faces)}"]
+    lines += ["property list uchar int vertex_indices", "end_header", *(" ".join(map(str, row)) for row in rows)]
+    return "\n".join([*lines, *(f"3 {3 * i} {3 * i + 1} {3 * i + 2}" for i in range(len(mesh.faces)))])
+
+
+def off(mesh):
+    """A mesh with corners that no face has, faces without an area, and one twice."""
+    faces = [*mesh.faces.tolist(), [0, 0, 1], [3, 3, 3], mesh.faces[0].tolist()]
+    rows = [" ".join(map(str, corner)) for corner in [*mesh.vertices, (900, 900, 900)]]
+    return "\n".join(["OFF", f"{len(rows)} {len(faces)} 0", *rows, *(f"3 {a} {b} {c}" for a, b, c in faces)])
+
+
+@pytest.mark.parametrize("write", [obj, ply, off])
+@pytest.mark.parametrize(("mesh", "pieces"), [(BOX, 1), (PIECES, 2)], ids=["one", "two"])
+def test_corners_are_one_by_their_places_whatever_else_a_file_says(tmp_path, write, mesh, pieces):
+    (tmp_path / f"mesh.{write.__name__}").write_text(write(mesh))
+    assert [len(hull.points) for hull in jibs(with_mesh(tmp_path, f"mesh.{write.__name__}"))] == [8] * pieces
+
+
+def test_a_mesh_of_quadrilaterals_is_read_and_its_mirror_image_too(tmp_path):
+    corners = [f"v {x} {y} {z}" for x in (0, 100) for y in (0, 40) for z in (0, 40)]
+    faces = ["1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"]
+    (tmp_path / "quads.obj").write_text("\n".join([*corners, *(f"f {face}" for face in faces)]))
+    (hull,) = jibs(with_mesh(tmp_path, "quads.obj"))
+    (tmp_path / "arm.urdf").write_text(CRANE.replace(SPHERE, '<mesh filename="quads.obj" scale="-.001 .001 .001"/>'))
+    (turned,) = jibs(SerialArm.from_urdf(tmp_path / "arm.urdf", tip="eye", acceleration=2.0))
+    np.testing.assert_allclose(sorted((turned.points * (-1, 1, 1)).tolist()), sorted(hull.points.tolist()))
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [("ball.stl", r"expected 1 to 20,000 faces, found 20,480; decimate it \(.*simplify_quadric_decimation"),
+     ("ball.dae", r"got '\.dae'; convert it, as Blender does, or trimesh with pycollada"),
+     ("torn.off", r"cannot be read \(.*\); write it with triangles alone, as STL")],
+)  # fmt: skip
+def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, said):
+    if name == "ball.stl":
+        trimesh.creation.icosphere(5, 100).export(tmp_path / name)
+    else:
+        (tmp_path / name).write_text("OFF\n1 1 0\n0 0 0\n3 0 1 2\n")
+    with pytest.raises(ModelError, match=said):
+        with_mesh(tmp_path, name)
+
+
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
     ELL.export(tmp_path / "ell.stl")
     with pytest.raises(

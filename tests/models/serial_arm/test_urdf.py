@@ -193,3 +193,52 @@ def test_a_named_state_beyond_a_limit_is_refused_when_it_is_asked_for(tmp_path):
     path.write_text((HERE / "arm6.srdf").read_text().replace('value="-1.2"', 'value="-2.2"'))
     with pytest.raises(QueryError, match=r"shoulder_to_upper_arm of the start must be .*, got -2.2"):
         arm6(srdf=path).space.state("home", what="start")
+
+
+@pytest.mark.parametrize(
+    ("soft", "low", "high"),
+    [
+        ('soft_lower_limit="-1.2" soft_upper_limit="1.9"', -1.2, 1.9),
+        ('soft_lower_limit="-3" soft_upper_limit="1.9"', -1.5, 1.9),  # the tighter of both
+        ('soft_upper_limit="1.9"', -1.5, 1.9),  # one that is left out sets none
+        ("", -1.5, 2.0),
+    ],
+)
+def test_soft_limits_count_where_they_are_tighter(tmp_path, soft, low, high):
+    """As moveit_core's robot_model.cpp, jointBoundsFromURDF."""
+    controller = f'<safety_controller k_position="100" k_velocity="40" {soft}/>'
+    tilt = '<limit lower="-1.5" upper="2" velocity="2" effort="9"/>'
+    arm = made(tmp_path, CRANE.replace(tilt, tilt + controller))
+    assert (arm.space.low[-1], arm.space.high[-1]) == (low, high)
+    assert arm.notes == ()
+    turning = CRANE.replace('<limit velocity="1.5"', f'{controller}<limit velocity="1.5"')
+    assert made(tmp_path, turning).space.turning == frozenset({"swing"})  # of a continuous joint they say nothing
+
+
+def test_soft_limits_that_leave_no_room_are_left_out_and_told(tmp_path):
+    controller = '<safety_controller k_velocity="40" soft_lower_limit="0" soft_upper_limit="0"/>'
+    arm = made(tmp_path, CRANE.replace('<limit lower="-1.5"', controller + '<limit lower="-1.5"'))
+    assert (arm.space.low[-1], arm.space.high[-1]) == (-1.5, 2.0)
+    assert arm.notes == ("the soft limits of joint 'tilt' leave it no room within its limits, and are left out",)
+
+
+def test_soft_limits_are_those_of_the_panda(shared_data):
+    """Within the limits of its maker, beyond which it stops: 2.8973 rad of the first joint, not 2.9671."""
+    arm = SerialArm.from_urdf(shared_data("mbm_panda") / "panda_spherized.urdf", tip="panda_link8", acceleration=3.0)
+    assert arm.space.low[0] == -2.8973
+    assert arm.space.high[0] == 2.8973
+
+
+def test_an_srdf_in_xacro_is_refused_as_a_urdf_in_xacro_is(tmp_path):
+    srdf = tmp_path / "arm.srdf.xacro"
+    srdf.write_text('<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r"><xacro:states/></robot>')
+    with pytest.raises(ModelError, match=r"it is xacro, .*: xacro arm.srdf.xacro > arm.srdf"):
+        made(tmp_path, srdf=srdf)
+
+
+def test_a_joint_that_an_srdf_calls_passive_is_told(tmp_path):
+    srdf = tmp_path / "arm.srdf"
+    srdf.write_text('<robot name="crane"><passive_joint name="tilt"/><passive_joint name="wick"/></robot>')
+    (note,) = made(tmp_path, srdf=srdf).notes
+    assert "the joints 'tilt' are not driven (passive_joint)" in note
+    assert made(tmp_path, srdf=srdf, fixed={"tilt": 0.0}).notes == ()
