@@ -9,6 +9,8 @@ and scipy.linalg, another one, only to learn whether matrix products can be comp
 numba's runtime alone, so all this is left until a kernel is compiled; and then the question of matrix products, which
 no kernel here takes, for hpop requires SciPy. numba asks again where a product is compiled.
 
+Where NUMBA_DISABLE_JIT is set, as for coverage or a debugger, kernels run as plain Python, some hundred times slower.
+
 numba also imports the package coverage wherever it is installed, only to learn whether it measures this process. If it
 does, it has been imported before; else it is left out.
 """
@@ -20,7 +22,7 @@ import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, update_wrapper
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
@@ -128,6 +130,8 @@ def wide(function: Callable[..., Any]) -> Any:
     LLVM's pass for that is off in numba by default: it takes time, and few kernels gain anything.
     """
     made = lean(function)
+    if isinstance(made, _Plain):
+        return made
     compiled = made._compiler.compile
 
     def compile_wide(*arguments: Any) -> Any:
@@ -148,7 +152,32 @@ def _config_set(name: str, value: Any) -> Iterator[None]:
         setattr(numba.config, name, before)
 
 
+class _Plain:
+    """A kernel that runs as plain Python, with what is asked of compiled ones: NUMBA_DISABLE_JIT is set."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        update_wrapper(self, function)
+        self.py_func = function
+        self.overloads = _Every()
+        self._cache = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.py_func(*arguments)
+
+    def compile(self, signature: Any) -> None:
+        """Do nothing: there is nothing to compile."""
+
+
+class _Every:
+    """The variants of a kernel that needs none: it takes arguments of all types."""
+
+    def __contains__(self, signature: Any) -> bool:
+        return True
+
+
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    if getattr(numba.config, "DISABLE_JIT"):  # noqa: B009  (set when numba is imported)
+        return _Plain(function)
     made = numba.njit(function, nogil=True, **options)
     try:
         made._cache = _Kept(function)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import io
+import os
 import sys
 from typing import IO, Any
 
@@ -21,6 +22,8 @@ def main() -> None:
         from hpop import current_folder
 
         current_folder.distrust()
+        _open_streams()
+        os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever a desktop or a notebook draws with
         sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
         from hpop.cli import main as command  # click takes a tenth of a second
 
@@ -28,6 +31,23 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.stderr.write("error: interrupted\n")
         sys.exit(INTERRUPTED)
+
+
+def _open_streams() -> None:
+    """Open the standard streams that are closed (``hpop plan ... >&-``) on the null device.
+
+    Otherwise the next files that are opened take their numbers, and what any library prints is written into these.
+    """
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free, which is this one
+            os.set_inheritable(number, True)
+        if getattr(sys, name) is None:
+            raw: Any = io.FileIO(number, mode, closefd=False)
+            buffered = io.BufferedReader(raw) if mode == "r" else io.BufferedWriter(raw)
+            setattr(sys, name, io.TextIOWrapper(buffered, encoding="utf-8", line_buffering=True))
 
 
 class _Patient(io.FileIO):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -22,7 +23,9 @@ from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_pl
 from hpop.planners.goals import check_goal
 from hpop.planners.needs import refuse_unsupported
 from hpop.registry import GROUPS
+from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.status import Progress, ProgressCallback, Status
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -44,6 +47,7 @@ def fronts(
     """The front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
     made = [make_planner(planner, options) for planner in planners]
     _check_joinable(made)
+    _check_checkpoints(made)
     for planner in made:
         refuse_unsupported(planner, problem.model)
         check_goal(problem, planner)
@@ -188,6 +192,30 @@ def _check_joinable(planners: Iterable[Planner]) -> None:
             "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
             "joined. Give max_detour to all planners or to none, or plan them one at a time"
         )
+
+
+def _check_checkpoints(planners: Iterable[Planner]) -> None:
+    """Raise OptionError where two searches would be kept in one file: each would find the other one's there."""
+    kept: dict[str, str] = {}
+    for planner in planners:
+        for name, checkpoint in _checkpoints(planner):
+            file = os.path.realpath(checkpoint.path)
+            if file in kept:
+                raise OptionError(
+                    f"{kept[file]} and {name} would keep their searches in one checkpoint, "
+                    f"{shown(os.fspath(checkpoint.path))}; give each a file of its own among its options, or plan them "
+                    "one at a time"
+                )
+            kept[file] = name
+
+
+def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
+    """Yield the checkpoints of a planner and of the planner that gives its warm start, with their names."""
+    warm: Any = getattr(planner, "warm_start", None)
+    searches = [(planner.name, getattr(planner, "checkpoint", None))]
+    for name, options in warm.items() if isinstance(warm, Mapping) else ():
+        searches.append((str(name), options.get("checkpoint") if isinstance(options, Mapping) else None))
+    yield from ((name, Checkpoint.of(file)) for name, file in searches if file is not None)
 
 
 def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:

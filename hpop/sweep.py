@@ -235,17 +235,17 @@ class Sweep(Generic[S, T, R]):
         """Hand tasks to the executor; None if it takes no more."""
         if self.executor is None:
             return None
-        if self._folder is None:
-            self._folder = TemporaryDirectory(prefix="hpop-sweep-", ignore_cleanup_errors=True)
-            _write(self.shared, Path(self._folder.name) / self._key)
-        file = str(Path(self._folder.name) / self._key)
-        if with_shared:
-            self._payload = self._payload or pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
-        payload = self._payload if with_shared else None
-        self._messages += 1
         try:
+            if self._folder is None:
+                self._folder = TemporaryDirectory(prefix="hpop-sweep-", ignore_cleanup_errors=True)
+                _write(self.shared, Path(self._folder.name) / self._key)
+            file = str(Path(self._folder.name) / self._key)
+            if with_shared:
+                self._payload = self._payload or pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
+            payload = self._payload if with_shared else None
+            self._messages += 1
             return self.executor.submit(_work, self._key, file, payload, self.job, tasks, self._messages)
-        except Exception as error:  # whatever an executor that is shut down, broken or out of reach raises
+        except Exception as error:  # no place for a file; an executor that is shut down, broken or out of reach
             self._failed(error, worker_lost=True)
             return None
 
@@ -297,12 +297,23 @@ def _fail(future: Future[Any], error: BaseException | None) -> None:
 
 
 def processes(workers: int) -> ProcessPoolExecutor:
-    """A pool of fresh processes on this machine; Ctrl-C and what else ends a group is left to the one that plans."""
+    """Return a pool of fresh processes on this machine; Ctrl-C and other ends of a group are for the planning process.
+
+    Raises OptionError where the system has no locks that processes share, as where /dev/shm cannot be written, or
+    cannot begin a process.
+    """
     workers = whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
-    if method == "forkserver":
-        _serve_forks()
-    return _Processes(workers, multiprocessing.get_context(method), _begin)
+    try:
+        if method == "forkserver":
+            _serve_forks()
+        return _Processes(workers, multiprocessing.get_context(method), _begin)
+    except (OSError, ImportError, NotImplementedError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OptionError(
+            f"no worker processes can be had here ({reason}); they need a /dev/shm that can be written, and free "
+            "processes. Plan without workers"
+        ) from None
 
 
 def _serve_forks() -> None:

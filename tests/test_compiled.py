@@ -110,3 +110,48 @@ def test_ctrl_c_while_llvm_calls_back_is_neither_lost_nor_leaves_half_a_kernel(m
         with pytest.raises(KeyboardInterrupt):
             made(2)
     assert made(2) == 4
+
+
+FOUND = """\
+import json
+import numpy as np, shapely
+import hpop
+from hpop.search import Graph, pareto_paths, supported_paths
+
+def fronts():
+    rng, found = np.random.default_rng(0), []
+    for k in (1, 2, 3, 4):
+        (tails, heads), costs = rng.integers(0, 40, (2, 160)), rng.integers(1, 9, (160, k))
+        for last in ("sum", "max"):
+            graph = Graph.from_arcs(40, tails, heads, costs, aggregates=["sum"] * (k - 1) + [last])
+            for method in ("auto", "general"):
+                found.append(sorted(pareto_paths(graph, 0, 39, method=method).costs.tolist()))
+        found.append(sorted(supported_paths(Graph.from_arcs(40, tails, heads, costs), 0, 39).costs.tolist()))
+    boxes = [shapely.box(1.4, 0.7, 1.6, 1.2), shapely.box(1.2, 0.0, 1.9, 0.2)]
+    world = hpop.World.from_polygons(boxes, extent=shapely.box(0, 0, 3, 3))
+    walker = hpop.Person(2.5, 0.5, velocity=(-0.5, 0.2), until=3.0)
+    robot, coarse = hpop.DifferentialDrive(radius=0.2), {"step": 0.5, "headings": 4}
+    for people, criteria, planner in [
+        ([], ["exposure", "turns", "length"], {"lattice": coarse}),
+        ([], ["obstruction", "length"], {"lattice": {**coarse, "max_detour": 1.5}}),
+        ([], ["exposure", "length"], {"weighted-sum": coarse}),
+        ([walker], ["hall_zones", "length", "turns"], {"lattice": {**coarse, "clock": 0.5}}),
+    ]:
+        among = world.with_content(people=people)
+        front = hpop.Problem(among, robot, (0.5, 1, 0), (2.5, 1, None), criteria).solve(planner)
+        found.append([front.costs.round(9).tolist(), front.status, front.certificate])
+    return json.dumps(found)
+"""
+
+
+def test_without_just_in_time_compilation_kernels_run_as_plain_python_and_find_the_same() -> None:
+    """As people set for coverage and for debuggers; warnings are errors there, as in the tests of many projects."""
+    compiled: dict[str, Any] = {}
+    exec(FOUND, compiled)
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    asks = f"{FOUND}\nfrom hpop.search.machinery.kernels import push\nprint(type(push).__name__, fronts())"
+    plain = subprocess.run(
+        [sys.executable, "-W", "error", "-c", asks], env=environment, capture_output=True, text=True, check=False
+    )
+    assert plain.stderr == ""
+    assert plain.stdout.strip() == f"_Plain {compiled['fronts']()}"

@@ -179,6 +179,11 @@ def test_planners_that_need_turns_and_moves_refuse_it_by_name_and_say_who_can(pr
             problem.solve(planner)
 
 
+def test_a_drive_of_it_on_the_graph_of_another_robot_is_refused(problem):
+    with pytest.raises(UnsupportedModel, match=r"lattice needs a model with .*turn-move"):
+        hpop.follow(problem, problem.solve(ROADMAP), "knee", planner={"lattice": {"step": 0.5}})
+
+
 def test_criteria_that_need_a_heading_say_so(robot):
     with pytest.raises(CriterionError, match="'net_winding' requires heading"):
         hpop.Problem(HALL, robot(), (1, 1, 0), (4, 1, 0), ["net_winding"])

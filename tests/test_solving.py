@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.errors import QueryError
+from hpop.errors import OptionError, QueryError
 from hpop.trajectory import Trajectory
 from hpop.world.content import Person
 
@@ -52,3 +52,43 @@ def test_what_a_trajectory_costs_is_what_its_parts_cost_each_asked_when_it_begin
 def test_a_time_that_is_none_is_refused(t):
     with pytest.raises(QueryError, match="t must be a time in s"):
         asked(WALKER).at((3, 2, 0), t)
+
+
+@pytest.mark.parametrize(
+    ("planners", "options", "said"),
+    [
+        (["lattice", "roadmap"], {"checkpoint": "a.ckpt"}, "lattice and roadmap"),
+        ([{"lattice": {"checkpoint": "a.ckpt"}}, {"lattice": {"checkpoint": "./a.ckpt"}}], {}, "lattice and lattice"),
+        (
+            [
+                {"roadmap": {"checkpoint": "a.ckpt"}},
+                {"smoothing": {"warm_start": {"lattice": {"checkpoint": "a.ckpt"}}}},
+            ],
+            {},
+            "roadmap and lattice",
+        ),
+    ],
+)
+def test_two_searches_that_would_be_kept_in_one_file_are_refused_before_anything_is_planned(
+    planners, options, said, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    begun = []
+    with pytest.raises(OptionError, match=f"{said} would keep their searches in one checkpoint, '(./)?a.ckpt'; give"):
+        asked(criteria=("turns", "length")).solve(planners, progress=begun.append, **options)
+    assert begun == list(tmp_path.iterdir()) == []
+
+
+def test_each_of_two_searches_goes_on_from_its_own_file(tmp_path):
+    problem = asked(criteria=("turns", "length"))
+    steps = {"a": 0.5, "b": 0.4}
+
+    def planned(**limits):
+        each = [{"lattice": {"step": step, "checkpoint": tmp_path / name, **limits}} for name, step in steps.items()]
+        return problem.solve(each)
+
+    assert "label limit" in planned(max_labels=40).status
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+    resumed = planned()
+    whole = problem.solve([{"lattice": {"step": step}} for step in steps.values()])
+    assert resumed.costs.tolist() == whole.costs.tolist()

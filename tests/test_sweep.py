@@ -8,6 +8,7 @@ import pickle
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
@@ -234,6 +235,24 @@ def test_ctrl_c_that_comes_as_a_lock_is_taken_leaves_none_taken(number: int, mon
 def test_a_pool_needs_workers(workers: Any) -> None:
     with pytest.raises(OptionError, match="workers must be a whole number of processes from 1 to"):
         processes(workers)
+
+
+def no_semaphores(*given: Any) -> Any:
+    raise OSError(30, "Read-only file system")
+
+
+def test_where_processes_share_no_locks_a_pool_is_refused_with_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a container whose /dev/shm cannot be written."""
+    monkeypatch.setattr("multiprocessing.synchronize._multiprocessing.SemLock", no_semaphores)
+    with pytest.raises(OptionError, match=r"\(Read-only file system\); they need a /dev/shm that can be written"):
+        processes(2)
+
+
+def test_where_no_file_can_be_shared_the_work_is_done_here(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "nowhere"))
+    with ThreadPoolExecutor(1) as pool, Sweep(operator.mul, 7, pool) as sweep:
+        assert dict(sweep.run(TASKS)) == EXPECTED
+    assert [note.split(";")[0] for note in sweep.notes] == ["a worker or its executor failed (FileNotFoundError)"]
 
 
 LEAVING = """

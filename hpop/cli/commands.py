@@ -229,7 +229,13 @@ def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None
         with sweep.dask(dask) as cluster:
             yield cluster
     elif workers is not None and workers > 1:
-        with sweep.processes(workers) as pool:
+        try:
+            pool = sweep.processes(workers)
+        except OptionError as error:
+            echo(f"note: --workers: {error}: this process does all the work", err=True)
+            yield None
+            return
+        with pool:
             yield pool
     else:
         yield None

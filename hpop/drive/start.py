@@ -12,6 +12,7 @@ from hpop.front import Front, Point, question_of
 from hpop.frontier.choices import Preferring
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.planners.needs import refuse_unsupported
 from hpop.problem import Problem
 from hpop.registry import planners
 from hpop.scalars import is_whole
@@ -43,7 +44,8 @@ def follow(
     patience, notice : see :class:`hpop.drive.Execution`
 
     Raises QueryError where the front is of another problem, DriveError for what is no point of it, for a plan that is
-    not made of turns, straight moves and holds, and where no graph is known to look for others on.
+    not made of turns, straight moves and holds, and where no graph is known to look for others on; UnsupportedModel
+    for a planner whose graph the robot cannot drive.
     """
     if not isinstance(problem, Problem):
         raise DriveError(f"follow an answer to an hpop.Problem, got {shown(problem)}")
@@ -57,6 +59,7 @@ def follow(
     preference = choice if isinstance(choice, Preferring) else None
     point = _point(front, choice) if preference is None else front.select(preference=preference)
     made = _planner_of(point.provenance) if planner is None else make_planner(planner)
+    refuse_unsupported(made, problem.model)
     given: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
     return Execution(problem, front.trajectories, point.item, made, **given)
 

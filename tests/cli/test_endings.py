@@ -14,8 +14,9 @@ import pytest
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import check_writable
 from hpop.errors import OutputError
+from hpop.front import Front
 from hpop.interrupts import ENDING, endings_interrupt
-from tests.warm import Warm
+from tests.warm import COMMAND, DRAWN, UNDRAWN, Warm
 
 INTERRUPTED_IMPORT = """\
 import signal, sys
@@ -110,6 +111,44 @@ def test_a_terminal_that_is_closed_takes_what_is_still_said() -> None:
     os.close(ours)
     child.communicate(b"now")
     assert child.returncode == 7
+
+
+SMALL = """\
+world: {polygons: {extent: [[0, 0], [3, 0], [3, 2], [0, 2]]}}
+start: [0.5, 1, 0]
+goal: [2.5, 1, 0]
+criteria: [turns, length]
+planner: {lattice: {step: 0.5}}
+"""
+CLOSED = """\
+import os, sys
+for number, name in enumerate(("stdin", "stdout", "stderr")):
+    if name in sys.argv[1].split(","):
+        os.close(number)
+        setattr(sys, name, None)  # as Python begins where it is closed
+del sys.argv[1]
+"""
+
+
+@pytest.mark.parametrize("closed", ["stdout", "stdin,stdout,stderr"])
+def test_where_standard_streams_are_closed_all_is_written_as_ever(tmp_path: Path, warm: Warm, closed: str) -> None:
+    """``hpop plan ... >&-``; what else is opened must not take the numbers of the streams that are closed."""
+    (tmp_path / "room.yaml").write_text(SMALL)
+    run = warm.run(closed, "plan", "room.yaml", "--out", "out", cwd=tmp_path, code=CLOSED + DRAWN)
+    assert (run.returncode, run.stdout) == (0, "")
+    assert {"front.json", "map.png", "front.png", "trace.png", "front.html"} <= {*os.listdir(tmp_path / "out")}
+    assert Front.load(tmp_path / "out" / "front.json").status == "complete"
+    for words in (["show", "out"], ["pick", "out", "--knee"], ["export", "out"], ["explain", "knee"]):
+        assert warm.run(closed, *words, cwd=tmp_path, code=CLOSED + UNDRAWN).returncode == 0
+
+
+def test_pictures_are_drawn_whatever_a_desktop_draws_with(tmp_path: Path) -> None:
+    (tmp_path / "room.yaml").write_text(SMALL)
+    command = [sys.executable, "-c", COMMAND, "look", "room.yaml", "--out", "look.png"]
+    environment = {**os.environ, "MPLBACKEND": "no such backend"}
+    run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert (tmp_path / "look.png").exists()
 
 
 def test_output_that_a_full_disk_does_not_take_is_one_message(tmp_path: Path, warm: Warm) -> None:

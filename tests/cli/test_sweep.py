@@ -101,6 +101,21 @@ def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None
     assert "no planner here sweeps (any-angle, lattice)" in plan(scenario, "out", "--workers", "2").output
 
 
+def test_where_no_workers_can_be_had_one_process_plans_and_says_so(
+    scenario: Path, alone: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where /dev/shm cannot be written: no process can share a lock with another one."""
+
+    def refused(*given: Any) -> Any:
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("multiprocessing.synchronize._multiprocessing.SemLock", refused)
+    there = plan(scenario, "here", "--workers", "2")
+    assert there.exit_code == 0, there.output
+    assert "note: --workers: no worker processes can be had here (Read-only file system)" in there.stderr
+    assert points(scenario, "here") == alone
+
+
 @pytest.mark.parametrize(
     ("stage", "least", "workers"),
     [

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -44,6 +45,32 @@ class _Run:
     steps: list[Knots] = field(default_factory=list)
 
 
+@dataclass(frozen=True)
+class Deadline:
+    """A moment at which work ends, also in the processes of other machines.
+
+    until    s  on the monotonic clock, which the processes of one machine share and nobody sets back
+    wall     s  on the clock of :func:`time.time`, for other machines
+    machine  where ``until`` holds
+    """
+
+    until: float
+    wall: float
+    machine: str
+
+    @classmethod
+    def after(cls, seconds: float) -> Deadline:
+        """Return the moment some seconds from now."""
+        return cls(time.monotonic() + seconds, time.time() + seconds, platform.node())
+
+    @property
+    def is_past(self) -> bool:
+        """Whether the moment is over."""
+        if platform.node() == self.machine:
+            return time.monotonic() > self.until
+        return time.time() > self.wall
+
+
 @dataclass(frozen=True, eq=False)
 class SplineJob:
     """What all paths share. Pickled without what is built: each process builds it once.
@@ -53,7 +80,7 @@ class SplineJob:
     smooth    places of those that have gradients; the others come as they come
     minimise  place of the one that counts most; None: all alike, and from there on each by itself
     pieces    count of each spline, about
-    deadline  s, on the clock of :func:`time.time`, which processes share: no step begins later
+    deadline  no step begins later; None without a time limit
     """
 
     problem: Problem
@@ -61,7 +88,7 @@ class SplineJob:
     smooth: tuple[int, ...]
     minimise: int | None
     pieces: int
-    deadline: float | None = None
+    deadline: Deadline | None = None
     built: dict[str, Pieces] = field(default_factory=dict)
     interrupted: list[tuple[Trajectory, Outcome[tuple[Improved, ...]]]] = field(default_factory=list)
 
@@ -191,7 +218,7 @@ class SplineJob:
 
     def _is_late(self, counts: Counter[str]) -> bool:
         """Whether time is over; if so the path is counted."""
-        late = self.deadline is not None and time.time() > self.deadline
+        late = self.deadline is not None and self.deadline.is_past
         if late:
             counts[CUT_SHORT] = 1
         return late

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
@@ -23,7 +22,7 @@ from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_war
 from hpop.planners.programs.criteria import minimised
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome, Tally
 from hpop.planners.spending import Spending
-from hpop.planners.spline.job import CUT_SHORT, SplineJob
+from hpop.planners.spline.job import CUT_SHORT, Deadline, SplineJob
 from hpop.planners.spline.pieces import Pieces
 from hpop.scalars import set_python_values
 from hpop.status import Budget, Progress, ProgressCallback, Status
@@ -162,7 +161,7 @@ class _SplineRun:
                         stage += max(1, stage // 2)
                     self._report()
                     # Anew each time, as pauses move it. Workers have that of the first time, and work in pauses too.
-                    sweep.shared = replace(sweep.shared, deadline=time.time() + self._left())
+                    sweep.shared = replace(sweep.shared, deadline=Deadline.after(self._left()))
                     place, outcome = next(done, (None, None))
                     if place is None or outcome is None:
                         status = Status.TIME_LIMIT

@@ -120,10 +120,7 @@ class TimedArcs:
                 moves[at_once] = motions.kind == joined.kinds[MOVE]
                 seconds[rows] += motions.duration
             tails[joins], durations[joins], ticks[joins] = joined.joins.tails, seconds, clock.of(seconds)
-        place = space.places(np.arange(space.size))
-        ends = np.flatnonzero(place < 0)  # joined ends have places of their own
-        place = place.astype(np.int64)
-        place[ends] = place.max(initial=-1) + 1 + np.arange(ends.size)
+        place = _numbered_places(space.places(np.arange(space.size)))
         leaving, states_of = np.flatnonzero(tails == start), np.arange(space.size)
         stands, begin = np.zeros(m, dtype=bool), start
         if half > 0.0 and moves[leaving].any():
@@ -211,6 +208,20 @@ class TimedArcs:
         states = self.space.states(np.full(count, self.states_of[self.begin]))
         start, end = (States(**states.__dict__, **{CLOCK: np.full(count, clock)}) for clock in (0.0, self.half))
         return Motions(self.space.world, self.space.model, HOLD, start, end)
+
+
+def _numbered_places(places: IntArray) -> IntArray:
+    """Return the place (n,) of each state, numbered from 0 without gaps; a joined end, below 0, has its own at the end.
+
+    A position of a roadmap to which no free link leads has no state, so its number is not used.
+    """
+    inside = places >= 0
+    used = np.zeros(int(places.max(initial=-1)) + 1, dtype=bool)
+    used[places[inside]] = True
+    numbers = np.empty(places.size, np.int64)
+    numbers[inside] = (np.cumsum(used) - 1)[places[inside]]
+    numbers[~inside] = used.sum() + np.arange(places.size - inside.sum())
+    return numbers
 
 
 def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
