@@ -118,6 +118,7 @@ class Image(MapFile):
     resolution: float = Field(gt=0)
     threshold: float = Field(default=0.5, gt=0, lt=1)
     smallest_obstacle: float | None = Field(default=None, gt=0)
+    thinnest_obstacle: float | None = Field(default=None, gt=0)  # m, below which lines are none: swings of doors
     inside: Point | None = None
     origin: Origin = (0.0, 0.0, 0.0)
     height: Heights | None = None

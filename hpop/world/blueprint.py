@@ -56,8 +56,8 @@ class Specks(NamedTuple):
 def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
     """Cells without obstacles that cover less than ``smallest`` (m²), and a note on what is left out and what stays."""
     cells, square = raster.cells, raster.resolution**2
-    labels, count = _numbered(cells, _ROUND)
-    area = _areas(labels, count)
+    labels, count = numbered(cells, _ROUND)
+    area = areas_of(labels, count)
     small = area * square < smallest
     small[0] = False
     left = np.count_nonzero(small)
@@ -86,7 +86,7 @@ def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray,
         raise MapError(f"{where} is not on the image, which is {_size(rows, columns, raster)}. Move it.")
     if raster.cells[row, column]:
         raise MapError(f"{where} is in an obstacle; expected a point of the free space. Move it, or change threshold.")
-    labels, _ = _numbered(~raster.cells, None)
+    labels, _ = numbered(~raster.cells, None)
     reached = labels == labels[row, column]
     closed = np.count_nonzero(~reached) - np.count_nonzero(raster.cells)
     note = f"{closed * raster.resolution**2:.4g} m² that cannot be reached from {where} are solid"
@@ -110,8 +110,8 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
         f"{threshold:g} are obstacles, {count - solid:,} are free"
     )
     apart = grey & ~_grown(dark, EDGE)
-    labels, found = _numbered(apart, _ROUND)
-    area = _areas(labels, found)
+    labels, found = numbered(apart, _ROUND)
+    area = areas_of(labels, found)
     area[0] = 0
     large = np.flatnonzero(area >= LEAST)
     if not large.size:
@@ -136,7 +136,7 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
 
 def lettering(raster: Raster) -> Iterator[str]:
     """A note on obstacles that look like lettering: rows of small specks of unlike size that stand close together."""
-    labels, count = _numbered(raster.cells, _ROUND)
+    labels, count = numbered(raster.cells, _ROUND)
     if count > MOST_SPECKS:
         yield (
             f"there are {count:,} obstacles, more than a building has: smallest_obstacle: "
@@ -145,7 +145,7 @@ def lettering(raster: Raster) -> Iterator[str]:
         return
     from scipy import ndimage
 
-    area = _areas(labels, count)[1:]
+    area = areas_of(labels, count)[1:]
     found = ndimage.find_objects(labels)
     boxes = np.array([[r.start, c.start, r.stop, c.stop] for r, c in found], dtype=np.int64).reshape(-1, 4)
     sides = (boxes[:, 2:] - boxes[:, :2]) * raster.resolution
@@ -202,7 +202,7 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
     ]
 
 
-def _numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
+def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
     """Numbers of connected cells, from 1, and how many there are."""
     from scipy import ndimage
 
@@ -211,7 +211,7 @@ def _numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np
     return labels, int(ndimage.label(cells, structure, output=labels))
 
 
-def _areas(labels: NDArray[np.int32], count: int) -> IntArray:
+def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
     """How many cells have each number, 0 included; some rows at a time, since counting takes eight bytes a cell."""
     step = max(1, ROWS // labels.shape[1])
     area = np.zeros(count + 1, dtype=np.int64)

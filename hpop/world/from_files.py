@@ -82,6 +82,7 @@ class FromFiles:
         origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
         height: Heights | None = None,
         outside_is_obstacle: bool = True,
+        thinnest_obstacle: float | None = None,
     ) -> World:
         """Read a blueprint image; see `hpop.world.image.read`."""
         from hpop.world import image
@@ -95,4 +96,5 @@ class FromFiles:
             origin=origin,
             height=height,
             outside_is_obstacle=outside_is_obstacle,
+            thinnest_obstacle=thinnest_obstacle,
         )

@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.errors import MapError
 from hpop.options import real
-from hpop.world import blueprint
+from hpop.world import blueprint, thin_lines
 from hpop.world.files import file_source, read_bytes
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.picture import read_image
@@ -28,6 +28,7 @@ def read(
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
     height: Heights | None = None,
     outside_is_obstacle: bool = True,
+    thinnest_obstacle: float | None = None,
 ) -> World:
     """Read a blueprint as a `World` of cells: pixels darker than the threshold are obstacles.
 
@@ -50,9 +51,12 @@ def read(
         Heights of all obstacles, m; the whole height by default.
     outside_is_obstacle : bool
         Whether the camera counts all beyond the image as obstacle.
+    thinnest_obstacle : float, optional
+        Thickness, m, below which lines are no obstacle: the swings of doors, where walls are thicker.
 
-    ``world.notes`` say how many pixels are neither dark nor light, which grey areas are free and which specks look like
-    lettering, each with the option that makes it otherwise; and what these options left out or closed.
+    A photograph is turned as its EXIF orientation says. ``world.notes`` tell that, how many pixels are neither dark nor
+    light, which grey areas are free, which specks look like lettering and which thin lines close passages, each with
+    the option that makes it otherwise; and what these options left out or closed.
 
     Raises
     ------
@@ -65,9 +69,11 @@ def read(
     heights = WHOLE if height is None else check_heights(height)
     if smallest_obstacle is not None:
         smallest_obstacle = check_positive("smallest_obstacle", smallest_obstacle)
+    if thinnest_obstacle is not None:
+        thinnest_obstacle = check_positive("thinnest_obstacle", thinnest_obstacle)
     inside = check_inside(inside)
     content = read_bytes(path, "image")
-    picture = read_image(content, path)
+    picture = read_image(content, path, upright=True)
     check_span(picture.height, picture.width, resolution, path)
     dark = np.empty((picture.height, picture.width), dtype=bool)
     shade = np.empty(dark.shape, dtype=np.uint8)
@@ -85,14 +91,23 @@ def read(
         "origin": list(origin),
         "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
         "outside_is_obstacle": bool(outside_is_obstacle),
+        "thinnest_obstacle": thinnest_obstacle,
     }
     raster = Raster(dark[::-1], resolution, origin, *heights)
     del dark
-    notes = [*blueprint.greys(shade[::-1], raster.cells, float(threshold), raster)]
+    notes = ["it is turned as its EXIF orientation says"] if picture.is_turned else []
+    if not raster.cells.any():
+        notes.append(f"no pixel is darker than the threshold {threshold:g}, so there are no obstacles")
+    notes += blueprint.greys(shade[::-1], raster.cells, float(threshold), raster)
+    if thinnest_obstacle is not None:
+        cells, note = thin_lines.without_lines(raster, thinnest_obstacle)
+        raster, notes = replace(raster, cells=cells), [*notes, note]
     if smallest_obstacle is not None:
         cells, note = blueprint.without_specks(raster, smallest_obstacle)
         raster, notes = replace(raster, cells=cells), [*notes, note]
     notes += blueprint.lettering(raster)
+    if thinnest_obstacle is None:
+        notes += thin_lines.closing(raster)
     if inside is not None:
         cells, note = blueprint.closed_from(raster, inside)
         raster, notes = replace(raster, cells=cells), [*notes, note]

@@ -23,6 +23,8 @@ Pixels = NDArray[np.uint8] | NDArray[np.uint16]
 
 FORMATS = ("PPM", "PNG", "BMP", "GIF", "JPEG")
 """Pillow's names of the formats that are read; PPM includes PGM."""
+ORIENTATION = 0x0112
+"""Tag of EXIF."""
 DEEP = ("I", "I;16", "I;16B", "F")
 """Pillow's names of what has more than 8 bits a pixel."""
 BLOCK = 1_000_000
@@ -36,12 +38,14 @@ class Picture:
     """A decoded image, row 0 at the top.
 
     height, width  pixels
+    is_turned      whether it was turned or mirrored as its EXIF orientation says
     """
 
     height: int
     width: int
     _image: Any
     _path: str | Path
+    is_turned: bool = False
 
     def blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray | None]]:
         """Rows, about a million pixels at a time: their brightness (h, W, channels) from 0 to 1, and alpha (h, W).
@@ -65,20 +69,18 @@ class Picture:
             mode = ("L" if image.mode in ("1", "L", "LA") else "RGB") + ("A" if alpha else "")
             pixels = np.asarray(part.convert(mode))
         except Exception as error:  # each decoder fails in its own way
-            raise MapError(
-                f"image {named(self._path)} is {self.width} x {self.height} by its header, but its pixels cannot be "
-                f"read ({error}). Is the file cut off?"
-            ) from None
+            raise _unreadable(image, self._path, error) from None
         pixels = pixels.reshape(rows.stop - rows.start, self.width, -1)
         return (pixels[..., :-1], pixels[..., -1]) if alpha else (pixels, None)
 
 
-def read_image(data: bytes, path: str | Path) -> Picture:
+def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> Picture:
     """Decode an image; white is the largest value of 8 or 16 bits. Its size is checked before pixels are decoded.
 
-    Its cells, a byte each, are charged as what stays of it.
+    Its cells, a byte each, are charged as what stays of it. ``upright`` turns it as its EXIF orientation says, as what
+    shows pictures does, and map_server does not.
     """
-    from PIL import Image, UnidentifiedImageError
+    from PIL import Image, ImageOps, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
@@ -98,7 +100,31 @@ def read_image(data: bytes, path: str | Path) -> Picture:
     check_size(height, width, f"image {named(path)}")
     pixels = height * width
     limits.hold(READING, pixels, DECODED * pixels + SHADES * min(pixels, BLOCK))
-    return Picture(height, width, image, path)
+    if not upright or _orientation(image) == 1:
+        return Picture(height, width, image, path)
+    try:
+        ImageOps.exif_transpose(image, in_place=True)
+    except Exception as error:  # each decoder fails in its own way
+        raise _unreadable(image, path, error) from None
+    width, height = image.size
+    return Picture(height, width, image, path, is_turned=True)
+
+
+def _orientation(image: Any) -> int:
+    """The EXIF orientation of an image, from 1 to 8; 1 where it says none that is known."""
+    try:
+        found = image.getexif().get(ORIENTATION, 1)
+    except Exception:  # what it says may be anything
+        return 1
+    return found if found in range(2, 9) else 1
+
+
+def _unreadable(image: Any, path: str | Path, error: Exception) -> MapError:
+    width, height = image.size
+    return MapError(
+        f"image {named(path)} is {width} x {height} by its header, but its pixels cannot be read ({error}). Is the "
+        "file cut off?"
+    )
 
 
 def shades(pixels: Pixels) -> FloatArray:

@@ -6,6 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from PIL import Image, ImageDraw, ImageFont
+from scipy import ndimage
 
 from hpop.errors import MapError
 from hpop.world import World
@@ -210,3 +211,91 @@ def test_the_choice_is_kept_with_a_saved_world(tmp_path):
     again = World.from_description(world.describe())
     assert (again.raster.cells == world.raster.cells).all()
     assert again.notes == world.notes
+
+
+# Lines thinner than walls, and pictures as cameras and other programs save them
+
+
+def with_a_door(folder, walls=6, arc=1):
+    """Two rooms of 4 x 4 m at 0.05 m a pixel; the swing of a door of 0.9 m closes the passage between them."""
+    plan = Image.new("L", (180, 100), 255)
+    pen = ImageDraw.Draw(plan)
+    for box in ((0, 0, 179, walls - 1), (0, 100 - walls, 179, 99), (0, 0, walls - 1, 99), (180 - walls, 0, 179, 99)):
+        pen.rectangle(box, fill=0)
+    pen.rectangle((88, 0, 87 + walls, 40), fill=0)
+    pen.rectangle((88, 59, 87 + walls, 99), fill=0)
+    pen.line((88, 59, 70, 59), fill=0, width=arc)  # the leaf, open
+    pen.arc((70, 41, 106, 77), 180, 270, fill=0, width=arc)
+    path = folder / "plan.png"
+    plan.save(path)
+    return path
+
+
+def test_a_thin_line_that_closes_a_passage_is_told_and_left_out_where_that_is_asked_for(tmp_path):
+    path = with_a_door(tmp_path)
+    closed = World.from_image(path, 0.05)
+    (note,) = [note for note in closed.notes if "close passages" in note]
+    assert "1 lines of up to 0.15 m close passages, thinner than the walls, at (" in note
+    x, y = map(float, re.search(r"at \(([\d.]+), ([\d.]+)\)", note).groups())
+    assert (x, y) == pytest.approx((79 * 0.05, 50 * 0.05), abs=0.1)  # the middle of the swing
+    opened = World.from_image(path, 0.05, thinnest_obstacle=float(re.search(r"obstacle: ([\d.]+)", note).group(1)))
+    walls = 2 * 6 * 180 + 2 * 6 * 88 + 6 * (35 + 35)  # pixels
+    assert walls <= np.count_nonzero(opened.raster.cells) <= walls + 12  # stubs where lines meet walls
+    rooms = [ndimage.label(~world.raster.cells)[1] for world in (closed, opened)]
+    assert rooms == [2, 1]
+    assert "lines thinner than 0.2 m are left out" in opened.notes[0]
+
+
+@pytest.mark.parametrize("pixels", [2, 3, 4, 5])
+def test_lines_are_left_out_by_their_thickness(tmp_path, pixels):
+    cells = np.full((40, 60), 255, np.uint8)
+    for i in range(1, 7):
+        cells[5:35, 8 * i : 8 * i + i] = 0  # a line of each thickness, in pixels
+    world = World.from_image(save(tmp_path, cells), 0.1, thinnest_obstacle=pixels / 10)
+    assert [int(world.raster.cells[20, 8 * i : 8 * i + i].sum()) for i in range(1, 7)] == [
+        i if i >= pixels else 0 for i in range(1, 7)
+    ]
+    assert world.raster.cells.sum() == 30 * sum(i for i in range(1, 7) if i >= pixels)
+
+
+def test_where_walls_are_lines_themselves_none_is_told_from_them(tmp_path):
+    path = with_a_door(tmp_path, walls=2)
+    assert not [note for note in World.from_image(path, 0.05).notes if "close passages" in note]
+
+
+def test_a_photograph_is_turned_as_it_is_shown(tmp_path):
+    """Orientation 6: the first row is the right side of what is shown (EXIF 2.3, 4.6.4)."""
+    image = Image.fromarray(np.array([[0, 255, 255], [255, 255, 255]], np.uint8))
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    image.save(tmp_path / "plan.png", exif=exif)
+    world = World.from_image(tmp_path / "plan.png", 1)
+    assert world.raster.cells.tolist() == [[False, False], [False, False], [False, True]]
+    assert "it is turned as its EXIF orientation says" in world.notes[0]
+
+
+def test_a_picture_without_a_dark_pixel_is_told(tmp_path):
+    white_on_nothing = [[[255, 255, 255, 255], [255, 255, 255, 0]]]
+    (note,) = World.from_image(save(tmp_path, white_on_nothing), 1).notes
+    assert "no pixel is darker than the threshold 0.5, so there are no obstacles" in note
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "RGB", "RGBA", "P", "1", "I;16", "CMYK"])
+def test_every_kind_of_pixels_is_read(tmp_path, mode):
+    grey = Image.fromarray(np.array([[0, 255]], np.uint8)).resize((16, 8), Image.Resampling.NEAREST)
+    if mode == "I;16":
+        image = Image.fromarray(np.asarray(grey).astype(np.uint16) * 257)
+    else:
+        image = grey.convert("RGB").convert(mode)
+    path = tmp_path / ("plan.jpg" if mode == "CMYK" else "plan.png")
+    image.save(path)
+    cells = World.from_image(path, 1).raster.cells
+    assert cells[:, :8].all()
+    assert not cells[:, 8:].any()
+
+
+def test_a_transparent_colour_of_a_palette_is_paper(tmp_path):
+    image = Image.fromarray(np.array([[0, 1, 2]], np.uint8)).convert("P")
+    image.putpalette([0, 0, 0, 10, 10, 10, 255, 255, 255])
+    image.save(tmp_path / "plan.png", transparency=1)
+    assert World.from_image(tmp_path / "plan.png", 1).raster.cells.tolist() == [[True, False, False]]
