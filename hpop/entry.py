@@ -27,7 +27,7 @@ def main() -> None:
         sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
         from hpop.cli import main as command  # click takes a tenth of a second
 
-        command()
+        command(prog_name="hpop")  # also where it is run as python -m hpop
     except KeyboardInterrupt:
         sys.stderr.write("error: interrupted\n")
         sys.exit(INTERRUPTED)

@@ -203,7 +203,7 @@ for each in listing.COMMANDS:
 def check(plugin: str, imports: tuple[str, ...]) -> None:
     """Run the conformance checks on a criterion, model or planner.
 
-    NAME is FILE.py:NAME or MODULE:NAME of its class, or a registered name.
+    NAME is FILE.py:NAME or MODULE:NAME of its class, or the name that it is registered by.
     """
     from hpop.cli import user_code
     from hpop.testing import conformance, kind_of

@@ -10,6 +10,7 @@ import click
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
+from hpop.errors import HpopError
 
 
 def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
@@ -64,7 +65,8 @@ def export(
     """Write trajectories of the front in a FOLDER that `hpop plan` wrote, for other programs.
 
     Files are called after the rows, such as knee_70.tum. knee_70.about.json says their costs, and the axes of each
-    file. Earlier files of these names give way.
+    file. Earlier files of these names give way. Where a format cannot be written, the others are, and the exit code
+    is not 0.
     """
     from hpop.cli import user_code
     from hpop.export import Frames, save
@@ -72,11 +74,22 @@ def export(
 
     user_code.register(imports)
     frames = Frames(frame_id, base_frame, camera_frame)
-    shows_world = any(each.world for each in list(map(named_format, formats)))
+    of_world = [name for name in formats if named_format(name).world]
     path, front = loaded(folder)
-    problem = problem_of(path, front) if shows_world else None
+    problem, no_world = None, None
+    if of_world:
+        try:
+            problem = problem_of(path, front)
+        except HpopError as error:  # the map is gone: what does not show it is written all the same
+            formats = [name for name in formats if name not in of_world]
+            if not formats:
+                raise
+            no_world = error
     out = path.parent / "export" if out is None else out
     written = save(
         problem, front, out, rows=rows, formats=formats, rate=rate, body=body, planned=planned, frames=frames
     )
     echo(f"written to {out}: {', '.join(file.name for file in written)}")
+    if no_world is not None:
+        no_world.add_note(f"so {', '.join(of_world)} is not written")
+        raise no_world

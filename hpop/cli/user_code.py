@@ -17,12 +17,15 @@ from types import ModuleType
 from typing import Any
 
 from hpop.criteria.base import Criterion, make_criterion
-from hpop.errors import CriterionError, HpopError, OwnCodeError, own_place, unknown_name
+from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, did_you_mean, own_place
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
 from hpop.registry import Registry, criteria, formats, goals, models, needed, planners, readers
+from hpop.text import shown
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
+HOME = Path(__file__).parents[1]
+"""The package hpop."""
 FORM = "give FILE.py, or MODULE as seen from this folder"
 
 
@@ -63,9 +66,9 @@ def named(spec: str) -> Criterion | Model | Planner:
     if not colon and spec not in known:
         if _is_file(spec):
             raise CriterionError(f"{spec!r} does not say what to check: give {spec}:NAME, with the name of its class")
-        raise unknown_name("criterion, model or planner", spec, known)
+        raise _unregistered(spec, known)
     try:
-        found: Any = getattr(imported(source), name) if colon else known[spec]
+        found: Any = _named_in(imported(source), name) if colon else known[spec]
     except AttributeError as error:
         raise CriterionError(f"{spec!r} is not there ({error}); give FILE.py:NAME or MODULE:NAME") from None
     try:
@@ -81,6 +84,35 @@ def named(spec: str) -> Criterion | Model | Planner:
     if isinstance(made, Model):
         return made
     return make_planner(made) if callable(getattr(made, "solve", None)) else make_criterion(made)
+
+
+def _unregistered(spec: str, known: Iterable[str]) -> UnknownName:
+    """The error for a name that nothing has that is imported so far, with how to check it."""
+    home = [file for package in ("criteria", "planners", "models") for file in HOME.glob(f"{package}/**/{spec}.py")]
+    if os.path.isfile(f"{spec}.py"):
+        way_out = f"{spec}.py is in this folder: hpop check {spec}.py:NAME, with the name of its class or its own"
+    elif home and spec.isidentifier():
+        package = home[0].relative_to(HOME).parts[0]
+        way_out = (
+            f"{home[0]} is there, but hpop.{package} does not import it: name its class in "
+            f"{HOME / package}/__init__.py, in the imports for type checkers, _HOMES and __all__"
+        )
+    else:
+        way_out = "one of your own is not imported yet: hpop check FILE.py:NAME, or give --import FILE.py as well"
+    return UnknownName(
+        f"no criterion, model or planner called {shown(spec)} is imported.{did_you_mean(spec, known)} `hpop criteria`, "
+        f"`hpop models` and `hpop planners` list what there is; {way_out}"
+    )
+
+
+def _named_in(module: ModuleType, name: str) -> Any:
+    """What a module has of a name, or what it registers under it."""
+    if not hasattr(module, name):
+        for registry in REGISTRIES:
+            item = registry.own().get(name)
+            if item is not None and item.__module__ == module.__name__:
+                return item
+    return getattr(module, name)
 
 
 def imported(spec: str) -> ModuleType:

@@ -78,6 +78,7 @@ def save(
 
     Files are called ``knee_70.tum``, ``row_3.unity.csv``. Beside those of a row lies ``knee_70.about.json``: its costs,
     what is claimed of the front, and the axes of each file. Each file is whole or not there; earlier ones give way.
+    Where a format cannot be written, the others are, and then its error is raised.
 
     Parameters
     ----------
@@ -93,18 +94,33 @@ def save(
     chosen = [named_format(name) for name in dict.fromkeys(formats)]
     if problem is None and (scenes := [each.name for each in chosen if each.world]):
         raise OptionError(f"{', '.join(scenes)} shows the world: give the problem that the front answers")
-    written = []
+    written: list[Path] = []
+    failed: dict[str, Exception] = {}
     for row in named_rows(front, rows):
         given = _given(problem, front, row, rate, body, planned, Frames() if frames is None else frames)
-        # All that a row becomes, before any of it is written: of formats one may lack its extra.
-        contents = [(target / f"{row.stem}{each.suffix}", _content(each, given)) for each in chosen]
-        with _output_errors(target):
-            target.mkdir(parents=True, exist_ok=True)
-        own = [(target / f"{row.stem}{each.suffix}", each) for each in chosen]
-        about = target / f"{row.stem}{ABOUT}"
-        for path, content in [*contents, (about, _about(front, given, own))]:
-            _put(path, content)
-            written.append(path)
+        own: list[tuple[Path, Format]] = []
+        for each in chosen:
+            path = target / f"{row.stem}{each.suffix}"
+            try:
+                content = _content(each, given)
+                with _output_errors(target):
+                    target.mkdir(parents=True, exist_ok=True)
+                _put(path, content)
+            except Exception as error:  # whatever a format of the user's own does
+                failed.setdefault(each.name, error)
+            else:
+                own.append((path, each))
+        if own:
+            about = target / f"{row.stem}{ABOUT}"
+            _put(about, _about(front, given, own))
+            written += [*(path for path, _ in own), about]
+    if failed:
+        first, *others = failed.values()
+        for other in others:
+            first.add_note(str(other))
+        if written:
+            first.add_note(f"written all the same to {target}: {', '.join(path.name for path in written)}")
+        raise first
     return written
 
 

@@ -10,6 +10,7 @@ import logging
 import struct
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from socket import SO_SNDTIMEO, SOL_SOCKET
 from threading import Event, Lock
 from time import monotonic
@@ -26,7 +27,8 @@ from hpop.text import printable, shown
 MOST_WAITING = 16  # frames that wait to be read
 MOST_A_SECOND = 500  # messages
 OPENING, CLOSING, SENDING = 10.0, 2.0, 10.0  # s
-DELAYS = (0.5, 30.0)  # s before the first next attempt, and before any at most: each is twice the one before
+DELAYS = (0.5, 30.0)  # s before the first next attempt, and before any at most: each is twice the one before, also
+# where a bridge takes the connection and closes it at once
 QUIET = logging.Logger("hpop.ros.websockets", logging.CRITICAL + 1)  # what websockets logs is told by us
 
 
@@ -80,14 +82,17 @@ class Bridge:
         first, most = self.delays
         delay = first
         while not self._stopped.is_set():
+            since = inf
             try:
                 with self._connected() as connection:
-                    delay = first
+                    since = monotonic()
                     self.say(f"connected to {self.url}: goals of {self.server.known.action} are planned")
                     why = self._serve(connection)
             except (OSError, self._errors.WebSocketException, EOFError) as error:
                 why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             if not self._stopped.is_set():
+                if monotonic() - since > most:  # it was one that held
+                    delay = first
                 self.say(printable(f"no connection to {self.url} ({why}); trying again in {delay:g} s"))
                 self._stopped.wait(delay)
                 delay = min(2.0 * delay, most)

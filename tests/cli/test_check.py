@@ -11,6 +11,7 @@ import pytest
 from click.testing import Result
 
 from hpop import registry
+from hpop.cli import user_code
 
 PLUGIN = """\
 from dataclasses import dataclass
@@ -49,6 +50,23 @@ def test_a_good_criterion_of_this_folder_passes_every_check(run: Callable[..., R
     assert result.stdout.count("ok") > 5
 
 
+def test_a_criterion_is_found_in_its_file_by_the_name_that_it_is_registered_by(
+    run: Callable[..., Result], here: Path
+) -> None:
+    (here / "named_plugin.py").write_text(PLUGIN.format(name="stretch", cost="m.base.length"))
+    assert run("check", "named_plugin.py:stretch").exit_code == 0
+    assert run("check", "stretch").exit_code == 0  # imported by now
+
+
+def test_a_criterion_at_home_that_its_package_does_not_import_is_told(
+    run: Callable[..., Result], refused: Callable[..., None], here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (here / "criteria/comfort").mkdir(parents=True)
+    (here / "criteria/comfort/glint.py").touch()
+    monkeypatch.setattr(user_code, "HOME", here)
+    refused(run("check", "glint"), 7, "glint.py is there, but hpop.criteria does not import it: name its class in")
+
+
 def test_a_criterion_with_negative_costs_fails_by_name(
     run: Callable[..., Result], refused: Callable[..., None], here: Path
 ) -> None:
@@ -62,6 +80,9 @@ def test_a_criterion_with_negative_costs_fails_by_name(
     ("spec", "code", "said"),
     [
         ("turnz", 7, "Did you mean 'turns'?"),
+        ("glare", 7, "one of your own is not imported yet: hpop check FILE.py:NAME, or give --import FILE.py as well"),
+        ("odd_plugin", 7, "odd_plugin.py is in this folder: hpop check odd_plugin.py:NAME"),
+        ("whole", 7, "`hpop criteria`, `hpop models` and `hpop planners` list what there is"),
         ("odd_plugin:Gone", 8, "Gone"),
         ("odd_plugin:number", 8, "declare a class with @hpop.criterion"),
         ("odd_plugin:Needy", 8, "needs defaults"),
@@ -225,3 +246,14 @@ def test_the_installed_command_answers(room: Path) -> None:
     assert (done.returncode, done.stdout) == (4, "")
     assert done.stderr.startswith("error: ")
     assert subprocess.run([command, "plan"], capture_output=True, check=False).returncode == 2
+
+
+def test_python_dash_m_is_the_command_and_runs_nothing_of_the_current_folder(tmp_path: Path) -> None:
+    (tmp_path / "click.py").write_text("raise SystemExit('a stranger')")
+    command = Path(sys.executable).with_name("hpop")
+    done = [
+        subprocess.run([*each, "plan", "--help"], cwd=tmp_path, capture_output=True, text=True, check=True)
+        for each in ([command], [sys.executable, "-m", "hpop"])
+    ]
+    assert done[0].stdout == done[1].stdout
+    assert done[0].stdout.startswith("Usage: hpop plan [OPTIONS] SCENARIO")

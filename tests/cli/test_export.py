@@ -64,7 +64,12 @@ def test_streams_need_no_map(run: Run, folder: Path, tmp_path: Path) -> None:
     moved = (tmp_path / "front.json").read_text().replace("map.yaml", "gone.yaml")
     (tmp_path / "front.json").write_text(moved)
     assert run("export", tmp_path, "--format", "tum,nav2-yaml").exit_code == 0
-    assert run("export", tmp_path, "--format", "glb").exit_code == 3
+    assert run("export", tmp_path, "--format", "glb", "--out", tmp_path / "none").exit_code == 3
+    assert not (tmp_path / "none").exists()
+    both = run("export", tmp_path, "--format", "csv,glb", "--out", tmp_path / "both")
+    assert both.exit_code == 3
+    assert "so glb is not written" in " ".join(both.stderr.split())
+    assert {path.suffix for path in (tmp_path / "both").iterdir()} == {".csv", ".json"}
 
 
 @pytest.mark.parametrize(

@@ -85,15 +85,38 @@ def test_a_format_of_ones_own_that_makes_no_bytes_is_told(tmp_path, made):
     assert not list(tmp_path.iterdir())
 
 
-def test_where_one_of_several_formats_fails_none_is_written(tmp_path):
+def test_where_one_of_several_formats_fails_the_others_are_written(tmp_path):
     @export_format("no_such_extra", suffix=".none", axes="none")
     def fails(given: Exported) -> bytes:
         """What needs a package that is not there."""
         raise ImportError("pip install it")
 
-    with pytest.raises(OutputError, match="pip install it"):
-        save(problem(), front(), tmp_path / "out", formats=["csv", "no_such_extra"])
-    assert not list(tmp_path.iterdir())
+    @export_format("broken", suffix=".broken", axes="none")
+    def breaks(given: Exported) -> bytes:
+        """What has a fault of its own."""
+        raise ZeroDivisionError("a fault")
+
+    asked = ["no_such_extra", "csv", "broken", "tum"]
+    with pytest.raises(OutputError, match="pip install it") as raised:
+        save(problem(), front(), tmp_path / "out", rows=[0], formats=asked)
+    files = ["row_0.about.json", "row_0.csv", "row_0.tum"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == files
+    assert raised.value.__notes__[0] == "a fault"
+    assert raised.value.__notes__[1].startswith(
+        f"written all the same to {tmp_path / 'out'}: row_0.csv, row_0.tum, row_0"
+    )
+    about = json.loads((tmp_path / "out/row_0.about.json").read_text())
+    assert [file["format"] for file in about["files"]] == ["csv", "tum"]
+    with pytest.raises(ZeroDivisionError):
+        save(problem(), front(), tmp_path / "none", formats=["broken"])
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_bag_that_may_not_take_its_place_keeps_no_other_format_from_being_written(tmp_path):
+    (tmp_path / "row_0_bag").mkdir()
+    with pytest.raises(OutputError, match="is there, and no bag"):
+        save(None, front(), tmp_path, rows=[0], formats=["bag", "tum"])
+    assert (tmp_path / "row_0.tum").is_file()
 
 
 def test_an_earlier_file_or_bag_gives_way_and_nothing_else_does(tmp_path):

@@ -69,6 +69,32 @@ def test_a_bridge_may_come_later_and_each_wait_is_twice_the_one_before(planning,
             assert bridge.ended(bridge.send_goal(ACTION, asked())).status == SUCCEEDED
 
 
+def test_a_bridge_that_closes_at_once_is_tried_again_after_ever_longer_waits(planning, said):
+    """As one that lets nobody in."""
+    with serve(lambda connection: connection.close(), "127.0.0.1", 0) as listening:
+        thread = Thread(target=listening.serve_forever)
+        thread.start()
+        try:
+            server = PathServer(planning, say=said)
+            bridge = Bridge(
+                f"ws://127.0.0.1:{listening.socket.getsockname()[1]}", server, say=said, delays=(1e-3, 60.0)
+            )
+            tries = Thread(target=bridge.run)
+            tries.start()
+            again = " again in "
+            while sum(again in line for line in said) < 5:
+                assert said.told.wait(PATIENCE)
+                said.told.clear()
+            bridge.stop()
+            tries.join()
+            server.close()
+        finally:
+            listening.shutdown()
+            thread.join()
+    waits = [float(line.split(again)[1].split()[0]) for line in said if again in line]
+    assert waits[:5] == [1e-3, 2e-3, 4e-3, 8e-3, 16e-3]
+
+
 def test_when_it_is_stopped_it_takes_back_what_it_offered(planning, bridge, said):
     with running(planning, bridge.url, said):
         client = bridge.offered(ACTION)
