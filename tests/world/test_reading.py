@@ -104,7 +104,12 @@ READ: dict[str, Callable[[Path], list[object]]] = {
 
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module, size in (("geojson", SIDE), ("picture", 5 * SIDE), ("movingai", 5 * SIDE)):
+    for module, size in (
+        ("geojson_text", SIDE),
+        ("geojson_shapes", SIDE),
+        ("picture", 5 * SIDE),
+        ("movingai", 5 * SIDE),
+    ):
         monkeypatch.setattr(f"hpop.world.{module}.BLOCK", size)
 
 
