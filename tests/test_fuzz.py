@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 import os
 import signal
+import time
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
+
+import hpop
+from hpop.search import Graph
 
 FUZZ = Path(__file__).parent / "fuzz"
 
@@ -100,3 +107,80 @@ def test_some_inputs_are_accepted_and_some_refused(
         if {"accepted", "refused"} <= outcomes:
             break
     assert {"accepted", "refused"} <= outcomes
+
+
+@pytest.fixture
+def combinations(targets: ModuleType) -> ModuleType:
+    return importlib.import_module("targets.combinations")
+
+
+def small() -> tuple[hpop.Problem, hpop.Front]:
+    world = hpop.World.from_polygons([shapely.box(1.4, 0.9, 1.8, 1.3)], extent=shapely.box(0, 0, 3, 2))
+    problem = hpop.Problem(world, hpop.DifferentialDrive(radius=0.2), (0.5, 1, 0), (2.5, 1, None), ["turns", "length"])
+    return problem, problem.solve("lattice", step=0.25)
+
+
+PLANTED: dict[str, Any] = {
+    "planned and re-evaluated costs differ": lambda front: {"certificate": f"NOT VALID: {front.certificate}"},
+    "verify: trajectory #: length is saved as": lambda front: {"costs": front.costs + np.array([0.0, 0.5])},
+    "no path, and points": lambda front: {"status": "no path"},
+}
+
+
+@pytest.mark.parametrize("kind", PLANTED)
+def test_what_is_wrong_of_a_front_is_a_failure(combinations: ModuleType, harness: ModuleType, kind: str) -> None:
+    problem, front = small()
+    combinations._is_right(problem, front)
+    with pytest.raises(harness.Wrong, match=kind):
+        combinations._is_right(problem, replace(front, **PLANTED[kind](front)))
+
+
+def test_time_and_memory_beyond_the_limits_are_failures(
+    combinations: ModuleType, harness: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(combinations, "SLACK", 0.0)
+    monkeypatch.setattr(combinations, "ROOM", 10**7)
+    quick, small = hpop.planners.Lattice(time_limit=1e-3), hpop.planners.Lattice(max_memory=10**6)
+    within = combinations._in_time_and_memory
+    with pytest.raises(harness.Wrong, match="over three times its time limit"), within([quick]):
+        spend(0.01)
+    with pytest.raises(harness.Wrong, match="memory beyond max_memory"), within([small]):
+        np.ones(10**7)
+    with within([small, hpop.planners.Lattice()]):  # of several, one without a limit
+        np.ones(10**7)
+
+
+def spend(seconds: float) -> None:
+    """Take processor time."""
+    end = time.process_time() + seconds
+    while time.process_time() < end:
+        pass
+
+
+@pytest.mark.parametrize("worst", [0, 1, 2])
+def test_the_oracle_of_combinations_finds_all_non_dominated_sums_and_maxima(
+    combinations: ModuleType, worst: int
+) -> None:
+    """By the costs of all simple paths of a small graph, none of whose arcs is free of charge."""
+    rng = np.random.default_rng(worst)
+    tails, heads = np.nonzero(~np.eye(6, dtype=bool))
+    costs = rng.integers(1, 9, (tails.size, 3))
+    aggregates = ["sum"] * (3 - worst) + ["max"] * worst
+    graph = Graph.from_arcs(6, tails, heads, costs, aggregates=aggregates)
+    paid = {(t, h): c for t, h, c in zip(tails.tolist(), heads.tolist(), costs, strict=True)}
+    every = set()
+    for count in range(5):
+        for between in itertools.permutations(range(1, 5), count):
+            arcs = np.array([paid[arc] for arc in itertools.pairwise((0, *between, 5))])
+            every.add((*arcs.sum(axis=0)[: 3 - worst].tolist(), *arcs.max(axis=0)[3 - worst :].tolist()))
+    best = {a for a in every if not any(b != a and all(np.less_equal(b, a)) for b in every)}
+    assert combinations._by_loops(graph, 0, [5]) == best
+
+
+@pytest.mark.parametrize("number", [0, pytest.param(7, marks=pytest.mark.proof)])
+def test_a_combination_is_planned_and_used(
+    targets: ModuleType, harness: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    targets.allowed.plugin()
+    monkeypatch.chdir(tmp_path)
+    assert harness.outcome_of(targets.TARGETS["combination"], 0, tmp_path, number) in {"accepted", "refused"}

@@ -88,7 +88,7 @@ class Bridge:
                     since = monotonic()
                     self.say(f"connected to {self.url}: goals of {self.server.known.action} are planned")
                     why = self._serve(connection)
-            except (OSError, self._errors.WebSocketException, EOFError) as error:
+            except (OSError, self._errors.WebSocketException, EOFError, ValueError) as error:
                 why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             if not self._stopped.is_set():
                 if monotonic() - since > most:  # it was one that held

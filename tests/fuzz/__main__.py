@@ -21,7 +21,7 @@ from targets import TARGETS, warm
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seconds", type=float, default=240.0, help="by the clock, shared evenly by the targets")
+    parser.add_argument("--seconds", type=float, default=240.0, help="by the clock, for all targets")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="+", choices=TARGETS, default=list(TARGETS), metavar="TARGET")
     parser.add_argument("--inputs", type=int, help="of each target, at most")
@@ -43,7 +43,7 @@ def main() -> int:
                     name, given.first, TARGETS[name].attempt(generator(given.seed, TARGETS[name], given.first), place)
                 )
                 continue
-            share = given.seconds / len(given.only)
+            share = given.seconds * TARGETS[name].shares / sum(TARGETS[each].shares for each in given.only)
             tallies[name] = run(TARGETS[name], given.seed, place, seconds=share, inputs=given.inputs, first=given.first)
             print(line(name, tallies[name]), flush=True)
         os.chdir("/")

@@ -41,10 +41,14 @@ class Target:
 
     attempt  makes an input from a generator, in a folder of its own, tries it, and says "accepted" or "refused";
              whatever else it raises is a failure
+    shares   of the time of all targets
+    seconds  of processor time that an input may take; None: PROCESSOR_SECONDS
     """
 
     name: str
     attempt: Attempt
+    shares: int = 1
+    seconds: float | None = None
 
 
 @dataclass
@@ -122,7 +126,8 @@ def _forked(target: Target, seed: int, folder: Path, number: int, last: int, end
     _, status = os.waitpid(child, 0)
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)
-        named = {signal.SIGPROF: f"over {PROCESSOR_SECONDS} processor seconds", signal.SIGKILL: "waits, or was killed"}
+        over = f"over {_seconds(target)} processor seconds"
+        named = {signal.SIGPROF: over, signal.SIGKILL: "waits, or was killed"}
         yield named.get(number, f"dies of {signal.Signals(number).name}")
 
 
@@ -141,7 +146,7 @@ def _serve(target: Target, seed: int, folder: Path, number: int, last: int, end:
             place = folder / str(number)
             place.mkdir(parents=True)
             os.chdir(place)
-            signal.setitimer(signal.ITIMER_PROF, PROCESSOR_SECONDS)
+            signal.setitimer(signal.ITIMER_PROF, _seconds(target))
             outcome = outcome_of(target, seed, place, number)
             signal.setitimer(signal.ITIMER_PROF, 0)
             os.chdir(folder)
@@ -150,6 +155,11 @@ def _serve(target: Target, seed: int, folder: Path, number: int, last: int, end:
             number += 1
     finally:
         os._exit(0)
+
+
+def _seconds(target: Target) -> float:
+    """Processor time that an input of a target may take."""
+    return PROCESSOR_SECONDS if target.seconds is None else target.seconds
 
 
 def _memory() -> int:

@@ -103,8 +103,16 @@ def test_when_it_is_stopped_it_takes_back_what_it_offered(planning, bridge, said
     assert bridge.log == []
 
 
-def test_what_is_no_bridge_is_told(planning, said):
-    """A server of web pages, say: it answers, but not with a websocket."""
+@pytest.mark.parametrize(
+    ("status", "why"),
+    [
+        (b"404 Not Found", "HTTP 404"),
+        (b"301 Moved\r\nLocation: http://[bad", "ValueError"),
+        (b"301 Moved\r\nLocation: gopher://x", "InvalidURI"),
+    ],
+)
+def test_what_is_no_bridge_is_told(planning, said, status, why):
+    """A server of web pages, say: it answers, but not with a websocket; or it leads to where none can be."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
 
@@ -112,14 +120,14 @@ def test_what_is_no_bridge_is_told(planning, said):
             connection, _ = listening.accept()
             with connection:
                 connection.recv(4096)
-                connection.sendall(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")
+                connection.sendall(b"HTTP/1.1 " + status + b"\r\nContent-Length: 0\r\n\r\n")
 
         thread = Thread(target=answer)
         thread.start()
         with running(planning, f"ws://127.0.0.1:{port}", said):
             thread.join()
             assert said.told.wait(PATIENCE)
-        assert "HTTP 404" in said[0]
+        assert why in said[0]
 
 
 @pytest.mark.parametrize(

@@ -181,6 +181,14 @@ class Keeper:
         if self.saved is not None:  # nothing went on from it yet
             return
         try:
+            if Saved.question_in(self.path) not in (None, self.question):
+                warnings.warn(
+                    f"the checkpoint {self.path} has become that of another search, so this one is not kept; give each "
+                    "search a file of its own",
+                    HpopWarning,
+                    stacklevel=2,
+                )
+                return
             self.made().write(self.path)
         except OSError as error:
             reason = error.strerror or error
@@ -214,6 +222,16 @@ class Saved:
                 file.write(piece)
                 checksum.update(piece)
             file.write(checksum.digest())
+
+    @classmethod
+    def question_in(cls, path: Path) -> str | None:
+        """Return the question of the checkpoint in a file, None where there is none that can be read."""
+        try:
+            with path.open("rb") as file:
+                length = int.from_bytes(file.read(len(MAGIC) + LENGTH)[len(MAGIC) :], "little")
+                return str(json.loads(file.read(min(length, MAX_HEADER)))["question"])
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            return None
 
     @classmethod
     def read(cls, path: Path) -> Saved:

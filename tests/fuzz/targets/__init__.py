@@ -8,7 +8,7 @@ import numpy as np
 from harness import Attempt, Target
 
 from hpop.search import Graph, pareto_paths
-from targets import drives, fronts, interfaces, maps, robots, scenarios, studies
+from targets import allowed, combinations, drives, fronts, interfaces, maps, robots, scenarios, studies
 from targets.drives import saved_drive
 from targets.fronts import saved_front
 from targets.given import PLANNERS, ROOM, as_yaml, command
@@ -29,6 +29,7 @@ def warm(folder: Path) -> None:
     saved_front()
     saved_drive()
     studies.designed()
+    allowed.plugin()
 
 
 EVERY: list[Attempt] = [
@@ -39,3 +40,4 @@ EVERY: list[Attempt] = [
     *(studies.design, studies.form, studies.answers, studies.preference, studies.learnt),
 ]
 TARGETS = {attempt.__name__: Target(attempt.__name__, attempt) for attempt in EVERY}
+TARGETS["combination"] = Target("combination", combinations.combination, shares=9, seconds=90)

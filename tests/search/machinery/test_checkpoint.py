@@ -220,15 +220,17 @@ paths = pareto_paths(graph, 0, steps, method="general", checkpoint=Checkpoint(sy
 
 
 @pytest.mark.proof  # tests/cli/test_checkpoint.py kills the command while it writes
-def test_it_survives_kill_9(tmp_path, chain):
+@pytest.mark.parametrize("runs", [1, 2], ids=["alone", "beside another run with the same file"])
+def test_it_survives_kill_9(tmp_path, chain, runs):
     graph, file = chain(100), tmp_path / "search.ckpt"
     exact = pareto_paths(graph, 0, 100, method="general")
-    process = subprocess.Popen([sys.executable, "-c", KILLED, file])
+    processes = [subprocess.Popen([sys.executable, "-c", KILLED, file]) for _ in range(runs)]
     while not file.exists():
-        assert process.poll() is None, "it was complete before it could be killed"
+        assert processes[0].poll() is None, "it was complete before it could be killed"
         time.sleep(0.001)
-    process.kill()
-    assert process.wait() == -signal.SIGKILL
+    for process in processes:
+        process.kill()
+        assert process.wait() == -signal.SIGKILL
     seen: list[Progress] = []
     paths = pareto_paths(graph, 0, 100, method="general", checkpoint=file, progress=seen.append)
     assert next(p.labels for p in seen if p.stage == "search") > 0

@@ -187,6 +187,22 @@ def test_a_full_disk_is_told_and_the_search_goes_on_with_the_last_checkpoint_who
     assert os.listdir(file.parent) == [file.name]
 
 
+def test_a_file_that_has_meanwhile_become_that_of_another_search_is_left_to_it(tmp_path, chain):
+    """Two runs with one file: when they began there was none, so neither was refused."""
+    ours, theirs, file = chain(40), chain(30), tmp_path / "search.ckpt"
+
+    def begin_another(progress: Progress) -> None:
+        if progress.stage == "search" and not file.exists():
+            assert pareto_paths(theirs, 0, 30, checkpoint=file, budget=few).status is Status.LABEL_LIMIT
+
+    few = Budget(max_labels=300)
+    with pytest.warns(RuntimeWarning, match="has become that of another search, so this one is not kept"):
+        found = pareto_paths(ours, 0, 40, method="general", checkpoint=file, budget=few, progress=begin_another)
+    assert found.status is Status.LABEL_LIMIT
+    assert pareto_paths(theirs, 0, 30, checkpoint=file).costs.tolist() == pareto_paths(theirs, 0, 30).costs.tolist()
+    refused(ours, file, "is of another problem", target=40)
+
+
 def test_ctrl_c_while_it_is_written_leaves_the_last_one_whole(interrupted, monkeypatch):
     graph, file = interrupted
     before = file.read_bytes()
