@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from hpop.errors import OptionError, UnsupportedCriterion
@@ -19,7 +19,7 @@ from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.scalars import set_python_values
 from hpop.search import supported_paths
-from hpop.status import Budget, ProgressCallback
+from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -121,6 +121,9 @@ class WeightedSum:
             executor=executor,
             free=query.free,
         )
+        if not len(paths) and paths.status is Status.TIME_LIMIT and first is not None and first.trajectories:
+            claim = f"weighted-sum: incomplete ({paths.status}): no weight was solved; {first.certificate}"
+            return replace(first, status=paths.status, certificate=claim)
         stats: dict[str, Any] = {
             "objectives": [criterion.name for criterion in objectives.optimised],
             "ideal": (paths.ideal * query.quanta).tolist(),

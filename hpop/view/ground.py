@@ -147,7 +147,7 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
 
 def draw_bare_floor(axes: Axes, world: World) -> None:
     """Draw the extent white, where its obstructed fraction is left out."""
-    axes.add_patch(PathPatch(outline(world.extent), facecolor="white", edgecolor="none", zorder=0))
+    axes.add_artist(PathPatch(outline(world.extent), facecolor="white", edgecolor="none", zorder=0))
 
 
 def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> list[Patch]:
@@ -173,7 +173,7 @@ def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> li
         _fill(axes, closed, zone, zorder=1.6)
         entries.append(zone)
     border = PathPatch(outline(world.extent), facecolor="none", edgecolor=QUIET, linewidth=0.6, zorder=2.2)
-    axes.add_patch(border)
+    axes.add_artist(border)  # as a patch its limits would be looked for: 50 us a point, and maps have their own
     return entries
 
 
@@ -246,7 +246,7 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
     if like.get_hatch():
         patch.set_hatch(like.get_hatch())
         patch.set_hatch_linewidth(0.6)
-    axes.add_patch(patch)
+    axes.add_artist(patch)
 
 
 def _draw_raster(axes: Axes, raster: Raster, colour: ColorType, view: View) -> None:

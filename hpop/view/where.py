@@ -96,7 +96,7 @@ def draw_where(
             axes.set_axis_off()
             continue
         floor = PathPatch(outline(problem.world.extent), facecolor="white", linewidth=0.0, zorder=0.1)
-        axes.add_patch(floor)
+        axes.add_artist(floor)
         _draw_shown(figure, axes, trace, place, view.width, shown_along(trace, place))
         handles = [
             Line2D([], [], color=RATE_COLOURS(0.5), linewidth=3.0, label=drawn),

@@ -274,7 +274,7 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
         from hpop.world._rays import cast
 
         grid = EdgeGrid.build(edges)
-        shape = (int(grid.rings.shape[0]), int(grid.rings.shape[1]))
+        shape = grid.shape
         index = (grid.edges, grid.start, grid.members, shape, grid.corner, grid.side)
         for begin in range(0, x.size, CAST):
             limits.check(DISTANCES)

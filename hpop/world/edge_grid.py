@@ -1,14 +1,13 @@
-"""Exact distances from many points to many edges: a grid of buckets, searched ring by ring."""
+"""Edges by the square buckets of a grid that they cross, which a ray visits one after another."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray, distinct
+from hpop.arrays import FloatArray, IntArray, distinct
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +19,7 @@ class EdgeGrid:
     side     float     m   of a bucket
     start    (R C + 1,)    the edges of bucket [i, j] are members[start[i C + j]:start[i C + j + 1]]
     members  (K,)
-    rings    (R, C)        how many rings of empty buckets surround a bucket, itself included
+    shape    (R, C)
     """
 
     edges: FloatArray
@@ -28,7 +27,7 @@ class EdgeGrid:
     side: float
     start: IntArray
     members: IntArray
-    rings: IntArray
+    shape: tuple[int, int]
 
     @classmethod
     def build(cls, edges: FloatArray) -> EdgeGrid:
@@ -40,41 +39,7 @@ class EdgeGrid:
         columns, rows = np.floor(size / side).astype(np.int64) + 1
         bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
         start = np.searchsorted(bucket, np.arange(rows * columns + 1))
-        rings = rings_empty((np.diff(start) == 0).reshape(rows, columns))
-        return cls(edges, (float(corner[0]), float(corner[1])), side, start, member, rings)
-
-    def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance (M,), m, of points to the nearest edge (under 1 us a point in a building at 0.05 m)."""
-        from hpop.world._nearest import nearest
-
-        out = np.empty(x.shape)
-        nearest(self.edges, self.start, self.members, self.rings, *self.corner, self.side, x, y, out)
-        return out
-
-
-def rings_empty(empty: BoolArray) -> IntArray:
-    """Chessboard distance (R, C) of each bucket to the nearest that is not empty.
-
-    Along rows, then down and up over the rows, each from the one before: exact for this distance (after Rosenfeld and
-    Pfaltz 1966).
-
-    >>> rings_empty(np.array([[True, True, True], [True, True, True], [False, True, True]]))
-    array([[2, 2, 2],
-           [1, 1, 2],
-           [0, 1, 2]])
-    """
-    rows, columns = empty.shape
-    column = np.arange(columns)
-    rings = np.full((rows, columns + 2), rows + columns)  # a column on either side that is far from all
-    inside = rings[:, 1:-1]
-    inside[~empty] = 0
-    inside[:] = np.minimum.accumulate(inside - column, axis=1) + column
-    inside[:, ::-1] = np.minimum.accumulate((inside + column)[:, ::-1], axis=1) - column[::-1]
-    for order in (range(rows), range(rows - 1, -1, -1)):
-        for before, i in pairwise(order):
-            near = rings[before]
-            np.minimum(inside[i], np.minimum(np.minimum(near[:-2], near[1:-1]), near[2:]) + 1, out=inside[i])
-    return np.ascontiguousarray(inside)
+        return cls(edges, (float(corner[0]), float(corner[1])), side, start, member, (int(rows), int(columns)))
 
 
 def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:

@@ -1,7 +1,7 @@
 """Distances in the plane: how far points and segments are from the border of a free region, exactly.
 
 The free region is the extent without everything blocked; its border therefore holds the obstacles' outlines,
-the keep-out zones' and the extent's own. A grid over its edges answers for points, a tree for other shapes.
+the keep-out zones' and the extent's own. A tree of boxes answers for points, another one for other shapes.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray, FloatArray
-from hpop.world.edge_grid import EdgeGrid
+from hpop.world.edge_tree import EdgeTree
 
 TOLERANCE = 1e-9
 """Metres by which a segment may miss its margin."""
@@ -43,7 +43,7 @@ class FreeSpace:
 
     region: BaseGeometry
     edges: FloatArray = field(init=False)  # (E, 2, 2) m
-    _grid: EdgeGrid = field(init=False, repr=False)
+    _nearest: EdgeTree = field(init=False, repr=False)
     _tree: shapely.STRtree = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -57,7 +57,7 @@ class FreeSpace:
         shapely.contains_xy(self.region, (x_min + x_max) / 2, (y_min + y_max) / 2)  # indexes it, before threads ask
         object.__setattr__(self, "edges", edges)
         if len(edges):
-            object.__setattr__(self, "_grid", EdgeGrid.build(edges.reshape(-1, 4)))
+            object.__setattr__(self, "_nearest", EdgeTree.build(edges.reshape(-1, 4)))
         lines = np.asarray(shapely.linestrings(edges), dtype=object)
         object.__setattr__(self, "_tree", shapely.STRtree(lines))
 
@@ -65,7 +65,7 @@ class FreeSpace:
         """Distance (m) to the nearest edge of the border, inside and outside alike; inf without a border."""
         if not len(self.edges):
             return np.full(x.shape, np.inf)
-        return self._grid.distance(x, y)
+        return self._nearest.distance(x, y)
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether points are strictly inside the free region."""

@@ -13,7 +13,7 @@ from hpop import limits
 from hpop.arrays import BoolArray, Column, FloatArray, distinct
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
-from hpop.world.edge_grid import EdgeGrid
+from hpop.world.edge_tree import EdgeTree
 from hpop.world.field import Field, grid_points
 from hpop.world.lazy_field import LazyField, TiledField
 from hpop.world.obstruction import RasterBalls, disjoint_prisms, prism_obstruction
@@ -75,7 +75,7 @@ def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArr
     farthest = np.maximum.reduceat(np.maximum.reduceat(np.abs(clearance), rows), columns, axis=1)
     middle = 0.5 * (BLOCK - 1) * (xs[1] - xs[0])
     x, y = np.meshgrid(xs[columns] + middle, ys[rows] + middle)
-    apart = EdgeGrid.build(edges).distance(x.ravel(), y.ravel()).reshape(x.shape)
+    apart = EdgeTree.build(edges).distance(x.ravel(), y.ravel()).reshape(x.shape)
     near: BoolArray = apart - math.sqrt(2) * middle <= farthest + SLACK
     return near
 

@@ -53,10 +53,14 @@ class PlanarCollision:
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether the circles that the parts sweep about positions (P,) are free: then every yaw and turn is."""
-        free = np.ones(x.size, dtype=bool)
+        reaches: dict[FreeSpace, float] = {}  # of the widest part in each: mostly all parts have one in common
         for part in self.parts:
+            space = self._space(part)
+            reaches[space] = max(part.reach, reaches.get(space, 0.0))
+        free = np.ones(x.size, dtype=bool)
+        for space, reach in reaches.items():
             left = np.flatnonzero(free)
-            free[left] = self._space(part).clearance(x[left], y[left]) >= part.reach - TOUCH
+            free[left] = space.clearance(x[left], y[left]) >= reach - TOUCH
         return free
 
     def states_free(self, states: States) -> BoolArray:
