@@ -13,7 +13,7 @@ from shapely.geometry import Polygon
 
 from hpop.errors import MapError, did_you_mean
 from hpop.options import one_of
-from hpop.text import shown, some
+from hpop.text import counted, shown, some
 from hpop.world import crs as systems
 from hpop.world.crossings import check_joinable
 from hpop.world.features import Feature, FeatureNotes
@@ -22,7 +22,7 @@ from hpop.world.geojson_shapes import LINES, POINTS, POLYGONS, left_out, placed,
 from hpop.world.geojson_text import Document, read_document
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.placement import Placement, Units
-from hpop.world.rooms import WALL_WIDTH, Door, Room, is_door, touching, walled
+from hpop.world.rooms import SOLID, WALL_WIDTH, Door, Room, is_door, kind_of, touching, walled
 from hpop.world.shapes import Obstacle, check_heights
 from hpop.world.tags import Choice, length, values
 from hpop.world.walls import check_width, walls
@@ -136,11 +136,13 @@ def _ground(
         return Ground(tuple(part.obstacle for part in areas + lines)), notes
     if polygons == "rooms":
         check_joinable([part.area for part in areas], str(path))
-        rooms = [Room(part.feature, part.area) for part in areas]
-        free, solid = walled(rooms, plan.doors, [part.area for part in lines], width or WALL_WIDTH, noted)
-        notes = [
-            f"{path}: {len(rooms):,} rooms have walls {width or WALL_WIDTH:g} m thick, with {len(plan.doors):,} doors."
-        ]
+        rooms = [Room(part.feature, part.area) for part in areas if kind_of(part.feature) not in SOLID]
+        if not rooms:
+            raise MapError(f"{path} has no room: its polygons are walls or columns. Say polygons: obstacles.")
+        walls_of = [part.area for part in (*lines, *(each for each in areas if kind_of(each.feature) in SOLID))]
+        free, solid = walled(rooms, plan.doors, walls_of, width or WALL_WIDTH, noted)
+        size = f"{counted(len(rooms), 'room')} with walls {width or WALL_WIDTH:g} m thick"
+        notes = [f"{path}: {size} and {counted(len(plan.doors), 'door')}."]
         if not plan.doors:
             notes = [f"{notes[0]} Points with a property door open walls."]
         return Ground(tuple(Obstacle(part) for part in solid), extent=free, outside_is_obstacle=True), notes
@@ -300,7 +302,7 @@ class _Plan(NamedTuple):
     def add(self, feature: Feature, parts: Sequence[Any], width: float, notes: FeatureNotes, *, doors: bool) -> None:
         """Add the parts of a feature, m."""
         if doors and is_door(feature):
-            self.doors.extend(Door(feature, part.boundary if isinstance(part, Polygon) else part) for part in parts)
+            self.doors.extend(Door(feature, part) for part in parts)
             return
         heights = _heights(feature, notes)
         for part in parts:

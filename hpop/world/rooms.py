@@ -20,8 +20,10 @@ WALL_WIDTH = 0.1
 """Thickness of the walls of rooms, m, where none is given."""
 DOOR_WIDTH = 0.9
 """Width of a door, m, whose property ``width`` is missing."""
-UNWALLED = frozenset({"area", "corridor"})
-"""Values of ``indoor`` without walls of their own (OpenStreetMap, Simple Indoor Tagging)."""
+UNWALLED = frozenset({"area", "corridor", "level", "outline", "building_outline"})
+"""What has no walls of its own (OpenStreetMap, Simple Indoor Tagging)."""
+SOLID = frozenset({"wall", "column", "pillar", "window"})
+"""What is solid and no room."""
 TOUCHING = 0.05
 """Length, m, that rooms share at least where they touch."""
 GRID = 1e-3
@@ -38,29 +40,36 @@ class Room(NamedTuple):
 
 
 class Door(NamedTuple):
-    """An opening of walls, m: a point or a line."""
+    """An opening of walls, m: a point, a line or a polygon."""
 
     feature: Feature
     place: BaseGeometry
 
 
+def kind_of(feature: Feature) -> str:
+    """What a feature of a building is by its property ``indoor``, or else ``type``."""
+    own = feature.properties
+    return str(own.get("indoor", own.get("type", ""))).lower()
+
+
 def is_door(feature: Feature) -> bool:
-    """Whether a feature is a door by OpenStreetMap's properties."""
+    """Whether a feature is a door by OpenStreetMap's properties, or by its type."""
     own = feature.properties
     tagged = any(own.get(key) is not None and truth(own.get(key)) is not False for key in ("door", "entrance"))
-    return tagged or own.get("indoor") == "door"
+    return tagged or kind_of(feature) == "door"
 
 
 def walled(
     rooms: Sequence[Room], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
 ) -> tuple[BaseGeometry, list[Polygon]]:
-    """Return the free space of rooms less their walls, and walls along lines (n,), both opened at doors; in m.
+    """Return the free space of rooms less their walls, and what else is solid, both opened at doors; in m.
 
     A wall stands along each outline of a room, half of its ``width`` on either side. Areas and corridors have none of
     their own, so that they go over into each other. A door is open over its own width and through the wall.
     """
-    outlines = [room.area.boundary for room in rooms if room.feature.properties.get("indoor") not in UNWALLED]
-    for outline, room in zip(outlines, rooms, strict=False):
+    outlined = [room for room in rooms if kind_of(room.feature) not in UNWALLED]
+    outlines = [room.area.boundary for room in outlined]
+    for outline, room in zip(outlines, outlined, strict=True):
         check_widenable(outline, width / 2, str(room.feature))
     band = shapely.union_all(shapely.buffer(outlines, width / 2, join_style="mitre"))
     limits.check(READING)
@@ -75,13 +84,16 @@ def walled(
     opened = shapely.union_all(openings)
     check_joinable([band, opened, *(room.area for room in rooms)], str(rooms[0].feature.path))
     limits.check(READING)
-    inner = shapely.union_all([*(room.area for room in rooms), shapely.intersection(opened, band)])
+    thresholds = [door.place for door in doors if isinstance(door.place, Polygon)]
+    inner = shapely.union_all([*(room.area for room in rooms), *thresholds, shapely.intersection(opened, band)])
     free = shapely.difference(inner, shapely.difference(band, opened))
     return free, [part for line in lines for part in _polygons(shapely.difference(line, opened))]
 
 
 def _opening(door: Door, width: float, notes: FeatureNotes) -> BaseGeometry:
-    """What a door opens in a wall of a width, m: a disc round a point, or a strip along a line."""
+    """What a door opens in a wall of a width, m: a disc round a point, a strip along a line, or its own area."""
+    if isinstance(door.place, Polygon):
+        return door.place
     if door.place.length > 0:
         return shapely.buffer(door.place, width, cap_style="flat")
     own = door.feature.properties.get("width", door.feature.properties.get("door:width"))

@@ -185,13 +185,13 @@ def test_rooms_have_walls_where_they_touch_and_doors_open_them(tmp_path):
     assert open_width == pytest.approx(0.5, abs=0.015)  # half of the door's width, to its jambs
     assert world.extent.geom_type == "MultiPolygon"  # R1 is closed
     assert len(world.extent.geoms) == 2
-    assert "3 rooms have walls 0.2 m thick, with 1 doors" in world.notes[0]
+    assert "3 rooms with walls 0.2 m thick and 1 door." in world.notes[0]
 
 
 def test_rooms_without_doors_are_closed_and_told_so(tmp_path):
     world = World.from_geojson(write(tmp_path, *ROOMS), polygons="rooms")
     assert len(world.extent.geoms) == 3
-    assert "walls 0.1 m thick, with 0 doors. Points with a property door open walls." in world.notes[0]
+    assert "3 rooms with walls 0.1 m thick and 0 doors. Points with a property door open walls." in world.notes[0]
     assert clear(world, (5, 3), (4.94, 3)) == pytest.approx([0, 0.01])
 
 
@@ -218,6 +218,18 @@ def test_walls_that_are_lines_are_opened_by_doors(tmp_path):
     world = World.from_geojson(write(tmp_path, ROOMS[0], wall, door), polygons="rooms")
     assert clear(world, (4, 3), (2, 3)) == pytest.approx([0, 0.45], abs=0.01)
     assert [note for note in world.notes if "a door without width, 0.9 m wide" in note]
+
+
+def test_walls_and_columns_that_are_polygons_are_solid_and_doors_that_are_polygons_open(tmp_path):
+    """As indoor maps have them by the property indoor or type: a column in R0, a thick wall through R1 with a door."""
+    column = feature(square(1, 1, 2, 2), indoor="column")
+    wall = feature(square(5, 3, 10, 3.4), type="wall")
+    door = feature(square(7, 3, 8, 3.4), type="door")
+    world = World.from_geojson(write(tmp_path, *ROOMS, column, wall, door), polygons="rooms")
+    assert clear(world, (1.5, 1.5), (6, 3.2), (9, 3.2)) == [0, 0, 0]
+    assert clear(world, (7.5, 3.2)) == pytest.approx([0.5])
+    with pytest.raises(MapError, match="its polygons are walls or columns"):
+        World.from_geojson(write(tmp_path, column, wall), polygons="rooms")
 
 
 def test_rooms_that_touch_are_told_to_be_one_free_space(tmp_path):
@@ -284,7 +296,7 @@ def test_doors_are_chosen_by_their_level_alone(tmp_path):
     upstairs = {**DOOR, "properties": {"door": "yes", "level": "1"}}
     path = write(tmp_path, *ROOMS, DOOR, upstairs)
     world = World.from_geojson(path, polygons="rooms", where={"indoor": ["room", "corridor"], "level": 0})
-    assert [note for note in world.notes if "with 1 doors" in note]
+    assert [note for note in world.notes if "and 1 door." in note]
 
 
 def test_a_scenario_chooses_features(tmp_path):
