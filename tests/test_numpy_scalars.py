@@ -92,6 +92,7 @@ DOORS = {
         [{"x": 0.5, "y": 2, "yaw": 0}, [[4.5, 2, None], [4.5, 3, 1]]],
         {},
     ),
+    "goal": (lambda goal: hpop.Problem(WORLD, ROBOT, (0.5, 2, 0), goal, ["length"]), [(4.5, 2, 1)], {}),
     "later": (PROBLEM.at, [(1, 0.5, 0), 1], {}),
     "goals": (lambda a, b: (LookAt(a, b, 0.5), CameraAt(a), ToolAt(a)), [(1, 2, 1), (1, 2)], {}),
     "lattice": (

@@ -12,6 +12,7 @@ from hpop.goals.base import Goal
 from hpop.goals.sets import AnyOf, GoalSet
 from hpop.motions.space import StateSpace, StateSpec, Values
 from hpop.registry import goals, made
+from hpop.scalars import python_value
 from hpop.text import shown
 
 ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # of a list of goals; names as well, where states have any
@@ -59,7 +60,7 @@ def _several(given: Any, kinds: tuple[type, ...]) -> list[Any]:
             entry for member in given.members for entry in (_several(member, kinds) if _is_set(member) else [member])
         ]
     several = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
-    if not several or not all(isinstance(entry, kinds) for entry in given):
+    if not several or not all(isinstance(python_value(entry), kinds) for entry in given):
         return [given]
     return [entry for one in given for entry in (_several(one, kinds) if _is_set(one) else [one])]
 

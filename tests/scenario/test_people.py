@@ -140,3 +140,10 @@ def test_what_is_wrong_with_people_is_said_at_their_place(made, entry, kind, pla
 @pytest.mark.parametrize("horizon", ["0", "-1", "soon", ".inf"])
 def test_a_horizon_is_a_time(made, horizon):
     assert fault(made("{x: 1, y: 1}", more=f"horizon: {horizon}"), ScenarioError).startswith("line 8, horizon: ")
+
+
+def test_what_is_mended_in_a_file_of_tracks_is_noted(made, tmp_path):
+    path = made("{track: tracks.txt}")
+    (tmp_path / "tracks.txt").write_text(TRACKS + "9 5 0 0\n")
+    (note,) = [note for note in load_scenario(path).problem.world.notes if "track file" in note]
+    assert "has people at one time only, who are left out: 9" in note
