@@ -37,7 +37,7 @@ def tracks(data: bytes, asked: Asked, wanted: Sequence[Hashable] | None = None) 
                 raise asked.error(f"lacks the table {', '.join(sorted(lacking))}: {EXPECTED}.")
             said = base.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
             found = base.execute("SELECT id, frame, pos_x, pos_y FROM trajectory_data").fetchmany(MOST_ROWS + 1)
-    except (sqlite3.Error, MemoryError) as error:
+    except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
         raise asked.error(f"cannot be read as SQLite ({error}): {EXPECTED}.") from None
     if not found:
         raise asked.error("has no rows: expected one a person and time.")

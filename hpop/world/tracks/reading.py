@@ -50,9 +50,8 @@ def read_tracks(
     """
     asked = Asked(path, frame_rate, unit)
     if ids is not None:
-        chosen = (
-            [python_value(one) for one in ids] if isinstance(ids, list | tuple | np.ndarray) and np.ndim(ids) else []
-        )
+        several = isinstance(ids, list | tuple) or (isinstance(ids, np.ndarray) and ids.ndim == 1)
+        chosen = [python_value(one) for one in ids] if several else []
         if not chosen or not all(isinstance(one, str | int | float) for one in chosen):
             raise MapError(f"ids are a list of numbers and names, such as [1, 7]; got {shown(ids)}.")
         ids = chosen

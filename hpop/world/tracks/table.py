@@ -262,7 +262,7 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
 
 def _few(marked: BoolArray) -> BoolArray:
     """Return what is marked if that is not much: where it is, a unit is wrong, which is told elsewhere."""
-    return marked if marked.mean() <= 1 - MOSTLY else np.zeros_like(marked)
+    return marked if marked.size and marked.mean() <= 1 - MOSTLY else np.zeros_like(marked)
 
 
 def _named(names: Sequence[Hashable], numbers: IntArray) -> str:

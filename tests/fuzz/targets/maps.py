@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -127,12 +129,28 @@ TRACKS = (
     + "".join(f"{i % 3} {i} {10 * i} 150.5 176\n" for i in range(30)),
     "id,t,x [mm],y [mm]\n" + "".join(f"{'Ada' if i % 2 else 7},{0.1 * i:.1f},{40 * i},1500\n" for i in range(30)),
     "".join(f"{6.0 * i:.7e} {1.0 + i % 3} {0.5 * i} 0.0 3.5 1.2 0.0 0.1\n" for i in range(30)),
+    "".join(f"{10 * (i // 3)}\t{i % 3}\t{0.05 * i}\t{i % 3}\n" for i in range(30)),
+    "id;time/ms;x;y\n"
+    + "".join(f"{i % 2};{1700000000000 + 100 * i};{4 * i // 100},{4 * i % 100:02};1,5\n" for i in range(30)),
+    "id time x y\n" + "".join(f"A 2023-11-14T12:00:{i:02} {0.5 * i} 1\n" for i in range(30)),
+    "#framerate: 8\n#ID FR X Y Z A\n" + "".join(f"{i % 2} {i} {0.1 * i} 3 0 .3\n" for i in range(30)),
 )
+
+
+def _jupedsim() -> bytes:
+    with closing(sqlite3.connect(":memory:")) as base:
+        base.execute("CREATE TABLE trajectory_data (frame INTEGER, id INTEGER, pos_x REAL, pos_y REAL)")
+        base.execute("CREATE TABLE metadata (key TEXT, value TEXT)")
+        base.execute("INSERT INTO metadata VALUES ('fps', '8')")
+        base.executemany("INSERT INTO trajectory_data VALUES (?, ?, ?, 1)", [(i, i % 2, 0.1 * i) for i in range(30)])
+        base.commit()
+        return base.serialize()
 
 
 def tracks(rng: Rng, folder: Path) -> str:
     path = folder / "people.txt"
-    path.write_bytes(bent_bytes(TRACKS[rng.integers(len(TRACKS))].encode(), rng))
+    some = [*(text.encode() for text in TRACKS), _jupedsim()]
+    path.write_bytes(bent_bytes(some[rng.integers(len(some))], rng))
     options = {("frame_rate", "unit", "format", "ids")[rng.integers(4)]: hostile(rng)} if rng.random() < 0.3 else {}
 
     def walk() -> None:
@@ -148,6 +166,9 @@ def tracks(rng: Rng, folder: Path) -> str:
 
 def moveit_scene(rng: Rng, folder: Path) -> str:
     path = written(folder / "scene.yaml", SCENE, rng, as_yaml)
+    if rng.random() < 0.3:  # a change after it, as ROS 2 prints one after the other
+        first = path.read_bytes()
+        path.write_bytes(first + b"\n---\n" + written(path, SCENE | {"is_diff": True}, rng, as_yaml).read_bytes())
     return verdict(lambda: _looked_at(hpop.World.from_moveit_scene(path)))
 
 

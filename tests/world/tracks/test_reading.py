@@ -272,6 +272,7 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
         (PETRACK, {"unit": ["m"]}, "the unit of a track must be one of m, cm, mm"),
         (PETRACK, {"ids": 3}, "ids are a list of numbers and names"),
         (PETRACK, {"ids": [[3]]}, "ids are a list of numbers and names"),
+        (PETRACK, {"ids": [3, [4, 5]]}, "ids are a list of numbers and names"),
         (PETRACK, {"format": "trc"}, "must be one of csv, petrack, obsmat, jupedsim"),
         (PETRACK, {"format": "obsmat"}, "expected rows of 8 numbers .*; line 4 is '1 40 100"),
         (PETRACK + "1 44\n", {}, "cannot be read: expected rows of 4 or 5 numbers .*; line 9 is '1 44'"),
