@@ -56,7 +56,7 @@ def share(count: int, total: int, level: float = 0.95) -> Share:
 
     >>> one = share(15, 148)
     >>> round(one.low, 4), round(one.high, 4)
-    (0.0579, 0.1617)
+    (0.0578, 0.1617)
     """
     total = whole("total", total, 1, MOST_PEOPLE, error=StudyError)
     count = whole("count", count, 0, total, error=StudyError)
