@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import io
 import math
-import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
+from hpop.apart import pdf_entries
 from hpop.apart.answer import Answer, Refused
 from hpop.apart.clip import Visible
 from hpop.apart.lines import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, Lines
@@ -22,12 +21,6 @@ INK = 0.5
 LAYERLESS = "(no layer)"
 PEN = 72 / 25.4
 """Thickness up to which a line is a pen's, 1 mm on paper: what is thicker is drawn as a band."""
-MOST_UNIT = 75_000.0
-"""Largest UserUnit: a page is at most 200 inches of its units across, and 237 miles."""
-STREAM = re.compile(rb"stream\r?\n.*?endstream", re.DOTALL)
-PLAIN_OBJECT = re.compile(rb"\d+ \d+ obj\b(.*?)\bendobj", re.DOTALL)
-PLAIN_PAGE = re.compile(rb"/Type\s*/Page\b")
-PLAIN_UNIT = re.compile(rb"/UserUnit\s+(\d{1,6}(?:\.\d*)?|\.\d+)")
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
@@ -49,36 +42,20 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
     except pdfium.PdfiumError as error:
         raise Refused(f"it is no PDF that can be read ({str(error)[:200]}); has it a password?") from None
     lines = Lines(options["layers"])
-    unit = _unit(pdfium, document, page, options["page"] - 1, data)
-    shown, width, height = _as_shown(page, unit)
+    unit = pdf_entries.unit(pdfium, document, options["page"] - 1, data)
+    hidden = pdf_entries.hidden_layers(document, data)
+    to_page, width, height = _as_shown(page, unit)
     visible = Visible((0.0, 0.0, width, height))
-    for thing, matrix, layer, clip in _within(raw, page.raw, shown, LAYERLESS, visible, 0, lines):
+    for thing, matrix, layer, clip in _within(raw, page.raw, to_page, LAYERLESS, visible, 0, lines):
         kind = raw.FPDFPageObj_GetType(thing)
         if kind == raw.FPDF_PAGEOBJ_PATH:
-            _add(raw, thing, matrix, layer, clip, lines)
+            _add(raw, thing, matrix, layer, clip, lines, shown=layer.casefold() not in hidden)
         else:
             names = {raw.FPDF_PAGEOBJ_TEXT: "texts", raw.FPDF_PAGEOBJ_IMAGE: "images"}
             lines.left_out[names.get(kind, "shadings and others")] += 1
     if (notes := raw.FPDFPage_GetAnnotCount(page.raw)) > 0:
         lines.left_out["annotations"] += notes
     return lines.answer((), pages=pages, unit=unit)
-
-
-def _unit(pdfium: Any, document: Any, page: Any, number: int, data: bytes) -> float:
-    """How many points (1/72 inch) a unit of a page is: its UserUnit (PDF 1.6), of which pdfium knows nothing.
-
-    pdfium copies the page into a document whose objects are not compressed, where the entry is plain to see.
-    """
-    if b"UserUnit" not in data and b"ObjStm" not in data:
-        return 1.0
-    alone, copy = pdfium.PdfDocument.new(), io.BytesIO()
-    alone.import_pages(document, [number])
-    alone.save(copy)
-    # Of the page: streams, in which the word may stand as well, are left out.
-    plain = STREAM.sub(b"", copy.getvalue())
-    found = next((PLAIN_UNIT.search(item) for item in PLAIN_OBJECT.findall(plain) if PLAIN_PAGE.search(item)), None)
-    unit = float(found[1]) if found else 1.0
-    return unit if 0 < unit <= MOST_UNIT else 1.0
 
 
 def _as_shown(page: Any, unit: float) -> tuple[Matrix, float, float]:
@@ -139,8 +116,18 @@ def _layer(raw: Any, thing: Any) -> str:
     for i in range(max(0, raw.FPDFPageObj_CountMarks(thing))):
         mark = raw.FPDFPageObj_GetMark(thing, i)
         if _text(lambda *to, mark=mark: raw.FPDFPageObjMark_GetName(mark, *to)) == "OC":
-            return _text(lambda *to, mark=mark: raw.FPDFPageObjMark_GetParamStringValue(mark, b"Name", *to))
+            return _name(raw, mark)
     return ""
+
+
+def _name(raw: Any, mark: Any) -> str:
+    """The name in a mark; its bytes are asked for, since pdfium takes a text in UTF-16 for one in UTF-8."""
+    size = ctypes.c_ulong()
+    buffer = ctypes.create_string_buffer(512)
+    to = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ubyte))
+    if not raw.FPDFPageObjMark_GetParamBlobValue(mark, b"Name", to, len(buffer), ctypes.byref(size)):
+        return ""
+    return pdf_entries.decoded(buffer.raw[: min(size.value, len(buffer))])
 
 
 def _text(get: Any) -> str:
@@ -153,7 +140,7 @@ def _text(get: Any) -> str:
     return buffer.raw[: size.value].decode("utf-16-le", "replace").rstrip("\0")
 
 
-def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines) -> None:
+def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines, *, shown: bool) -> None:
     """Add what a path draws within its clip, if it draws something dark."""
     fill, stroke = ctypes.c_int(), ctypes.c_int()
     if not raw.FPDFPath_GetDrawMode(path, ctypes.byref(fill), ctypes.byref(stroke)):
@@ -164,7 +151,7 @@ def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: 
         if fill.value or stroke.value:
             lines.left_out["light fills and lines"] += 1
         return
-    if not lines.wants(layer):
+    if not lines.wants(layer, shown=shown):
         return
     count = raw.FPDFPath_CountSegments(path)
     parts = _parts(raw, (raw.FPDFPath_GetPathSegment(path, i) for i in range(count)), count, matrix)

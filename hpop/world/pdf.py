@@ -48,7 +48,7 @@ def read(
     page : int
         Which page, from 1.
     layers : name or names, optional
-        The layers (optional content) that are read; all without it.
+        The layers (optional content) that are read; all that are on when the file is opened without it.
     wall_width, inside
         As `hpop.world.dxf.read` has them.
     origin : (x, y)

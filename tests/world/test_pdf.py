@@ -229,3 +229,29 @@ def test_the_arc_of_a_door_is_left_out_where_that_is_asked_for(tmp_path):
     closed, opened = World.from_file(path, ratio=100), World.from_file(path, ratio=100, door_arcs="open")
     assert (closed.clearance(x, y) > 0, opened.clearance(x, y) > 0.5) == (False, True)
     assert opened.clearance(np.array([212 * metre]), np.array([100 * metre]))[0] == 0  # the leaf
+
+
+@pytest.mark.parametrize(
+    ("default", "seen"),
+    [
+        (b"<< /Order [5 0 R] /OFF [6 0 R] >>", ["WALLS", "Möbel"]),
+        (b"<< /BaseState /OFF /ON [7 0 R] >>", ["Möbel"]),
+        (b"8 0 R", ["WALLS"]),
+        (b"<< >>", ["WALLS", "(Old)", "Möbel"]),
+    ],
+)
+def test_layers_that_are_off_are_left_out_unless_they_are_asked_for(default, seen):
+    content = b" ".join(b"/OC /L%d BDC 1 w %d 10 m %d 90 l S EMC" % (i, x, x) for i, x in enumerate((10, 20, 30)))
+    names = (b"(WALLS)", b"(\\(Ol\\144\\))", b"<FEFF004D00F600620065006C>")
+    layers = [b"<< /Type /OCG /Name %b >>" % name for name in names]
+    data = pdf(
+        content,
+        resources=b"/Properties << /L0 5 0 R /L1 6 0 R /L2 7 0 R >>",
+        catalog=b"/OCProperties << /OCGs [5 0 R 6 0 R 7 0 R] /D %b /Configs [<< /OFF [5 0 R] >>] >>" % default,
+        objects=[*layers, b"<< /OFF [6 0 R 7 0 R] >>"],
+    )
+    words, _ = found(data)
+    assert words["layers"] == seen
+    hidden = {"on layers that are off or frozen": 3 - len(seen)} if len(seen) < 3 else {}
+    assert words["left_out"] == hidden
+    assert found(data, layers=["(old)", "walls"])[0]["layers"] == ["WALLS", "(Old)"]
