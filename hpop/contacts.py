@@ -8,7 +8,7 @@ distribution.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.motions import States
 from hpop.trajectory import Trajectory
 from hpop.world.people import Person
@@ -33,15 +33,22 @@ SOON = 1.0  # s: who comes within a margin by then may be left, as one who was w
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 
-def contact(parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float = 0.0) -> str:
+def contact(
+    parts: Sequence[Any],
+    people: Sequence[Person],
+    trajectory: Trajectory,
+    margin: float = 0.0,
+    left: Collection[int] = (),
+) -> str:
     """In words, when a robot of some upright parts first touches somebody, or is nearer than a margin, m; "" if never.
 
     Of somebody uncertain, or with several futures, when that is so in more than 5 % of what is predicted. A robot that
-    begins within a margin, or into whose margin somebody comes within a second, may leave.
+    begins within a margin, or into whose margin somebody comes within a second, may leave; so may one that begins in
+    contact, as long as the gap does not shrink. Of those who stand the ones whom it leaves count, by number.
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
-        found = _first_of_all(parts, people, moments, least)
+        found = _first_of_all(parts, people, moments, least, left)
         if found is not None:
             moment, who = found
             return f"{what} {who} at {moment:.2f} s"
@@ -51,11 +58,11 @@ def contact(parts: Sequence[Any], people: Sequence[Person], trajectory: Trajecto
 def first_contact(
     parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float, *, begin: float = 0.0
 ) -> tuple[float, str] | None:
-    """When, s, a robot of some parts is first nearer than a margin, m, to somebody who moves, and to whom.
+    """When, s, a robot of some parts is first nearer than a margin, m, to somebody, who stands or moves, and to whom.
 
     begin  s, of the trajectory, from when on people are as they are predicted; when is told from then on
     """
-    return _first_of_all(parts, people, _moments(trajectory, begin), margin)
+    return _first_of_all(parts, people, _moments(trajectory, begin), margin, range(len(people)))
 
 
 class _Moments(NamedTuple):
@@ -75,13 +82,17 @@ def _moments(trajectory: Trajectory, begin: float = 0.0) -> list[_Moments]:
 
 
 def _first_of_all(
-    parts: Sequence[Any], people: Sequence[Person], moments: Sequence[_Moments], margin: float
+    parts: Sequence[Any],
+    people: Sequence[Person],
+    moments: Sequence[_Moments],
+    margin: float,
+    left: Collection[int] = (),
 ) -> tuple[float, str] | None:
-    """When, s, the robot is first too near to somebody who moves, and to whom."""
+    """When, s, the robot is first too near to somebody who moves, or is left, by number, and to whom."""
     found = [
         (moment, person.name or f"person {number}")
         for number, person in enumerate(people)
-        if person.moves and (moment := _first(parts, person, moments, margin)) is not None
+        if (person.moves or number in left) and (moment := _first(parts, person, moments, margin)) is not None
     ]
     return min(found, default=None)
 
@@ -89,7 +100,7 @@ def _first_of_all(
 def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float) -> float | None:
     """The first moment, s, at which one person is too near; with a margin, but for one from which the robot leaves."""
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
-    leaves = margin > 0.0  # it may still be leaving
+    leaves, parts_from = margin > 0.0, margin == 0.0  # it may still be leaving; or parting from contact
     for times, states in moments:
         touched = np.zeros(times.size)
         for weight, likely in person.hypotheses:
@@ -99,10 +110,27 @@ def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], ma
             away = np.flatnonzero(~near & (np.logical_or.accumulate(near) | (times > SOON)))
             near[: away[0] if away.size else near.size] = False
             leaves = not away.size
+        if parts_from and near.size and near[0]:
+            near[: _parted(parts, person, states, times, near)] = False
+        parts_from = False
         late = np.flatnonzero(near)
         if late.size:
             return float(times[late[0]])
     return None
+
+
+def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray) -> int:
+    """How many moments after its beginning a robot is still in contact while no gap to what is predicted shrinks."""
+    apart = np.flatnonzero(~near)
+    until = int(apart[0]) if apart.size else near.size
+    for _, likely in person.hypotheses:
+        x, y = (np.broadcast_to(column, times.shape)[:until] for column in likely.at(times))
+        gap = _distance(parts, states.take(np.arange(until)), np.stack([x, y], axis=1))
+        if gap[0] >= person.radius - TOUCH:  # where the person is predicted to be there is no contact
+            return 0
+        shrinks = np.flatnonzero(gap < np.maximum.accumulate(gap) - TOUCH)
+        until = int(shrinks[0]) if shrinks.size else until
+    return until
 
 
 def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArray, margin: float) -> FloatArray:

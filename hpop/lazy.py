@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import sys
 from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
+from importlib.abc import InspectLoader
 from typing import Any
 
 
@@ -21,6 +24,24 @@ def on_first_use(package: str, homes: Mapping[str, str], modules: Collection[str
         return getattr(import_module(homes[name]), name)
 
     return imported
+
+
+def homes_of(package: str) -> dict[str, str]:
+    """The module of each name that the source of a package imports for type checkers alone, from which it is imported.
+
+    So what is imported on first use is named once, where type checkers and editors read it too.
+    """
+    spec = sys.modules[package].__spec__
+    source = spec.loader.get_source(package) if spec and isinstance(spec.loader, InspectLoader) else None
+    if source is None:
+        raise ImportError(f"{package} is there without its source, which names what it imports on first use")
+    guarded = (
+        node
+        for node in ast.parse(source).body
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+    )
+    imports = (one for node in guarded for one in node.body if isinstance(one, ast.ImportFrom))
+    return {alias.asname or alias.name: str(one.module) for one in imports for alias in one.names}
 
 
 def library(name: str, what: str, extra: str = "tables") -> Any:

@@ -22,11 +22,13 @@ from hpop.following import followed
 from hpop.front import Front
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
 from hpop.html import facts_html, picture_html
+from hpop.models.collision.leaving import left
 from hpop.motions import Model
 from hpop.motions.space import StateSpec, Values
 from hpop.options import LEAST, MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
 from hpop.registry import make_model
+from hpop.sight import notes_on_landmarks
 from hpop.solving import StageCallback
 from hpop.status import ProgressCallback
 from hpop.text import shown
@@ -102,11 +104,14 @@ class Problem:
             check_usable(criterion, model, world)
         _check_stand_ins(made)
         made = with_quanta(made, quanta)
+        begin = model.space.state(start, what="start")
+        world, touching = left(world, model, begin)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "horizon", horizon)
-        object.__setattr__(self, "notes", notes)
+        unseen = notes_on_landmarks(world, model, begin, made)
+        object.__setattr__(self, "notes", (*notes, *touching, *unseen))
         object.__setattr__(self, "model", model)
-        object.__setattr__(self, "start", model.space.values(model.space.state(start, what="start")))
+        object.__setattr__(self, "start", model.space.values(begin))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
         if absent := sorted(required_by(self.goal) - model.provides):
             raise QueryError(f"the goal {self.goal} requires {', '.join(absent)}, which the model does not have")
@@ -185,6 +190,12 @@ class Problem:
     def front(self, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
         """Re-evaluate candidates by the criteria and keep the non-dominated ones; see :func:`hpop.solving.front`."""
         return solving.front(self, candidates, progress)
+
+    def keeping(self, margin: float) -> Problem:
+        """The same question of a robot that keeps a margin, m, from people who stand; itself where nobody stands."""
+        if not margin or not self.world.content.bodies:
+            return self
+        return replace(self, world=self.world.keeping(margin))
 
     def at(self, state: StateSpec, t: float) -> Problem:
         """The same question asked from elsewhere and later: from a state, ``t`` seconds from now.

@@ -24,6 +24,7 @@ from hpop.planners.goals import check_goal
 from hpop.planners.needs import refuse_unsupported
 from hpop.registry import GROUPS
 from hpop.search.machinery.checkpoint import Checkpoint
+from hpop.sight import notes_on_targets
 from hpop.status import Progress, ProgressCallback, Status
 from hpop.text import shown
 
@@ -128,6 +129,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
                     *_empty_groups(problem.criteria),
                     *getattr(problem.model, "notes", ()),
                     *problem.notes,
+                    *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
                 ],
                 "evaluated": [c.name for c in candidates.filters],
                 **candidates.stats,

@@ -65,7 +65,8 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
 def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None) -> Iterator[str]:
     """Contact with people who move, and what is nearer to them than the planner says that it keeps."""
     people = problem.world.content.people
-    if not any(person.moves for person in people):
+    left = problem.world.content.left
+    if not left and not any(person.moves for person in people):
         return
     for i, trajectory in enumerate(front.trajectories):
         if say is not None and i % SPOKEN == 0:
@@ -73,10 +74,10 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
         margin = front.provenance[i].get("margin")
         kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
         parts = upright_parts(problem.model)
-        if fault := contact(parts, people, trajectory, kept):
+        if fault := contact(parts, people, trajectory, kept, left):
             yield f"trajectory {i} {fault}"
         done = trajectory.execution()
-        if done is not trajectory and (fault := contact(parts, people, done, kept)):
+        if done is not trajectory and (fault := contact(parts, people, done, kept, left)):
             yield f"trajectory {i}, as it is executed, {fault}"
 
 

@@ -218,7 +218,7 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "margin",
-            """Metres that are kept between robot and people who move, as planned and as executed; 0 is no contact.""",
+            """Metres that are kept between robot and people, as planned and as executed; 0 is no contact.""",
         ),
         _entry(
             "drift, off the clock",

@@ -22,6 +22,7 @@ class Change:
     stops_at    s, of the drive, when the robot stands if nothing else is taken; None where it arrives
     brakes      whether it cannot come to where it might take another way
     invalid     of the last options, by number, those that are closed now, or whose beginning is not driven to any more
+    notes       what was made of that: people within obstacles, predictions that were cut, whom the robot touches
     """
 
     now: float
@@ -29,6 +30,7 @@ class Change:
     stops_at: float | None
     brakes: bool
     invalid: tuple[int, ...]
+    notes: tuple[str, ...] = ()
 
 
 def written(

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray, IntArray
 from hpop.errors import CoversRobot, DriveError, MapError, did_you_mean
 from hpop.models.base import PlanarModel
+from hpop.models.collision.leaving import Leaving, alone
 from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.arcs import MOVE
 from hpop.planners.graphs.chains import Chains
@@ -29,7 +30,6 @@ from hpop.text import shown
 from hpop.world import World
 from hpop.world.content import Zone
 
-FAR = 4e5  # m: wherever a robot is, it does not come to the border of the world of an area
 BESIDE = 1.0  # m of room round an area in the world of its own, beyond all that a robot reaches
 
 
@@ -56,11 +56,13 @@ class Closing:
 
     name  by which it is opened again; "" for one that is known by its polygon alone
     who   whose body it is, who stands there: a name, or "somebody"; "" for an area
+    place  (x, y) m, where that is
     """
 
     area: BaseGeometry
     name: str = ""
     who: str = ""
+    place: tuple[float, float] = (0.0, 0.0)
 
     def __str__(self) -> str:
         x, y = self.area.centroid.x, self.area.centroid.y
@@ -75,13 +77,14 @@ class Closing:
     @cached_property
     def alone(self) -> World:
         """A world in which nothing else is."""
-        x_min, y_min, x_max, y_max = self.area.bounds
-        extent = shapely.box(x_min - FAR, y_min - FAR, x_max + FAR, y_max + FAR)
-        return World.from_polygons([], extent=extent, keep_out=self.area)
+        return alone(self.area)
 
     def collision(self, model: Model) -> Collision:
-        """What tells which states and motions do not touch it."""
-        return model.collision(self.alone)
+        """What tells which states and motions do not touch it; those too that leave contact with somebody."""
+        collision = model.collision(self.alone)
+        if not self.who:
+            return collision
+        return Leaving(cast(PlanarModel, model).parts, self.place, collision)
 
     @cached_property
     def zone(self) -> Zone:
@@ -138,9 +141,9 @@ def to_open(given: Any, known: Mapping[str, BaseGeometry], closed: Sequence[Clos
 
 
 def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> None:
-    """Raise CoversRobot where a robot, in a state (1,), is within what is closed."""
+    """Raise CoversRobot where a robot, in a state (1,), is within an area that is closed; people may be left."""
     for closing in closings:
-        if not closing.collision(model).states_free(here)[0]:
+        if not closing.who and not closing.collision(model).states_free(here)[0]:
             raise CoversRobot(
                 f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
                 "planned; tell of what is beside it"
@@ -225,7 +228,7 @@ def _cut_corners(lattice: StateLattice, tails: IntArray, kinds: IntArray, blocke
 def chains_closed(chains: Chains, closing: Closing) -> BoolArray:
     """Which chains (C,) of motions touch a closing."""
     collision = closing.collision(chains.graph.model)
-    closed: BoolArray = ~collision.states_free(chains.corners[0])
+    closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.who)  # contact may be left
     for rows, motions in chains.motions():
         free: BoolArray = collision.motions_free(motions)
         closed[rows] |= ~free

@@ -37,7 +37,7 @@ def cut_of(
 ) -> Cut:
     """What is left of a plan from a time on, at which the robot touches none of some closings.
 
-    Nor may it come nearer than ``margin``, m, to ``people`` who move, as they are predicted from then on: by the plan,
+    Nor may it come nearer than ``margin``, m, to ``people``, as they are predicted from then on: by the plan,
     and as it is executed where that keeps the plan's clock. Who stands is not safe from people who walk: then another
     way is to be taken in time.
 
@@ -46,7 +46,7 @@ def cut_of(
     it stops at once.
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
-    if any(person.moves for person in people):
+    if people:
         # By the plan's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
         way, parts = plan.announced, cast(PlanarModel, plan.announced.model).parts
         ways = {way, way.execution()} if way.punctual else {way}

@@ -35,6 +35,7 @@ from hpop.motions.space import StateSpec
 from hpop.options import MOST, real, whole
 from hpop.planners.base import Planner
 from hpop.planners.timed.safety import LEAVING
+from hpop.status import Status
 from hpop.trajectory import Trajectory
 from hpop.world import Person
 
@@ -87,7 +88,9 @@ class Execution(Telling):
         self._network = Network(problem, planner, ways, self.begin)
         self._plan = Plan(choice)
         self._lag = float(self.begin)  # s of the drive at which the plan began, by where the robot was seen last
-        self._stretches = [Stretch(Surroundings.of(problem, self._lag), 0.0, self._lag)]
+        self._stretches = [
+            Stretch(Surroundings.of(problem, self._lag, getattr(planner, "margin", 0.0)), 0.0, self._lag)
+        ]
         self._latest: Options | None = None
         self.ready(self.begin)  # ahead of the first question
 
@@ -209,6 +212,12 @@ class Execution(Telling):
         rest = between(announced, begins, announced.duration)
         kept = rest if self._plan.stops is None else None
         found = self._network.found(surroundings, commit, kept, None if again else deadline, answer)
+        if found.candidates.status is Status.NO_PATH and (
+            waits := surroundings.waiting(commit.state, commit.time, now)
+        ):
+            self._change(now, waits, ())
+            options, found = self._options(now, deadline, answer, again=again)
+            return options, found
         problem = surroundings.at(commit.state, commit.time)
         before = Plan(commit.before)
         gone = partial(past, before, before.end, self._stretches, self.problem.criteria)
@@ -316,8 +325,13 @@ class Execution(Telling):
 
         Where the plan is cut, the robot drives on to the last place where it may take another way, or brakes.
 
+        Who walks and is up to half a metre within an obstacle is shifted out of it, who is deeper is left out, and the
+        change's notes say so. A person who stands in contact with the robot is no closing: the robot may leave, where
+        the gap does not shrink. Where nothing is open because somebody walks against the robot, that person is taken
+        to stop before it.
+
         Raises DriveError for a door that is not on the map, for what was never closed, and for a closing that covers
-        the robot, MapError for somebody who walks and begins within an obstacle; the drive is then as before.
+        the robot, MapError where all who walk are deep within obstacles; the drive is then as before.
         """
         given = {"close": close, "open": open, "people": people, "stop": stop}
         told = [key for key, value in given.items() if value is not None]
@@ -349,7 +363,9 @@ class Execution(Telling):
         stops = None if cut.stops is None else self._lag + cut.stops
         brakes = cut.stops is not None and np.abs(whole.driven.times[whole.arrivals] - cut.stops).min() > SAME
         safe = None if cut.safe is None else self._lag + cut.safe
-        return Change(now, safe, stops, bool(brakes), tuple(np.flatnonzero(invalid).tolist()))
+        here = after.at(self._plan.driven.at(self._planned(now)), now).notes
+        notes = tuple(dict.fromkeys((*after.problem.notes, *here)))
+        return Change(now, safe, stops, bool(brakes), tuple(np.flatnonzero(invalid).tolist()), notes)
 
     def _shift(self, now: float) -> None:
         """Note that the robot is earlier or later than it was taken to be: what is driven from now on is."""
@@ -372,7 +388,9 @@ class Execution(Telling):
         """Look what is closed of the plan from now on, and let the robot stand before it."""
         t, surroundings = self._planned(now), self.surroundings
         then = max(now, self._lag)  # before it leaves people walk on
-        people = surroundings.at(self._plan.announced.at(t), then).world.content.people
+        everybody = surroundings.at(self._plan.announced.at(t), then).world.content.people
+        told = surroundings.people  # who has stopped meanwhile is no closing
+        people = [one for one, before in zip(everybody, told, strict=True) if before.moves]
         margin = getattr(self.planner, "margin", 0.0)
         among = partial(cut_of, closings=surroundings.closed, people=people, margin=margin)
         cut, way = among(self._plan, t), self._plan.announced

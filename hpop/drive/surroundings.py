@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
+import numpy as np
 from shapely.geometry.base import BaseGeometry
 
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.ways import OF_PEOPLE, bare
 from hpop.errors import DriveError, did_you_mean
+from hpop.models.base import PlanarModel
 from hpop.motions import States
+from hpop.planners.timed.safety import LEAVING
 from hpop.scalars import is_whole
 from hpop.text import shown
 from hpop.world import Person, World
@@ -21,6 +24,8 @@ from hpop.world.content import Content
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+STEP = 0.01  # s between the moments at which somebody is looked for
+GAP = 0.02  # m before a robot at which a person is taken to stop
 GONE = 1e5  # m: nobody who is so far away matters
 
 
@@ -34,6 +39,7 @@ class Surroundings:
     known     areas by name, of the map and of those that were closed meanwhile
     since     s, of the drive: when its people were predicted
     bodies    of the people who stand, which are closed as well
+    margin    m, that is kept from them
     """
 
     problem: Problem
@@ -42,14 +48,16 @@ class Surroundings:
     known: dict[str, BaseGeometry]
     since: float
     bodies: dict[Person, Closing]
+    margin: float = 0.0
 
     @classmethod
-    def of(cls, problem: Problem, since: float) -> Surroundings:
+    def of(cls, problem: Problem, since: float, margin: float = 0.0) -> Surroundings:
         """Those of a problem as it is: what is closed are its keep-out zones that have names."""
         zones = problem.world.content.zones
         closings = tuple(Closing(z.area, z.name) for z in zones if z.kind == "keep-out" and z.name)
         people = problem.world.content.people
-        return cls(problem, bare(problem.world), closings, named_areas(problem.world), since, _bodies(people, {}))
+        bodies = _bodies(people, {}, margin)
+        return cls(problem, bare(problem.world), closings, named_areas(problem.world), since, bodies, margin)
 
     @property
     def people(self) -> tuple[Person, ...]:
@@ -116,6 +124,21 @@ class Surroundings:
         people[place] = _standing(people[place])
         return self._changed(now, tuple(people))
 
+    def waiting(self, state: States, time: float, now: float) -> Surroundings | None:
+        """With people who stop before a robot that they would walk into, where it is in a state (1,) at a time, s.
+
+        None where nobody would within some seconds. A person does not walk through a robot, and nothing that it does
+        makes room in time for one who is predicted to.
+        """
+        parts = cast(PlanarModel, self.problem.model).parts
+        reach = max(float(part.reach) for part in parts)
+        x, y = float(state.x[0]), float(state.y[0])
+        people = self._people_at(now)
+        stopped = tuple(_stopping(person, x, y, reach, time - now + LEAVING) for person in people)
+        if all(one is other for one, other in zip(stopped, people, strict=True)):
+            return None
+        return self._changed(now, stopped)
+
     def _place_of(self, person: Any) -> int:
         """The number of a person."""
         names = [one.name for one in self.people]
@@ -168,18 +191,33 @@ class Surroundings:
         )
         problem = replace(self.problem, world=world)
         known = self.known if known is None else known
-        return Surroundings(
-            problem, self.bare, closings, known, since, _bodies(problem.world.content.people, self.bodies)
-        )
+        bodies = _bodies(problem.world.content.people, self.bodies, self.margin)
+        return Surroundings(problem, self.bare, closings, known, since, bodies, self.margin)
 
 
-def _bodies(people: Iterable[Person], before: Mapping[Person, Closing]) -> dict[Person, Closing]:
-    """What is closed by people who stand; of those who stood before it is the very same."""
-    standing = [person for person in people if not person.moves]
-    return {
-        person: before.get(person) or Closing(Content(people=(person,)).closed, who=person.name or "somebody")
-        for person in standing
-    }
+def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: float) -> dict[Person, Closing]:
+    """What is closed by people who stand, and a margin; of those who stood before it is the very same."""
+    found, content = {}, Content(people=tuple(people), kept=margin)
+    for i, body in content.bodies.items():
+        person = content.people[i]
+        closing = Closing(body, who=person.name or "somebody", place=(person.x, person.y))
+        found[person] = before.get(person) or closing
+    return found
+
+
+def _stopping(person: Person, x: float, y: float, reach: float, within: float) -> Person:
+    """A person who stops before a robot that reaches so far about a place, m; the same one who does not come there."""
+    if not person.moves or person.recorded or person.futures:
+        return person
+    times = np.arange(0.0, within, STEP)
+    px, py = (np.broadcast_to(column, times.shape) for column in person.at(times))
+    apart = np.hypot(px - x, py - y)
+    near = (apart < reach + person.radius + GAP) & (person.there(times) > 0)
+    nearer = np.append(np.diff(apart) < 0.0, False)
+    if not (near & nearer).any():
+        return person
+    until = float(times[max(0, int(np.argmax(near & nearer)) - 1)])
+    return replace(person, until=until, afterwards="stays") if until > 0.0 else _standing(person)
 
 
 def _standing(person: Person) -> Person:

@@ -134,7 +134,7 @@ class Front(Choices[T], Generic[T]):
         groups: Sequence[str] | None = None,
         reported: ArrayLike | None = None,
         reported_names: Sequence[str] = (),
-        reported_units: Sequence[str] = (),
+        reported_units: Sequence[str] | None = None,
         provenance: Sequence[Mapping[str, Any]] | None = None,
         problem: Mapping[str, Any] | None = None,
         runs: Sequence[Mapping[str, Any]] = (),
@@ -163,7 +163,8 @@ class Front(Choices[T], Generic[T]):
             Columns of which more is better. A front minimises: it keeps minus their values, under "-name".
         status, groups, reported, reported_names, reported_units, provenance, problem, runs
             As the fields of the front, with a row or an entry a candidate where there is one a point.
-            Groups default to "", reported values to none, provenance to {}.
+            Groups default to "", reported values to none, their names to those of a table of pandas or "r1", "r2",
+            ..., their units to "1", provenance to {}.
 
         >>> Front.of([[3, 0.5], [1, 0.2], [4, 0.1]], "abc", names=["cost", "yield"], maximise=["yield"])
         <Front: 2 points of cost [1], -yield [1]; complete; the non-dominated ones of 3 candidates>
@@ -177,6 +178,9 @@ class Front(Choices[T], Generic[T]):
         quanta = default_quanta(matrix) if quanta is None else quanta
         if certificate is None:
             certificate = f"the non-dominated ones of {n:,} candidates"
+        if reported is not None and not len(reported_names) and np.size(reported):
+            reported_names = names_of(reported, None, letter="r")
+        reported_names = tuple(reported_names)
         table = floats([] if reported is None else reported, (n, len(reported_names)))
         given: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
         plain_origins, texts = origins(given)
@@ -200,7 +204,7 @@ class Front(Choices[T], Generic[T]):
             groups=("",) * k if groups is None else tuple(groups),
             reported=table[kept],
             reported_names=tuple(reported_names),
-            reported_units=tuple(reported_units),
+            reported_units=("1",) * len(reported_names) if reported_units is None else tuple(reported_units),
             status=status,
             certificate=certificate,
             provenance=tuple(plain_origins[i] for i in kept),

@@ -16,7 +16,7 @@ from hpop.scalars import python_value
 from hpop.text import shown
 
 
-def names_of(costs: ArrayLike, names: Sequence[str] | None) -> tuple[str, ...]:
+def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f") -> tuple[str, ...]:
     """Names of the columns: as given, those of a table of pandas, or "f1", "f2", ...
 
     >>> names_of([[1.0, 2.0]], None)
@@ -27,7 +27,7 @@ def names_of(costs: ArrayLike, names: Sequence[str] | None) -> tuple[str, ...]:
     columns = getattr(costs, "columns", None)
     if columns is not None:
         return tuple(str(name) for name in columns)
-    return tuple(f"f{j + 1}" for j in range(cost_matrix(costs).shape[1]))
+    return tuple(f"{letter}{j + 1}" for j in range(cost_matrix(costs).shape[1]))
 
 
 def minimised(

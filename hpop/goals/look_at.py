@@ -29,7 +29,8 @@ class LookAt(Region):
                           a camera that looks straight up or down, within 1e-6 rad
     angle_tolerance  rad  by how much the view may be off, the target from its middle and the roll together
 
-    Whether something stands between camera and target is for a criterion to say.
+    Whether something stands between camera and target is for a criterion to say (``occlusion``); an answer notes where
+    nothing of the target is seen.
     """
 
     target: tuple[float, float, float]

@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.errors import ModelError, UnsupportedModel
+from hpop.models.collision.leaving import planar_collision
 from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
@@ -170,11 +171,11 @@ class PlanarModel(Model):
 
     def collision(self, world: World) -> PlanarCollision:
         """Exact for straight motions, and never too kind for those that turn."""
-        return PlanarCollision(self.parts, world)
+        return planar_collision(self.parts, world)
 
     def judge(self, world: World) -> SolidCollision:
         """By python-fcl, in space, at states no further apart than 5 cm or 3 degrees."""
-        return SolidCollision(self.parts, world)
+        return SolidCollision(self.parts, world.for_robots)
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
         """What the robot really does: motions in one line are one, all from rest to rest; and when it passes states."""

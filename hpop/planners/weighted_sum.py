@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import takes_any, takes_sets
-from hpop.planners.graphs.claims import ROUNDED
+from hpop.planners.graphs.claims import OFF, ROUNDED
 from hpop.planners.graphs.graph_planner import GraphPlanner, GraphSpec, first_of, graph_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
@@ -146,5 +146,5 @@ class WeightedSum:
         if not ended:
             return f"incomplete ({status}): every point is supported on {where}, others are missing"
         if self.divisions is None and self.weights is None:
-            return f"all extreme supported points of {where}, no unsupported ones, {ROUNDED}"
-        return f"supported points only: optima of the weights asked for, on {where}, {ROUNDED}"
+            return f"all extreme supported points of {where}, no unsupported ones, {ROUNDED}; {OFF}"
+        return f"supported points only: optima of the weights asked for, on {where}, {ROUNDED}; {OFF}"

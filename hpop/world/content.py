@@ -107,12 +107,16 @@ class Content:
     groups     conversations: places in ``people`` of those who talk with each other, at least two each
     landmarks
     zones
+    left       of one question: places in ``people`` of those who stand in contact with the robot, which may leave them
+    kept       of one question: m that the robot keeps from people who stand
     """
 
     people: tuple[Person, ...] = ()
     groups: tuple[tuple[int, ...], ...] = ()
     landmarks: tuple[Landmark, ...] = ()
     zones: tuple[Zone, ...] = ()
+    left: tuple[int, ...] = ()
+    kept: float = 0.0
 
     def __post_init__(self) -> None:
         kinds = {"people": Person, "groups": Iterable, "landmarks": Landmark, "zones": Zone}
@@ -137,10 +141,13 @@ class Content:
     def closed(self) -> BaseGeometry:
         """What is closed to the robot, m: keep-out zones, and the bodies of people who stand."""
         zones = [zone.area for zone in self.zones if zone.kind == "keep-out"]
-        around = 1.0 / np.cos(np.pi / 64)  # a polygon of 64 corners round the body, not within
-        standing = [person for person in self.people if not person.moves]
-        bodies = [shapely.Point(p.x, p.y).buffer(p.radius * around, quad_segs=16) for p in standing]
+        bodies = [_body(person, 0.0) for person in self.people if not person.moves]
         return shapely.union_all([*zones, *bodies]) if zones or bodies else MultiPolygon()
+
+    @cached_property
+    def bodies(self) -> dict[int, BaseGeometry]:
+        """Bodies of people who stand, by place, m, wider by what the robot keeps from them."""
+        return {i: _body(person, self.kept) for i, person in enumerate(self.people) if not person.moves}
 
     @cached_property
     def kinks(self) -> FloatArray:
@@ -195,6 +202,11 @@ class Content:
     def __repr__(self) -> str:
         counts = (f"{name}: {len(some)}" for name, some in vars(self).items() if some)
         return f"<Content: {', '.join(counts) or 'nothing'}>"
+
+
+def _body(person: Person, margin: float) -> BaseGeometry:
+    """A polygon of 64 corners round the body of a person who stands, m, and a margin."""
+    return shapely.Point(person.x, person.y).buffer((person.radius + margin) / np.cos(np.pi / 64), quad_segs=16)
 
 
 def _plain(value: Any) -> dict[str, Any]:

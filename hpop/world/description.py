@@ -81,7 +81,12 @@ def build(description: Mapping[str, Any]) -> World:
         if kind == "geometry" or kind in readers:
             world = _from_geometry(description) if kind == "geometry" else _from_files(description, str(kind))
             content = description.get("content")
-            return world if content is None else world.with_content(**vars(Content.build(content)))
+            if content is None:
+                return world
+            built = Content.build(content)
+            return world.with_content(
+                people=built.people, groups=built.groups, landmarks=built.landmarks, zones=built.zones
+            )
     except MapError:
         raise
     except (

@@ -239,6 +239,20 @@ class Person:
             own["x"], own["y"] = (float(place) for place in future.track.at(0.0))
         return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
 
+    def shifted(self, x: float, y: float) -> Person:
+        """The same person, who is and will be somewhere else by so much, m."""
+
+        def track(one: Track | None) -> Track | None:
+            return None if one is None else replace(one, x=one.x + x, y=one.y + y)
+
+        def moved(at: float | None, by: float) -> float | None:
+            return None if at is None else at + by
+
+        futures = tuple(
+            replace(one, track=track(one.track), x=moved(one.x, x), y=moved(one.y, y)) for one in self.futures
+        )
+        return replace(self, x=self.x + x, y=self.y + y, track=track(self.track), futures=futures)
+
     def at(self, t: Column) -> tuple[Column, Column]:
         """Predicted position (x, y), m, at times t, s; after ``until`` where it was then. Not of several futures."""
         self._check_one("at")

@@ -6,6 +6,7 @@ that there is a time after which nothing changes any more, and notes say where i
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -27,6 +28,13 @@ TALL = (0.0, 1.8)
 """Heights, m, at which obstacles are in the way of people."""
 DEEP = 0.1
 """m within an obstacle, from which on a person cannot be meant to be there."""
+SHIFTED = 0.5
+"""m within an obstacle, up to which a person who walks is shifted out of it: trackers are off by as much."""
+AWAY = 1e5
+"""m: a person so far away matters to nobody."""
+MOVED = "shifted to its border"
+LEFT_OUT = "left out"
+STAYS = "who stand there, as the map or the place is off; they block what they cover"
 SAME = 1e-6
 """s; ends nearer than that to each other are the same."""
 DIGITS = 9
@@ -50,6 +58,14 @@ class End(NamedTuple):
     afterwards: Afterwards
 
 
+class Inside(NamedTuple):
+    """A person who is within an obstacle: who, where, m, and what becomes of them."""
+
+    who: str
+    place: tuple[float, float]
+    what: str
+
+
 def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, ...], tuple[str, ...]]:
     """The people of a world, their predictions cut, and notes on how each ends. Once done it changes nothing more.
 
@@ -57,10 +73,15 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
     - Who leaves the map is gone from then on.
     - No prediction goes beyond a horizon, s, if one is given; then the person is as ``afterwards`` says. Who stands
       stays where he is, as uncertain as then.
+    - Who begins to walk within an obstacle is shifted out of it, up to half a metre; who is deeper within is left out.
+      Who stands there stays.
 
-    Raises MapError for a person who begins within an obstacle, and for one who stands and grows uncertain for ever.
+    Raises MapError where all who walk, several or one, begin deep within obstacles, and for somebody who stands and
+    grows uncertain for ever.
     """
     people, ends, elsewhere = [], list[End](), list[str]()
+    world, inside = _outside(world)
+    left_out = {one.who for one in inside if one.what == LEFT_OUT}
     for number, person in enumerate(world.content.people):
         who = repr(person.name) if person.name else f"number {number}"
         cut = []
@@ -69,7 +90,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
             changed, end = _cut(world, hypothesis, horizon, label)
             cut.append((weight, hypothesis, changed))
             ends += [] if end is None else [end]
-        if not any(_comes(world, hypothesis) for _, hypothesis in person.hypotheses):
+        if who not in left_out and not any(_comes(world, hypothesis) for _, hypothesis in person.hypotheses):
             elsewhere.append(who)
         if all(changed is hypothesis for _, hypothesis, changed in cut):
             people.append(person)
@@ -78,7 +99,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
             people.append(replace(person, futures=futures, until=None))
         else:
             people.append(cut[0][2])
-    return tuple(people), (*_notes(ends), *_note_of(elsewhere))
+    return tuple(people), (*_notes(ends), *_note_of(elsewhere), *_notes_of_inside(inside))
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
@@ -98,7 +119,6 @@ def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple
     way = Way.of(person, world.bounds)
     assert way is not None  # somebody walks
     solid = world.solid(*TALL)
-    _check_outside(way, solid, who)
     if person.recorded:
         return person, End(who, person.settled, "recorded", person.afterwards)
     ends = [End(who, MOST, "own", person.afterwards)]
@@ -146,14 +166,55 @@ def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, 
     return person, End(who, person.until, "own", person.afterwards)
 
 
-def _check_outside(way: Way, solid: BaseGeometry, who: str) -> None:
-    """Raise MapError for a person whose way begins within an obstacle."""
-    begin = shapely.Point(way.points[0])
-    if solid.contains(begin) and solid.boundary.distance(begin) > DEEP:
+def _outside(world: World) -> tuple[World, list[Inside]]:
+    """The world whose people who walk begin outside of obstacles, and who was within one.
+
+    Raises MapError where nobody who walks begins outside of obstacles or near their border.
+    """
+    solid, inside, people = world.solid(*TALL), list[Inside](), list[Person]()
+    walking = outside = 0
+    for number, person in enumerate(world.content.people):
+        who = repr(person.name) if person.name else f"number {number}"
+        places = [(one.x, one.y) for _, one in person.hypotheses if one.moves] or [(person.x, person.y)]
+        shifts = [_way_out(solid, place) for place in places]
+        x, y = max(shifts, key=lambda shift: math.hypot(*shift))
+        deep = math.hypot(x, y)
+        walks = person.speed > 0.0
+        walking, outside = walking + walks, outside + (walks and deep <= SHIFTED)
+        if not walks:
+            if shapely.contains_xy(solid, person.x, person.y):
+                inside.append(Inside(who, places[0], STAYS))
+        elif deep > SHIFTED:
+            inside.append(Inside(who, places[0], LEFT_OUT))
+            person = Person(person.x + AWAY, person.y, radius=person.radius, name=person.name)
+        elif deep > 0.0:
+            inside.append(Inside(who, places[0], MOVED))
+            person = person.shifted(x, y)
+        people.append(person)
+    if walking and not outside:
+        one = next(one for one in inside if one.what == LEFT_OUT)
         raise MapError(
-            f"person {who} begins at ({begin.x:.4g}, {begin.y:.4g}), within an obstacle. People who walk begin where "
-            "there is room: check the place, and that the map and the track have the same origin, axes and unit."
+            f"person {one.who} begins at ({one.place[0]:.4g}, {one.place[1]:.4g}), within an obstacle"
+            f"{', as all do' if walking > 1 else ''}. People who walk begin where there is room: check the place, and "
+            "that the map and the track have the same origin, axes and unit."
         )
+    return with_people(world, world.content.people if not inside else tuple(people)), inside
+
+
+def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, float]:
+    """By how much, m, a place within an obstacle is shifted out of it; nothing up to ``DEEP`` within."""
+    here = shapely.Point(place)
+    if not solid.contains(here) or solid.boundary.distance(here) <= DEEP:
+        return 0.0, 0.0
+    out = shapely.shortest_line(here, solid.boundary).coords[1]
+    return out[0] - here.x, out[1] - here.y
+
+
+def _notes_of_inside(inside: Sequence[Inside]) -> Iterable[str]:
+    """A note for each thing that becomes of people within obstacles."""
+    for what in dict.fromkeys(one.what for one in inside):
+        those = [f"{one.who} at ({one.place[0]:.4g}, {one.place[1]:.4g})" for one in inside if one.what == what]
+        yield f"people within an obstacle, {what}: {some(those)}"
 
 
 def _notes(ends: Iterable[End]) -> Iterable[str]:

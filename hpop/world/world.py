@@ -217,6 +217,26 @@ class World(FromFiles, Presented):
         """Where the robot must not be though nothing solid is there, m: keep-out zones and people who stand."""
         return self.derived(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
 
+    @property
+    def for_robots(self) -> World:
+        """Return what collisions see of this world: no people whom the robot leaves, others wider by its margin."""
+        content = self.content
+        if not content.left and not (content.kept and content.bodies):
+            return self
+
+        def make() -> World:
+            bodies = [Zone("keep-out", body) for i, body in content.bodies.items() if i not in content.left]
+            return self.with_content(zones=[*content.zones, *bodies])
+
+        return self.derived(("for robots",), make)
+
+    def keeping(self, margin: float, left: tuple[int, ...] = ()) -> World:
+        """Return the world of a robot that keeps a margin, m, from people who stand, but for those whom it leaves."""
+        content = self.content
+        if (content.kept, content.left) == (margin, left):
+            return self
+        return replace(self, content=replace(content, kept=margin, left=left))
+
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
         """`solid` and `closed`, m: where the robot must not be. The extent bounds it besides."""
         layer = self.ground.layer((z_min, z_max))

@@ -54,7 +54,11 @@ def test_standing_costs_its_time_times_the_rate_of_that_pose(name):
     criterion, robot = own_criterion(name), asked(name)
     one, several = (motion_costs(criterion, hold(seconds, panels=robot)) for seconds in (1.0, 7.25))
     np.testing.assert_allclose(several, 7.25 * one, rtol=1e-12)
-    assert (several == 0).all() == (name in FREE)
+    costs_nothing = bool((several == 0).all())
+    assert costs_nothing == (name in FREE), (
+        f"{name!r} costs {'nothing' if costs_nothing else f'up to {several.max():.3g} in 7.25 s'} of a robot that "
+        f"holds: is that meant? Then {'name it in' if costs_nothing else 'take it out of'} FREE of {__file__}"
+    )
 
 
 def test_standing_lasts_as_long_as_it_does():

@@ -251,3 +251,11 @@ def test_a_published_front_with_solver_noise_keeps_its_size_in_whole_units(share
     assert len(front) == int(lines[1])
     assert {tuple(row) for row in front.integers} == {tuple(row) for row in np.rint(Y)}
     assert (np.abs(front.costs - front.integers) < 0.02).all()
+
+
+def test_reported_values_need_no_units_and_no_names():
+    front = Front.of([[1.0, 2.0], [2.0, 1.0]], reported=[[7.0], [8.0]], reported_names=["seen"])
+    assert (front.reported_names, front.reported_units) == (("seen",), ("1",))
+    assert front.reported[:, 0].tolist() == [7.0, 8.0]
+    named = Front.of([[1.0, 2.0], [2.0, 1.0]], reported=[[7.0, 1.0], [8.0, 2.0]])
+    assert (named.reported_names, named.reported_units) == (("r1", "r2"), ("1", "1"))

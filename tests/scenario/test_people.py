@@ -122,7 +122,6 @@ def test_a_scenario_with_tracks_survives_its_description(made):
         ("{x: 1, y: 1, futures: [{velocity: [1, 0]}]}", ScenarioError, "people.0.futures.0", "key is missing"),
         ("{x: 1, y: 1, futures: [{weight: 0}]}", ScenarioError, "people.0.futures.0.weight", "greater than 0"),
         ("{x: 1, y: 1, velocity: [1, 0], futures: [{weight: 1}]}", MapError, "people.0", "leave velocity and"),
-        ("{x: 4.5, y: 5, velocity: [1, 0]}", MapError, "people", "begins at (4.5, 5), within an obstacle"),
         ("{x: 1, y: 1, growth: 0.1}", MapError, "people", "ever less surely there"),
     ],
 )  # fmt: skip

@@ -119,11 +119,36 @@ def test_walls_do_not_change_what_people_did():
     assert person == Person.along(track)
 
 
-def test_a_person_within_a_wall_is_an_error():
-    for person in (Person(6.25, 2, velocity=(1, 0)), Person.along(Track([0, 4], [6.25, 8], [2, 2], recorded=True))):
-        with pytest.raises(MapError, match=r"person number 0 begins at \(6.25, 2\), within an obstacle"):
-            people_of(person)
+def test_who_walks_from_within_a_wall_is_shifted_to_its_border():
+    """A tracker that is off by centimetres: 20 cm within a wall that is half a metre thick."""
+    walker, did = Person(6.2, 2, velocity=(-1, 0), name="Ada"), Track([0, 4], [6.2, 3], [2, 2], recorded=True)
+    for person in (walker, Person.along(did, name="Ada")):
+        (shifted,) = people_of(person)
+        assert (shifted.x, shifted.y) == pytest.approx((6.0, 2.0))
+        x, y = shifted.at(np.array([1.0]))
+        assert (x[0], y[0]) == pytest.approx((5.0 if person is walker else 5.2, 2.0))
+        assert "people within an obstacle, shifted to its border: 'Ada' at (6.2, 2)" in notes_of(person)
+
+
+def test_who_is_deep_within_an_obstacle_is_left_out_and_the_others_are_there():
+    block = World.from_polygons([shapely.box(4, 0, 7, 4)], extent=shapely.box(0, 0, 10, 8))
+    lost, walks = Person(5.5, 2.0, velocity=(1, 0), name="Bob"), Person(1.0, 6.0, velocity=(0.5, 0), until=4.0)
+    people, notes = bounded(block.with_content(people=[lost, walks]))
+    assert people[1] == walks
+    assert math.hypot(people[0].x, people[0].y) > 1e4  # where nobody meets anybody
+    assert not people[0].moves
+    assert [note for note in notes if "Bob" in note] == ["people within an obstacle, left out: 'Bob' at (5.5, 2)"]
+    with pytest.raises(MapError, match=r"person 'Bob' begins at \(5.5, 2\), within an obstacle. People who walk begin"):
+        people_of(lost, world=block)
+    with pytest.raises(MapError, match="within an obstacle, as all do"):
+        people_of(lost, lost, world=block)
+
+
+def test_who_stands_within_an_obstacle_stays_and_is_noted():
     assert people_of(Person(6.25, 2.0)) == (Person(6.25, 2.0),)  # who sits in an armchair is
+    (note,) = notes_of(Person(6.25, 2.0, name="Eve"))
+    assert note.startswith("people within an obstacle, who stand there")
+    assert note.endswith("'Eve' at (6.25, 2)")
 
 
 def test_who_leans_on_a_wall_may_walk_away_but_not_through():

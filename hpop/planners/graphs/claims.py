@@ -10,6 +10,7 @@ from hpop.search import ParetoPaths
 from hpop.status import Status
 
 ROUNDED = "edge costs rounded to their quanta"
+OFF = "paths off this graph may be better"
 SHARE = "this stage's share of the time"
 
 
@@ -52,14 +53,14 @@ def claimed(
         return f"incomplete ({ended}): {each} on {where}, others are missing{missing}"
     if factor:
         covered = f"every optimal cost vector on {where} is covered within {factor}"
-        return f"{covered}, {rounded}; points need not be optimal themselves"
-    return f"exact on {where}, {rounded}"
+        return f"{covered}, {rounded}; points need not be optimal themselves, {OFF}"
+    return f"exact on {where}, {rounded}; {OFF}"
 
 
 def claimed_with_known(paths: Ended, where: str, rounded: str = ROUNDED) -> str:
     """What is claimed of a search among ways that were known before, in words."""
     if paths.status.is_final:
-        return f"exact on {where}, {rounded}"
+        return f"exact on {where}, {rounded}; {OFF}"
     return (
         f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, others "
         f"are missing{how_far(paths.gap, {})}"

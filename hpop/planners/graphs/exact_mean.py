@@ -19,6 +19,7 @@ from hpop.criteria.base import Criterion, Role, place_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.options import real
 from hpop.planners.base import Candidates
+from hpop.planners.graphs.claims import OFF, ROUNDED
 from hpop.planners.graphs.query import MAX_COSTS, GraphQuery
 from hpop.planners.objectives import Objectives, edge_objectives, integral_of
 from hpop.planners.spending import Exhausted, Spending
@@ -155,9 +156,9 @@ def exact_mean(
     if query.max_turns is not None:
         cap += f" and at most {query.max_turns} turns"
     if not len(shortest):
-        claim = f"exact on {where}"
+        claim = f"exact on {where}; {OFF}"
     elif paths.status.is_final:
-        claim = f"exact under {cap} on {where}, edge costs rounded to their quanta; nothing is claimed beyond the cap"
+        claim = f"exact under {cap} on {where}, {ROUNDED}; nothing is claimed beyond the cap, {OFF}"
     else:
         claim = f"incomplete ({paths.status}): paths of {cap} on {where}; others are missing, and may be better"
     found = query.candidates(

@@ -55,7 +55,7 @@ class Lattice:
     clock           s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
     hold            s  that the robot stands at least when it waits for people who move; None: it never waits
     arrive_by       s  at the latest, among people who move; None: whenever
-    margin          m  to be kept from people who move
+    margin          m  to be kept from people, those who stand as well
 
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
@@ -260,7 +260,7 @@ class Lattice:
         """The lattice anchored at the problem's start; building it may spend what is in the spending."""
         return StateLattice(
             in_plane(problem.model),
-            problem.world,
+            problem.keeping(self.margin).world,
             start_of(problem)[:2],
             float(self.step),
             Headings(self.headings),

@@ -72,7 +72,7 @@ class Roadmap:
     clock       s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
     hold        s  that the robot stands at least when it waits for people who move; None: it never waits
     arrive_by   s  at the latest, among people who move; None: whenever
-    margin      m  to be kept from people who move
+    margin      m  to be kept from people, those who stand as well
 
     Of a robot that turns and moves and has no states but x, y and yaw, samples are positions, and links straight moves,
     free on the exact geometry; the robot turns in place between any two of them, where it has the room and they differ
@@ -160,6 +160,7 @@ class Roadmap:
         where there are no guides, or where a search goes on from a checkpoint: a first answer would take the place of
         the better front that it had when it was stopped. Raises as :meth:`solve` does.
         """
+        problem = problem.keeping(self.margin)
         objectives = edge_objectives(problem.criteria, "roadmap")
         if people_move(problem) and _has_positions(problem):
             yield from self._among_people(problem, objectives, progress)

@@ -48,7 +48,8 @@ def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
             "arrive_by needs a clock, and where nobody moves there is none; leave it out, and list the criterion "
             "'duration'"
         )
-    given = [name for name in ("clock", "hold", "margin") if getattr(options, name) != getattr(TimeOptions(), name)]
+    names = ("clock", "hold") if problem.world.content.bodies else ("clock", "hold", "margin")
+    given = [name for name in names if getattr(options, name) != getattr(TimeOptions(), name)]
     if not given:
         return ()
     return (f"nobody moves, so there is no clock: {', '.join(given)} did not matter",)

@@ -179,7 +179,7 @@ class TimedQuery:
             provenance=tuple(
                 {**common, "edges": steps - holds, "holds": holds, "drift": round(off, 6)} for steps, holds, off in own
             ),
-            notes=(*self.objectives.notes, *self._what_blocks(paths)),
+            notes=(*self.objectives.notes, *self._touching, *self._what_blocks(paths)),
             filters=self.objectives.filters,
             stats={
                 "planner": name,
@@ -197,6 +197,14 @@ class TimedQuery:
                 "search_seconds": paths.stats.seconds_search,
             },
         )
+
+    @property
+    def _touching(self) -> tuple[str, ...]:
+        """With whom the robot starts in contact, in words."""
+        who = [person.name or "somebody" for person in self.timed.safety.touched]
+        if not who:
+            return ()
+        return (f"the robot starts in contact with {some(who)}; it may leave, where the gap does not shrink",)
 
     def _what_blocks(self, paths: TimedPaths) -> tuple[str, ...]:
         """Why there is no path, in words."""

@@ -13,8 +13,9 @@ chord, and the gap for smaller by how far it leaves it. While a robot that is no
 disc that it sweeps.
 
 A robot that starts within somebody's margin, or into whose margin somebody comes within a second, may leave, but not
-stay: it holds nowhere there, and for :data:`LEAVING` seconds only contact blocks what leads away. What begins at time 0
-is not off the clock. There may be several starts, at different times: each place of a way where another may be taken.
+stay: it holds nowhere there, and for :data:`LEAVING` seconds only contact blocks what leads away. A round robot that
+starts in contact may leave that too, by what makes the gap no smaller. What begins at time 0 is not off the clock.
+There may be several starts, at different times: each place of a way where another may be taken.
 """
 
 from __future__ import annotations
@@ -145,12 +146,22 @@ class Safety:
             if inside.any():
                 yield person, float(since[np.argmax(inside)])
 
+    @cached_property
+    def touched(self) -> tuple[Person, ...]:
+        """Those with whom the robot starts in contact."""
+        pairs = ((start, person) for start in self.starts for person in self.people)
+        return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
+
+    def _touches(self, start: Start, person: Person) -> bool:
+        apart = float(_apart(start, person, np.array([start.time]))[0])
+        return apart < self.reach + person.radius - TOUCH
+
     def refuse_contact(self) -> None:
-        """Raise QueryError where the robot would start in contact with somebody."""
-        for start in self.starts:
+        """Raise QueryError where a robot that is not round would start in contact with somebody."""
+        for start in () if self._round else self.starts:
             for person in self.people:
                 (apart,) = _apart(start, person, np.array([start.time])).tolist()
-                if apart < self.reach + person.radius - TOUCH:
+                if self._touches(start, person):
                     raise QueryError(
                         f"the start ({start.x:.3f}, {start.y:.3f}) is not usable: {person.name or 'a person who moves'}"
                         f" is there at time {start.time:g}, {apart:.2f} m from the robot's axis, which needs "
@@ -256,6 +267,10 @@ class Safety:
         at_start = np.logical_or.reduce(each)
         distance[some] = to_strips(strips(moves, (begin, end), some, self.stray, at_start))
         clear = distance - way.stray >= self.reach + person.radius
+        if self._round and person in self.touched:
+            (x, y), (to_x, to_y) = begin, end
+            in_contact = np.hypot(x, y) < self.reach + person.radius
+            clear |= in_contact & (x * (to_x - x) + y * (to_y - y) >= -TOUCH) & (way.stray <= TOUCH)
         found: BoolArray = inside & clear & (tick <= self._left_by)
         return found
 

@@ -122,7 +122,7 @@ def test_where_nobody_moves_there_is_no_clock():
     assert plain.certificate == with_options.certificate
     assert with_options.notes == (
         *plain.notes,
-        "nobody moves, so there is no clock: clock, hold, margin did not matter",
+        "nobody moves, so there is no clock: clock, hold did not matter",  # the margin is kept from who stands,
     )
     with pytest.raises(OptionError, match="arrive_by needs a clock"):
         Lattice(step=0.5, arrive_by=20.0).solve(through_the_doors(stands))
@@ -181,9 +181,12 @@ def test_somebody_slow_who_is_outside_the_margin_and_leaves_no_time_to_go_is_nam
     assert "give a smaller margin, or ask for another start or goal, or later" in none.notes[-1]
 
 
-def test_a_start_in_contact_with_somebody_is_refused():
+def test_a_start_in_contact_with_somebody_is_refused_to_a_robot_that_is_not_round():
+    robot = DifferentialDrive(footprint=((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)))
+    room = World.from_polygons([], extent=shapely.box(0, 0, 8, 4))
+    world = room.with_content(people=[Person(1.2, 2.0, velocity=(1, 0), until=3.0, name="Ann")])
     with pytest.raises(QueryError, match=r"the start .* Ann is there at time 0"):
-        Lattice(step=0.25).solve(through_the_doors(Person(1.2, 2.0, velocity=(1, 0), name="Ann")))
+        Lattice(step=0.5).solve(Problem(world, robot, (1.0, 2.0, 0.0), (7.0, 2.0, 0.0), ["duration"]))
 
 
 def test_time_is_kept():

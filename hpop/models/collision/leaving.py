@@ -1,0 +1,162 @@
+"""Leaving a person who stands in contact: the robot may go where the gap between their surfaces does not shrink.
+
+A robot that touches a wall is stuck, or its map is wrong. A person who stands too near is neither: trackers are off by
+centimetres, and people step up to a robot. So contact may be left, by motions along which the gap grows or stays until
+the robot is free, and from then on the person blocks it as everybody else does. As no motion leads into contact, none
+of the motions from elsewhere come there, however they are put together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.models.collision.parts import Part
+from hpop.models.collision.planar import PlanarCollision
+from hpop.motions import Motions, States
+from hpop.world import World
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+FAR = 4e5  # m: wherever a robot is, it does not come to the border of the world of an area
+SHARES = np.append(np.array([0.0, 1e-4]), np.linspace(0.0, 1.0, 65)[1:])
+"""Of a motion that begins in contact: along a straight move the gap is convex, so its beginning says most."""
+SHRINKS = 1e-7  # m: a gap that shrinks by less from sample to sample stays, but for rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Leaving:
+    """Which motions keep clear of a body, or lead out of it.
+
+    parts  of the robot
+    place  (x, y) m, the middle of the body
+    body   tells which states and motions do not touch it
+    """
+
+    parts: Sequence[Part]
+    place: tuple[float, float]
+    body: Any
+
+    def states_free(self, states: States) -> BoolArray:
+        """Whether the robot is clear of the body in each state (N,)."""
+        free: BoolArray = self.body.states_free(states)
+        return free
+
+    def motions_free(self, motions: Motions) -> BoolArray:
+        """Whether each motion (M,) is clear of the body, or begins in contact and leads away from it."""
+        free: BoolArray = self.body.motions_free(motions)
+        some = np.flatnonzero(~free)
+        some = some[~self.body.states_free(motions.start.take(some))]
+        if some.size:
+            free[some] = self._leads_out(motions, some)
+        return free
+
+    def gap(self, states: States) -> FloatArray:
+        """Distance (N,), m, of the middle of the body from the robot in states (N,); 0 within it."""
+        nearest = np.full(states.size, np.inf)
+        here = shapely.Point(self.place)
+        for part in self.parts:
+            corners = part.placed(states)  # (N, c, 2)
+            points = shapely.multipoints(
+                corners.reshape(-1, 2), indices=np.repeat(np.arange(states.size), corners.shape[1])
+            )
+            nearest = np.minimum(nearest, shapely.distance(shapely.convex_hull(points), here) - part.radius)
+        return np.asarray(np.maximum(nearest, 0.0) if len(self.parts[0].corners) > 1 else nearest)
+
+    def _leads_out(self, motions: Motions, rows: IntArray) -> BoolArray:
+        """Whether motions (n,) that begin in contact lead out of it: the gap does not shrink until they are clear."""
+        law, owner = motions.law, np.repeat(rows, SHARES.size)
+        share = np.tile(SHARES, rows.size)
+        start, end = motions.start.take(owner), motions.end.take(owner)
+        states = States(
+            **{
+                name: law.interpolate(name, start, end, share) if name in law.varies else getattr(start, name)
+                for name in ("x", "y", "yaw")
+            }
+        )
+        gap = self.gap(states).reshape(-1, SHARES.size)
+        clear = self.body.states_free(states).reshape(-1, SHARES.size)
+        out = np.logical_or.accumulate(clear, axis=1)
+        grows: BoolArray = np.diff(gap, axis=1) >= -SHRINKS
+        return np.asarray(((grows | out[:, :-1]) & (clear | ~out)[:, 1:]).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class LeavingCollision(PlanarCollision):
+    """The collision of a robot that starts in contact with people who stand, whom its ``world`` does not hold.
+
+    left  each of these people
+    """
+
+    left: tuple[Leaving, ...] = ()
+
+    @property
+    def yaw_matters(self) -> bool:
+        """Whether a position that is not :meth:`clear` can be free at some yaw: contact is left along headings."""
+        return True
+
+    def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Whether the circles that the parts sweep about positions (P,) are free of all, those in contact included."""
+        free = super().clear(x, y)
+        for leaving in self.left:
+            free &= leaving.body.clear(x, y)
+        return free
+
+    def motions_free(self, motions: Motions) -> BoolArray:
+        """Whether the robot is free all along each motion (M,), or leaves contact."""
+        free = super().motions_free(motions)
+        for leaving in self.left:
+            free &= leaving.motions_free(motions)
+        return free
+
+
+def alone(area: BaseGeometry) -> World:
+    """Return a world in which nothing but an area, m, is closed to the robot."""
+    x_min, y_min, x_max, y_max = area.bounds
+    extent = shapely.box(x_min - FAR, y_min - FAR, x_max + FAR, y_max + FAR)
+    return World.from_polygons([], extent=extent, keep_out=area)
+
+
+def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
+    """Return the collision of parts in a world, in which they may leave those people whom they touch at the start."""
+    if not world.content.left:
+        return PlanarCollision(parts, world.for_robots)
+    left = [
+        Leaving(parts, (world.content.people[i].x, world.content.people[i].y), PlanarCollision(parts, alone(body)))
+        for i, body in world.content.bodies.items()
+        if i in world.content.left
+    ]
+    return LeavingCollision(parts, world.for_robots, tuple(left))
+
+
+def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, ...]:
+    """Return which people who stand, by their places in the world's content, a robot in a state (1,) touches."""
+    near = max((part.reach for part in parts), default=0.0)
+    here = shapely.Point(float(state.x[0]), float(state.y[0]))
+    return tuple(
+        i
+        for i, body in world.content.bodies.items()
+        if shapely.distance(body, here) <= near and not PlanarCollision(parts, alone(body)).states_free(state)[0]
+    )
+
+
+def left(world: World, model: Any, state: States) -> tuple[World, tuple[str, ...]]:
+    """Return the world of a robot that starts in a state (1,), in which it may leave those whom it touches, and notes.
+
+    Of a model without upright parts in the plane it is the very same world.
+    """
+    if "plane" not in model.provides or not hasattr(model, "parts") or not world.content.bodies:
+        return world.keeping(world.content.kept), ()
+    places = touched(model.parts, world, state)
+    if not places:
+        return world.keeping(world.content.kept), ()
+    who = ", ".join(repr(person.name) if (person := world.content.people[i]).name else f"number {i}" for i in places)
+    near = f"within {world.content.kept:g} m of" if world.content.kept else "in contact with"
+    note = f"the robot starts {near} people who stand there: {who}; it may leave them, where the gap does not shrink"
+    return world.keeping(world.content.kept, places), (note,)

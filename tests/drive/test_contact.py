@@ -1,0 +1,108 @@
+"""People who stand too near, walk against the robot or are reported within walls: the drive goes on, and says so."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.drive import Execution, Options
+from hpop.status import Status
+from hpop.verify import verify
+from hpop.world import Person, World
+
+ROBOT = hpop.DifferentialDrive(radius=0.3)
+HALL = World.from_polygons([shapely.box(6.5, 3.6, 7.3, 4.4)], extent=shapely.box(0, 0, 14, 8))
+
+
+@cache
+def planned() -> tuple[hpop.Problem, hpop.Front]:
+    problem = hpop.Problem(HALL, ROBOT, (1.0, 2.0, 0.0), (13.0, 2.0, None), ["duration", "length"])
+    return problem, problem.solve("lattice", step=0.5)
+
+
+def drive() -> Execution:
+    problem, front = planned()
+    return hpop.follow(problem, front, "knee")
+
+
+def gaps(way: hpop.Trajectory, begin: float, person: Person) -> np.ndarray:
+    """Between the surfaces, m, every hundredth of a second from a time on, of somebody who does as predicted."""
+    times = np.arange(begin, way.duration, 0.01)
+    s, (x, y) = way.at(times), person.at(times - begin)
+    return np.hypot(s.x - x, s.y - y) - 0.3 - person.radius
+
+
+def final(following: Execution, now: float) -> Options:
+    """The options when the graph among the people has been made."""
+    for _ in range(600):
+        options = following.options(now, deadline=0.5)
+        if options.status.is_final:
+            return options
+    raise AssertionError("the graph was not made")
+
+
+@pytest.mark.parametrize("place", [(3.53, 2.0), (2.47, 2.0), (3.0, 2.52)], ids=["ahead", "behind", "beside"])
+def test_who_stands_too_near_may_be_left(place: tuple[float, float]) -> None:
+    following, person = drive(), Person(*place, name="Ann")  # the robot is at (3, 2) after 2 s
+    change = following.world(2.0, people=[person])
+    assert any("in contact with people who stand there: 'Ann'" in note for note in change.notes)
+    options = following.options(2.0, deadline=0.5)
+    assert len(options)
+    following.take(options.knee())
+    gap = gaps(following.plan, 2.0, person)
+    assert (np.diff(gap[: int(np.argmax(gap >= 0))]) >= -1e-5).all()
+    assert gap.min() >= gap[0] - 1e-5
+
+
+@pytest.mark.parametrize("apart", [0.4, 0.05, 0.0, -0.02])
+def test_a_slow_walker_against_the_robot_leaves_it_options(apart: float) -> None:
+    following = drive()
+    following.world(2.0, people=[Person(3.55 + apart, 2.02, velocity=(-0.3, 0.0), until=6.0, name="Bob")])
+    options = final(following, 2.0)
+    assert len(options)
+    assert options.status is Status.COMPLETE
+    (bob,) = following.surroundings.people  # taken to stop before the robot
+    assert bob.until is None or bob.afterwards == "stays"
+    following.take(options.knee())
+    ahead = following.plan
+    assert ahead.states.x[-1] == pytest.approx(13.0)
+    gap = gaps(ahead, 2.0, bob)
+    assert gap.min() >= min(0.0, gap[0]) - 1e-3
+
+
+def test_one_walker_within_a_pillar_does_not_hide_the_others() -> None:
+    following = drive()
+    walks = Person(9, 2, velocity=(-0.9, 0), until=4.0, name="a")
+    change = following.world(1.0, people=[walks, Person(6.7, 4.0, velocity=(0.2, 0), until=4.0, name="b")])
+    first, second = following.surroundings.people
+    assert first == walks
+    assert (second.x, second.y) == pytest.approx((6.5, 4.0))  # the nearest border of the pillar
+    assert any("within an obstacle, shifted to its border: 'b'" in note for note in change.notes)
+
+
+@pytest.mark.parametrize(
+    "person",
+    [
+        Person(1.53, 2.0, until=3.0, name="Cem"),  # stands, and leaves later
+        Person(1.5, 2.0, velocity=(0.5, 0.0), until=5.0, name="Cem"),  # walks away ahead
+        Person(1.2, 1.5, velocity=(0.0, -0.3), until=5.0, name="Cem"),
+    ],
+    ids=["stands", "walks ahead", "walks aside"],
+)
+def test_a_plan_in_time_begins_in_contact_and_the_gap_does_not_shrink(person: Person) -> None:
+    world = HALL.with_content(people=[person])
+    problem = hpop.Problem(world, ROBOT, (1.0, 2.0, 0.0), (13.0, 2.0, None), ["duration", "length"])
+    front = problem.solve("lattice", step=0.5)
+    assert len(front)
+    assert not verify(problem, front)
+    assert any("starts in contact with Cem" in note for note in front.notes)
+    for way in front.trajectories:
+        gap = gaps(way, 0.0, person)
+        while_there = gap[: int(100 * person.until)]
+        free = int(np.argmax(while_there >= 0)) or while_there.size
+        assert gap[0] < 0
+        assert (np.diff(gap[:free]) >= -1e-6).all()
