@@ -107,6 +107,11 @@ class Watch:
         """Since planning began."""
         return time.perf_counter() - self.began
 
+    @property
+    def left(self) -> float | None:
+        """Seconds that are left; None without a limit."""
+        return None if self.time_limit is None else self.time_limit - self.seconds
+
     def is_late(self) -> bool:
         """Whether the time is over."""
         return self.time_limit is not None and self.seconds > self.time_limit

@@ -11,27 +11,26 @@ from hpop.arrays import Column, FloatArray
 from hpop.motions import Motions, States
 from hpop.symbols import lift
 
-__all__ = ["SymbolicMotions", "elementwise", "lift"]
+__all__ = ["SymbolicMotions", "lift", "sparse_lookup"]
 
 
-def elementwise(function: Any, size: int) -> Any:
-    """``function.map(size)`` of a CasADi function of d numbers, (d, size) -> (1, size), whose derivatives stay sparse.
+def sparse_lookup(quadratics: Any, size: int) -> Any:
+    """CasADi function from places (2, size) to values (1, size), whose derivatives are block-diagonal matrices.
 
-    They are given as block-diagonal matrices, each block evaluated once. CasADi by itself takes products of mapped
-    functions for dense: the Hessian of a polyline of 12 segments then costs twice the time.
+    CasADi by itself takes products of mapped functions for dense: the Hessian of a polyline of 12 segments then costs
+    twice the time.
+
+    quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.looks`
     """
     import casadi
 
-    d = function.numel_in(0)
-    one = casadi.MX.sym("one", d)
-    second, first = casadi.hessian(function(one), one)
-    slopes = casadi.Function("slopes", [one], [casadi.densify(first)]).map(size)
-    curvatures = casadi.Function("curvatures", [one], [casadi.vec(casadi.densify(second))]).map(size)
-    table, column = casadi.MX.sym("table", d, size), np.arange(size)
-    starts = d * np.arange(d * size + 1)
-    within = d * column.repeat(d * d) + np.tile(np.arange(d), d * size)
-    blocks = casadi.Sparsity(d * size, d * size, starts.tolist(), within.tolist())
-    lines = casadi.Sparsity(size, d * size, list(range(d * size + 1)), column.repeat(d).tolist())
+    table, column = casadi.MX.sym("table", 2, size), np.arange(size)
+    _, _, value, *rest = casadi.vertsplit(quadratics(table))
+    slopes, (second, mixed, other) = casadi.vertcat(*rest[:2]), rest[2:]
+    starts = 2 * np.arange(2 * size + 1)
+    within = 2 * column.repeat(4) + np.tile(np.arange(2), 2 * size)
+    blocks = casadi.Sparsity(2 * size, 2 * size, starts.tolist(), within.tolist())
+    lines = casadi.Sparsity(size, 2 * size, list(range(2 * size + 1)), column.repeat(2).tolist())
 
     def with_jacobian(name: str, values: Any, sparsity: Any, entries: Any) -> Any:
         nominal: Any = casadi.MX.sym("nominal", *values.shape)
@@ -39,10 +38,11 @@ def elementwise(function: Any, size: int) -> Any:
         outputs: list[Any] = [casadi.MX(sparsity, casadi.vec(entries))]
         jacobian = casadi.Function(f"jac_{name}", inputs, outputs, ["i0", "out_o0"], ["jac_o0_i0"])
         options: dict[str, Any] = {"enable_forward": False, "enable_reverse": False, "custom_jacobian": jacobian}
+        options["never_inline"] = True  # else CasADi differentiates what is called in Python
         return casadi.Function(name, [table], [values], ["i0"], ["o0"], options)
 
-    gradient = with_jacobian("gradient", slopes(table), blocks, curvatures(table))
-    return with_jacobian("each", function.map(size)(table), lines, gradient(table))
+    gradient = with_jacobian("gradient", slopes, blocks, casadi.vertcat(second, mixed, mixed, other))
+    return with_jacobian("lookup", value, lines, gradient(table))
 
 
 @dataclass(frozen=True, eq=False)

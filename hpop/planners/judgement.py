@@ -117,10 +117,15 @@ def trusted(candidates: Candidates, problem: Problem, planner: str, *, epsilon: 
     )
 
 
+def accepted(epsilon: FloatArray, objectives: Sequence[Criterion]) -> FloatArray:
+    """The most (k,) that costs with bounds may be: the tolerance and half a quantum above them."""
+    quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
+    return np.asarray(epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
+
+
 def exceeds(costs: FloatArray, epsilon: FloatArray, objectives: Sequence[Criterion]) -> BoolArray:
     """Whether each cost (k,) is above its bound by more than the tolerance and half a quantum."""
-    quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
-    return np.asarray(costs > epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
+    return np.asarray(costs > accepted(epsilon, objectives))
 
 
 def is_free(problem: Problem, trajectory: Trajectory) -> bool:

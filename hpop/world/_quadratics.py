@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import casadi
 import numpy as np
 
-from hpop.arrays import FloatArray
 from hpop.world._spline import quadratics
+
+if TYPE_CHECKING:
+    from hpop.world.field import Field
 
 
 class Quadratics(casadi.Callback):
@@ -17,9 +19,9 @@ class Quadratics(casadi.Callback):
     CasADi holds no reference to it: whoever uses it in an expression keeps it.
     """
 
-    def __init__(self, coefficients: FloatArray, size: int) -> None:
+    def __init__(self, field: Field, size: int) -> None:
         casadi.Callback.__init__(self)
-        self._coefficients, self._size = coefficients, size
+        self._field, self._size = field, size
         self.construct("quadratics", {})
 
     def get_n_in(self) -> int:
@@ -39,5 +41,6 @@ class Quadratics(casadi.Callback):
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
         places = np.frombuffer(arguments[0], dtype=np.float64).reshape(self._size, 2)
-        quadratics(self._coefficients, places, np.frombuffer(results[0], dtype=np.float64).reshape(self._size, 8))
+        coefficients = self._field.coefficients_at(*places.T)
+        quadratics(coefficients, places, np.frombuffer(results[0], dtype=np.float64).reshape(self._size, 8))
         return 0

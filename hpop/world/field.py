@@ -104,7 +104,7 @@ class Field:
 
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         u, v = (np.ravel(at) for at in self._grid(x, y))
-        coefficients, at = self._coefficients_at(u, v), np.stack([u, v], axis=1)
+        coefficients, at = self.coefficients_at(u, v), np.stack([u, v], axis=1)
         last = np.array(coefficients.shape[::-1]) - 2.0
         out = np.empty((u.size, 8))
         quadratics(coefficients, np.clip(at, 1.0, last), out)
@@ -121,15 +121,15 @@ class Field:
     def _evaluate(self, x: FloatArray, y: FloatArray) -> FloatArray:
         u, v = self._grid(x, y)
         u, v, shape = np.ravel(u), np.ravel(v), u.shape
-        coefficients = self._coefficients_at(u, v)
+        coefficients = self.coefficients_at(u, v)
         rows, columns = coefficients.shape
         (row, up), (column, right) = _step(v, rows), _step(u, columns)
         out = np.zeros(u.size)
         _kernel()(coefficients, row, column, up, right, out)
         return out.reshape(shape)
 
-    def _coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """The coefficients; those at points (M,) in grid steps must be there."""
+    def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """The padded samples, of which those that points (M,) in grid steps take are there."""
         return self.coefficients
 
     def places(self, x: Any, y: Any) -> Places:
@@ -138,7 +138,7 @@ class Field:
 
         u, v = self._grid(x, y)
         u, v = u + 0.0 * v, v + 0.0 * u  # a number beside a column becomes a column
-        rows, columns = self.coefficients.shape
+        rows, columns = self.__dict__["_coefficients"].shape
         u = np.minimum(np.maximum(u, 1.0), columns - 2.0)
         v = np.minimum(np.maximum(v, 1.0), rows - 2.0)
         size = u.shape

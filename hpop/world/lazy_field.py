@@ -16,9 +16,9 @@ AT_ONCE = 256  # blocks that are sampled together
 
 
 class LazyField(Field):
-    """A `Field` of samples from 0 to 1 that are computed block by block, each when a point in it is first asked for.
+    """A `Field` of samples that are computed block by block, each when a point in it is first asked for.
 
-    Values are those of the field sampled as a whole. Who takes ``values``, pickles it or asks with symbols gets all.
+    Values are those of the field sampled as a whole. Who takes ``values``, or pickles it gets all.
 
     >>> asked = []
     >>> def sample(x, y):
@@ -35,15 +35,19 @@ class LazyField(Field):
         ys: FloatArray,
         spacing: float,
         sample: Callable[[FloatArray, FloatArray], FloatArray],
+        within: tuple[float, float] = (0.0, 1.0),
     ) -> None:
-        """Sample nothing yet; (ys, xs) are the places of the nodes, m, ``sample`` gives the values (N,) at some."""
+        """Sample nothing yet; (ys, xs) are the places of the nodes, m, ``sample`` gives the values (N,) at some.
+
+        ``within`` are a lower and an upper bound of all values.
+        """
         whole = np.zeros((ys.size + 2 * PAD, xs.size + 2 * PAD))
         shown = whole.view()
         shown.setflags(write=False)
         self.__dict__.update(
             spacing=float(spacing),
             origin=(float(xs[0]), float(ys[0]), 0.0),
-            _range=(0.0, 1.0),
+            _range=within,
             _whole=whole,
             _coefficients=shown,
             _axes=(xs, ys),
@@ -68,7 +72,7 @@ class LazyField(Field):
         """Pickle all samples."""
         return Field, (self.values, self.spacing, self.origin)
 
-    def _coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
+    def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """Sample what the spline takes at points in grid steps."""
         asked: Any = self.__dict__["_asked"]
         if not asked.all():

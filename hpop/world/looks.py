@@ -69,8 +69,11 @@ def look(into: Field, u: Any, v: Any) -> Any:
     return casadi.vertcat(*(looks.take(into, u[i], v[i]) for i in range(u.numel())))
 
 
-def quadratics(coefficients: Any, size: int) -> Any:
-    """CasADi function from places (2, size), in grid steps inside the grid, to quadratics (NUMBERS, size)."""
+def quadratics(field: Field, size: int) -> Any:
+    """CasADi function from places (2, size), in grid steps inside the grid, to quadratics (NUMBERS, size).
+
+    CasADi holds no reference to it: whoever uses it in an expression keeps it.
+    """
     from hpop.world._quadratics import Quadratics
 
-    return Quadratics(coefficients, size)
+    return Quadratics(field, size)

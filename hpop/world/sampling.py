@@ -53,17 +53,19 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
     x0, y0, x1, y1 = ground.bounds
     xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
     limits.hold(CLEARANCE, xs.size * ys.size * SAMPLE, 2 * xs.size * ys.size * SAMPLE)
-    if last is None:
-        values, anew = np.empty((ys.size, xs.size)), np.ones((-(-ys.size // BLOCK), -(-xs.size // BLOCK)), dtype=bool)
-    else:
-        values, anew = last[1].values.copy(), _near(edges_of_one(free, last[0]), last[1].values, xs, ys)
     limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
-    for begin, blocks in zip(range(0, ys.size, BLOCK), anew, strict=True):
+
+    def sample(x: FloatArray, y: FloatArray) -> FloatArray:
         limits.check(CLEARANCE)
+        return np.clip(free.signed_clearance(x, y), -limit, limit)
+
+    if last is None:
+        return LazyField(xs, ys, spacing, sample, (-limit, limit))
+    values, anew = last[1].values.copy(), _near(edges_of_one(free, last[0]), last[1].values, xs, ys)
+    for begin, blocks in zip(range(0, ys.size, BLOCK), anew, strict=True):
         rows, columns = slice(begin, begin + BLOCK), blocks.repeat(BLOCK)[: xs.size]
         x, y = np.meshgrid(xs[columns], ys[rows])
-        signed = free.signed_clearance(x.ravel(), y.ravel()).reshape(x.shape)
-        values[rows, columns] = np.clip(signed, -limit, limit)
+        values[rows, columns] = sample(x.ravel(), y.ravel()).reshape(x.shape)
     return Field(values, spacing, (float(xs[0]), float(ys[0]), 0.0))
 
 

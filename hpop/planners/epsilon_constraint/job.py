@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections import Counter
@@ -12,22 +11,25 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.base import motion_costs
+from hpop.planners.epsilon_constraint.descent import Descent
 from hpop.planners.epsilon_constraint.grid import LOOSE, Cell, Found, Known, Roles
+from hpop.planners.epsilon_constraint.motions import Pieces
 from hpop.planners.epsilon_constraint.program import PolylineProgram, Solution
-from hpop.planners.judgement import exceeds, judge
+from hpop.planners.judgement import accepted, exceeds, judge
 from hpop.planners.polylines.polyline import PIECE, Polyline, PolylineStructure
+from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
+from hpop.world.limits import LimitPassed, within
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-QUADRATURE = 5e-3  # relative: a program's sums over pieces of 0.6 m against sums over field cells
+QUADRATURE = 1e-3  # relative: sums over pieces against sums over whole motions
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
-FINER = (4, 16)  # panels a phase of programs that are solved again because their sum was too coarse
+SHARE = 0.7  # of what a bound may be exceeded by, up to which steps of the corners may do so
 KEPT = 250  # programs that a process keeps, of some 4 MB each
-HALVINGS = 5  # of the way from a warm start to a solution that is not trusted
 NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
 INFEASIBLE = "Infeasible_Problem_Detected"
 
@@ -41,11 +43,13 @@ class PolylineJob:
     problem
     roles
     rounds   programs a bound, each from the last solution
+    deadline
     """
 
     problem: Problem
     roles: Roles
     rounds: int
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
     programs: dict[PolylineStructure, PolylineProgram] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -79,58 +83,85 @@ class _Attempt:
     job: PolylineJob
     cell: Cell
     start: Known
+    best: Found | None = None
     counts: Counter[str] = field(default_factory=Counter)
     seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0})
 
     def run(self) -> Found | str:
-        """Solve from the warm start, again from the solution while that gains something: a candidate, or why none."""
+        """A candidate, or why there is none; where time is over, the best until then."""
+        reason = CUT_SHORT
+        try:
+            with within(self.job.deadline):
+                reason = self._search()
+        except LimitPassed:
+            self.counts[CUT_SHORT] = 1
+        if self.best is None:
+            return CUT_SHORT if self.counts[CUT_SHORT] else reason
+        return self.best
+
+    def _search(self) -> str:
+        """Solve from the warm start, again from the solution while that gains something; settle the corners.
+
+        Keeps the best candidate as it goes; returns why there is none.
+        """
         minimise = self.job.roles.minimise
-        known, best = self.start, self._solve(self.start, 0)
-        for number in range(1, self.job.rounds):
-            if isinstance(best, str) or self._gain(known, best) <= GAIN * abs(known.costs[minimise]):
+        known, reason = self.start, ""
+        for number in range(self.job.rounds):
+            again = self._solve(known, number)
+            if isinstance(again, str):
+                reason = again
                 break
-            known, again = best.known, self._solve(best.known, number)
-            if isinstance(again, str) or self._gain(known, again) <= 0:
+            if self.best is not None and self._gain(known, again) <= 0:
                 break
-            best = again
-        return best if isinstance(best, str) else self._refined(self._tidied(best))
+            gain, known, self.best = self._gain(known, again), again.known, again
+            if gain <= GAIN * abs(known.costs[minimise]):
+                break
+        if self.best is None and not self.counts[CUT_SHORT]:
+            if exceeds(self.start.costs, self.cell.epsilon, self.job.roles.criteria).any():
+                return reason
+            settled = self._settled(self._candidate(self.start, None, {"round": 0, "status": reason}))
+            if self._gain(self.start, settled) > 0:
+                self.best = settled
+                self.counts["without a program"] += 1
+        elif self.best is not None:
+            self.best = self._settled(self.best)
+        return reason
 
     def _gain(self, known: Known, found: Found) -> float:
         """How much less than known a candidate costs in what is minimised."""
         minimise = self.job.roles.minimise
         return float(known.costs[minimise] - found.known.costs[minimise])
 
-    def _solve(self, known: Known, number: int, panels: int = 1) -> Found | str:
+    def _solve(self, known: Known, number: int) -> Found | str:
         """One program from one warm start: a candidate that is trusted, or why there is none."""
         roles, cell, warm = self.job.roles, self.cell, known.polyline
-        smooth, structure = list(roles.smooth), dataclasses.replace(warm.structure, panels=panels)
-        program = self._program(structure)
-        epsilon, scale = cell.epsilon[smooth], np.where(known.costs[smooth] > 1e-6, known.costs[smooth], 1.0)
-        quanta = np.array([roles.criteria[j].quantum for j in smooth])
-        aim = epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta)
-        bounds, at, reason, last = program.bounds(warm), known, "", None
-        provenance: dict[str, Any] = {"round": number, "panels": panels, "perturbed": False, "repairs": 0}
+        smooth = list(roles.smooth)
+        program = self._program(warm.structure)
+        scale = self._scale(known)
+        bounds, at, reason = program.bounds(warm), known, ""
+        provenance: dict[str, Any] = {"round": number, "perturbed": False, "repairs": 0}
         while True:
             # What the program is off where it begins is added to the bounds, motion by motion in worst moments.
             corrections = program.corrections(at.polyline)
             drift = np.nan_to_num(program.costs(at.polyline, corrections) - at.costs[smooth])
             given: dict[str, Any] = {"scale": scale, "bounds": bounds, "corrections": corrections}
-            solution = program.solve(at.polyline, aim + drift, **given)
-            if not solution.converged and at is known:
+            solution = program.solve(at.polyline, self._aim + drift, **given)
+            if not solution.converged and at is known and not self.is_late():
                 provenance["perturbed"] = True
                 self.counts["perturbed"] += 1
                 nudged = warm.moved(np.random.default_rng(cell.of), NUDGE)
-                again = program.solve(nudged, aim + drift, **given)
+                again = program.solve(nudged, self._aim + drift, **given)
                 solution = again if again.converged else solution
                 self.counts["saved by perturbation"] += again.converged
             if not solution.converged:
-                break
+                word = "infeasible" if solution.status == INFEASIBLE and not reason else "not converged"
+                return f"{word} ({f'{reason}; ' if reason else ''}{solution.status})"
             reason, costs = self._judged(solution.polyline)
-            at, last = Known(solution.polyline, costs), solution
+            at = Known(solution.polyline, costs)
             if not reason:
                 return self._candidate(at, solution, provenance)
-            if provenance["repairs"] == REPAIRS or not program.freedom:
-                break
+            if provenance["repairs"] == REPAIRS or not program.freedom or self.is_late():
+                return reason
             provenance["repairs"] += 1
             self.counts["repairs"] += 1
             grown = program.structure.grown(solution.polyline.structure)
@@ -139,13 +170,24 @@ class _Attempt:
                 bounds = program.bounds(warm)
             if reason == "collides":
                 bounds = program.raised(bounds, solution.polyline)
-        between = None if last is None else self._between(known, last, provenance)
-        if between is not None:
-            return between
-        if solution.converged:
-            return reason
-        word = "infeasible" if solution.status == INFEASIBLE and not reason else "not converged"
-        return f"{word} ({f'{reason}; ' * bool(reason)}{solution.status})"
+
+    def is_late(self) -> bool:
+        """Whether time is over; if so it is counted."""
+        late = self.job.deadline.is_past
+        if late:
+            self.counts[CUT_SHORT] = 1
+        return late
+
+    @property
+    def _aim(self) -> FloatArray:
+        """Bounds of the smooth costs, loosened so that a solver can move."""
+        roles, epsilon = self.job.roles, self.cell.epsilon[list(self.job.roles.smooth)]
+        quanta = np.array([roles.criteria[j].quantum for j in roles.smooth])
+        return np.asarray(epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta))
+
+    def _scale(self, known: Known) -> FloatArray:
+        costs = known.costs[list(self.job.roles.smooth)]
+        return np.where(costs > 1e-6, costs, 1.0)
 
     def _judged(self, polyline: Polyline) -> tuple[str, FloatArray]:
         """What is wrong with a polyline, "" for nothing, and its costs (k,)."""
@@ -154,31 +196,9 @@ class _Attempt:
         judged = judge(job.problem, job.roles.criteria, [trajectory], epsilon=self.cell.epsilon[None])
         return judged.reasons[0], judged.costs[0]
 
-    def _between(self, known: Known, solution: Solution, provenance: dict[str, Any]) -> Found | None:
-        """Some of the way to a solution that is not trusted, from a warm start that keeps its bounds, if that gains."""
-        if exceeds(known.costs, self.cell.epsilon, self.job.roles.criteria).any():
-            return None
-        for halvings in range(1, HALVINGS + 1):
-            polyline = known.polyline.towards(solution.polyline, 0.5**halvings)
-            reason, costs = self._judged(polyline)
-            if reason:
-                continue
-            between = Known(polyline, costs)
-            planned = self._planned(between, provenance["panels"])[list(self.job.roles.smooth)]
-            found = self._candidate(
-                between, dataclasses.replace(solution, costs=planned), {**provenance, "halvings": halvings}
-            )
-            if self._gain(known, found) <= 0:
-                return None
-            self.counts["shortened"] += 1
-            return found
-        return None
-
-    def _candidate(self, known: Known, solution: Solution, provenance: dict[str, Any]) -> Found:
-        """A solution with where it comes from; what no program adds up is planned as it is."""
-        cell, roles, planned = self.cell, self.job.roles, known.costs.copy()
-        if np.isfinite(solution.costs).all():
-            planned[list(roles.smooth)] = solution.costs
+    def _candidate(self, known: Known, solution: Solution | None, provenance: dict[str, Any]) -> Found:
+        """A polyline with where it comes from."""
+        cell, roles = self.cell, self.job.roles
         bounded = zip(roles.criteria, cell.epsilon.tolist(), strict=True)
         provenance = {
             "planner": "epsilon-constraint",
@@ -187,46 +207,45 @@ class _Attempt:
             "warm_start": cell.of,
             "level": cell.level,
             "segments": len(known.polyline.lengths),
-            "status": solution.status,
-            "iterations": solution.iterations,
+            **({} if solution is None else {"status": solution.status, "iterations": solution.iterations}),
             **provenance,
         }
-        return Found(cell, known, planned, provenance)
+        return Found(cell, known, self._planned(known), provenance)
 
-    def _tidied(self, found: Found) -> Found:
-        """Without stops for turns that are none."""
-        known = found.known
-        polyline = known.polyline.simplified(LEAST_TURN)
-        if len(polyline.vertices) == len(known.polyline.vertices):
-            return found
+    def _settled(self, found: Found) -> Found:
+        """The candidate after its corners came to rest by exact costs."""
+        roles, smooth = self.job.roles, list(self.job.roles.smooth)
+        descent = Descent(
+            self.job.problem,
+            [roles.criteria[j] for j in smooth],
+            smooth.index(roles.minimise),
+            self._aim,
+            SHARE * accepted(self.cell.epsilon, roles.criteria)[smooth] + (1 - SHARE) * self.cell.epsilon[smooth],
+            self._scale(found.known),
+            self._costs_if_trusted,
+            self.is_late,
+        )
+        rest = descent.run(found.known.polyline, found.known.costs[smooth])
+        self.counts["steps"] += rest.steps
+        _, costs = self._judged(rest.polyline)
+        settled = Known(rest.polyline, costs)
+        provenance = {**found.provenance, "segments": len(rest.polyline.lengths), "steps": rest.steps}
+        if math.isfinite(rest.left):
+            provenance["left"] = rest.left
+        return Found(self.cell, settled, self._planned(settled), provenance)
+
+    def _costs_if_trusted(self, polyline: Polyline) -> FloatArray | None:
         reason, costs = self._judged(polyline)
-        if reason or (costs > known.costs * (1 + LOOSE)).any():
-            return found
-        self.counts["simplified"] += 1
-        simpler = Known(polyline, costs)
-        provenance = {**found.provenance, "segments": len(polyline.lengths)}
-        return Found(self.cell, simpler, self._planned(simpler, 1), provenance)
+        return None if reason else costs[list(self.job.roles.smooth)]
 
-    def _refined(self, found: Found) -> Found:
-        """Solved again with a finer sum, as long as the sum is off by more than may be: it misled the solver."""
-        for panels in FINER:
-            if (np.abs(found.planned - found.known.costs) <= self.job.tolerance(found.planned)).all():
-                return found
-            self.counts["refined"] += 1
-            again = self._solve(found.known, found.provenance["round"] + 1, panels)
-            if isinstance(again, str) or self._gain(found.known, again) < 0:
-                planned = self._planned(found.known, panels)
-                found = dataclasses.replace(found, planned=planned, provenance={**found.provenance, "panels": panels})
-            else:
-                found = again
-        return found
-
-    def _planned(self, known: Known, panels: int) -> FloatArray:
-        """Costs (k,) as the program of a polyline adds them up, with so many panels a phase."""
-        structure, planned, smooth = known.polyline.structure, known.costs.copy(), list(self.job.roles.smooth)
-        program = self._program(dataclasses.replace(structure, panels=panels))
-        costs = program.costs(known.polyline, program.corrections(known.polyline))
-        planned[smooth] = np.where(np.isfinite(costs), costs, planned[smooth])
+    def _planned(self, known: Known) -> FloatArray:
+        """Costs (k,) as they add up piece by piece."""
+        batches = Pieces(known.polyline.structure).numbers(self.job.problem, known.polyline)
+        planned = known.costs.copy()
+        for j in self.job.roles.smooth if known.polyline.structure.segments else ():
+            criterion = self.job.roles.criteria[j]
+            values = np.concatenate([motion_costs(criterion, batch) for batch in batches])
+            planned[j] = values.max() if criterion.aggregate == "max" else values.sum()
         return planned
 
     def _program(self, structure: PolylineStructure) -> PolylineProgram:
@@ -237,7 +256,9 @@ class _Attempt:
                 del programs[next(iter(programs))]
             began = time.perf_counter()
             smooth = tuple(roles.criteria[j] for j in roles.smooth)
-            program = PolylineProgram(self.job.problem, smooth, roles.smooth.index(roles.minimise), structure)
+            program = PolylineProgram(
+                self.job.problem, smooth, roles.smooth.index(roles.minimise), structure, self.job.deadline
+            )
             programs[structure] = program.build()
             self.counts["programs"] += 1
             self.seconds["build"] += time.perf_counter() - began

@@ -75,8 +75,7 @@ class Pieces:
         corners = [lift(casadi.DM(m) @ c, len(owner)) for m in map(sparse, self.shares) for c in (x, y)]
         start = States(x=corners[0], y=corners[1], yaw=heading)
         end = States(x=corners[2], y=corners[3], yaw=heading)
-        panels = self.structure.panels
-        moves = Motions(world, model, model.laws["move"], start, end, panels=panels)
+        moves = Motions(world, model, model.laws["move"], start, end, panels=1)
         at = self.turning
         if not at:
             return [moves]
@@ -85,23 +84,33 @@ class Pieces:
         )
         x, y = lift(x[at], len(at)), lift(y[at], len(at))
         start, end = States(x=x, y=y, yaw=before), States(x=x, y=y, yaw=before + wrap(after - before))
-        return [moves, Motions(world, model, Rounded(cast(PlanarLaw, model.laws["turn"])), start, end, panels=panels)]
+        return [moves, Motions(world, model, Rounded(cast(PlanarLaw, model.laws["turn"])), start, end, panels=1)]
 
     def numbers(self, problem: Problem, polyline: Polyline) -> list[Motions]:
         """The same motions of one polyline, as criteria see them who report their cost."""
-        world, model, (x, y) = problem.world, problem.model, polyline.vertices.T
-        heading = polyline.headings[self.owner]
-        start, end = (States(x=share @ x, y=share @ y, yaw=heading) for share in self.shares)
+        return self.several(problem, polyline.vertices[None], polyline.start_yaw, polyline.goal_yaw)
+
+    def several(
+        self, problem: Problem, vertices: FloatArray, start_yaw: float, goal_yaw: float | None
+    ) -> list[Motions]:
+        """The motions of several polylines with vertices (b, n+1, 2): the moves of all, then the turns of all."""
+        world, model = problem.world, problem.model
+        ahead = np.diff(vertices, axis=1)
+        headings = np.arctan2(ahead[..., 1], ahead[..., 0])  # (b, n)
+        heading = headings[:, self.owner].ravel()
+        start, end = (
+            States(x=(vertices[..., 0] @ share.T).ravel(), y=(vertices[..., 1] @ share.T).ravel(), yaw=heading)
+            for share in self.shares
+        )
         moves = Motions(world, model, model.laws["move"], start, end)
         at = self.turning
         if not at:
             return [moves]
-        goal_yaw = np.nan if polyline.goal_yaw is None else polyline.goal_yaw
-        before, after = (
-            np.array(row)[at] for row in ([polyline.start_yaw, *polyline.headings], [*polyline.headings, goal_yaw])
-        )
-        start = States(x=x[at], y=y[at], yaw=before)
-        end = States(x=x[at], y=y[at], yaw=before + wrap(after - before))
+        every = np.ones((len(vertices), 1))
+        first, last = start_yaw * every, (np.nan if goal_yaw is None else goal_yaw) * every
+        before, after = np.hstack([first, headings])[:, at].ravel(), np.hstack([headings, last])[:, at].ravel()
+        x, y = vertices[:, at, 0].ravel(), vertices[:, at, 1].ravel()
+        start, end = States(x=x, y=y, yaw=before), States(x=x, y=y, yaw=before + wrap(after - before))
         return [moves, Motions(world, model, model.laws["turn"], start, end)]
 
 

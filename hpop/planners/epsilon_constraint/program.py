@@ -24,10 +24,12 @@ from hpop.planners.epsilon_constraint.motions import Pieces, sparse
 from hpop.planners.goals import one_goal
 from hpop.planners.polylines.polyline import Polyline, PolylineStructure
 from hpop.planners.programs.criteria import on_symbols
+from hpop.planners.programs.deadline import BUILDING, Deadline
 from hpop.planners.programs.hinges import unhinged
 from hpop.planners.programs.nlp import SparseWorld, moments, reaches, vector
 from hpop.text import shown
 from hpop.world import World
+from hpop.world.limits import check
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -72,12 +74,14 @@ class PolylineProgram:
     criteria   k smooth ones: sums, or maxima over motions
     minimise   place of the criterion that is minimised
     structure
+    deadline   when a solver stops
     """
 
     problem: Problem
     criteria: tuple[Criterion, ...]
     minimise: int
     structure: PolylineStructure
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
 
     def __post_init__(self) -> None:
         for criterion in self.criteria:
@@ -146,8 +150,8 @@ class PolylineProgram:
         return Pieces(self.structure)
 
     @cached_property
-    def _built(self) -> tuple[Any, Any, int]:
-        """The solver, the function to (vertices, costs, worst moments), and the number of samples below a slack."""
+    def _built(self) -> tuple[Any, Any, int, Any]:
+        """The solver, the function to (vertices, costs, worst moments), samples below a slack, the solver's stop."""
         import casadi
 
         k, n = len(self.criteria), self.structure.segments
@@ -161,6 +165,7 @@ class PolylineProgram:
         costs: list[Any] = [None] * k
         rows, tops, found = [], dict[int, Any](), list[Any]()
         for j, criterion in enumerate(self.criteria):
+            check(BUILDING)
             if criterion.aggregate != "max":
                 costs[j] = sum(casadi.sum1(on_symbols(criterion, batch)) for batch in batches)
                 continue
@@ -192,13 +197,14 @@ class PolylineProgram:
             "x": variables,
             "p": parameters,
             "f": objective,
-            "g": casadi.vertcat(scaled[summed], above, advance, *clearances),
+            "g": casadi.vertcat(*(scaled[j] for j in summed), above, advance, *clearances),
         }
-        solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS)
+        stopping = self.deadline.stopping(program["x"].numel(), program["g"].numel())
+        solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS | stopping)
         honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # a slack may lie above the worst sample
         seen = [casadi.horzcat(x, y), casadi.vertcat(*honest), casadi.horzcat(*found)]
         values = casadi.Function("values", [variables, parameters], seen)
-        return solver, values, int(above.numel())
+        return solver, values, int(above.numel()), stopping
 
     def build(self) -> PolylineProgram:
         """Build the program now; solving does it when it is first needed."""
@@ -307,7 +313,7 @@ class PolylineProgram:
             scale = np.where(np.isfinite(epsilon) & (epsilon > 0), epsilon, 1.0)
         if not self.freedom:
             return Solution(warm, self.costs(warm), True, "nothing is free", 0)
-        solver, values, above = self._built
+        solver, values, above, _ = self._built
         summed, worst = self._places
         parameters = self._parameters(warm, scale, corrections)
         bounded = np.concatenate(self.bounds(warm) if bounds is None else list(bounds))

@@ -91,11 +91,6 @@ class Polyline:
         kept = np.concatenate([[True], turned >= angle, [True]]) if len(turned) else np.ones(len(self.vertices), bool)
         return Polyline(self.vertices[kept], self.start_yaw, self.goal_yaw)
 
-    def towards(self, other: Polyline, share: float) -> Polyline:
-        """A polyline between this one and another of as many segments."""
-        vertices = self.vertices + share * (other.vertices - self.vertices)
-        return Polyline(vertices, self.start_yaw, self.goal_yaw)
-
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
         """A polyline whose interior vertices are displaced at random by about ``by`` metres."""
         vertices = self.vertices.copy()
@@ -110,13 +105,11 @@ class PolylineStructure:
     pieces      (n,) in how many pieces each segment is integrated
     first_turn  whether the robot turns before the first segment
     last_turn   whether it turns after the last one, to a heading that is asked for
-    panels      of the quadrature, in each phase of a piece or a turn
     """
 
     pieces: tuple[int, ...]
     first_turn: bool
     last_turn: bool
-    panels: int = 1
 
     @property
     def segments(self) -> int:

@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.arrays import Column, FloatArray
 from hpop.errors import OptionError
+from hpop.math import is_symbolic
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import Motions, Phase, Rate, States
-from hpop.motions.symbolic import elementwise
+from hpop.motions.symbolic import lift, sparse_lookup
 from hpop.planners.needs import in_plane
 from hpop.world import World
-from hpop.world.field import Field
+from hpop.world.field import Field, Places
 from hpop.world.ground import WHOLE, Heights
+from hpop.world.looks import quadratics
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -56,41 +58,61 @@ def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:
     return tuple(found.values())
 
 
-class _Mapped:
-    """A field's CasADi function whose maps have sparse derivatives."""
-
-    def __init__(self, function: Any) -> None:
-        self._function = function
-
-    def map(self, size: int) -> Any:
-        return elementwise(self._function, size)
-
-
 class SparseField(Field):
-    """A field whose symbols have sparse derivatives."""
-
-    def _build(self) -> Any:
-        return _Mapped(super()._build())
+    """A field whose symbols have sparse derivatives and read it where they are: the rest of it is not even sampled."""
 
     @classmethod
     def of(cls, field: Field) -> Field:
-        """The same samples, all of them."""
+        """The same samples."""
         sparse = object.__new__(cls)
-        shared = {name: value for name, value in field.__dict__.items() if name != "_function"}
-        sparse.__dict__.update({**shared, "values": field.values})
+        sparse.__dict__.update({**field.__dict__, "_field": field, "_lookups": {}})
         return sparse
+
+    def __call__(self, x: Column, y: Column) -> Column:
+        """The field itself at numbers."""
+        return self._field(x, y) if not (is_symbolic(x) or is_symbolic(y)) else super().__call__(x, y)
+
+    @property
+    def _field(self) -> Field:
+        field: Field = self.__dict__["_field"]
+        return field
+
+    @property
+    def values(self) -> FloatArray:
+        """All samples (H, W)."""
+        return self._field.values
+
+    def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """See the field."""
+        return self._field.coefficients_at(u, v)
+
+    def at(self, places: Places) -> Any:
+        if places.points is None:
+            return super().at(places)
+        size, lookups = places.u.numel(), self.__dict__["_lookups"]
+        if size not in lookups:  # kept: CasADi holds no reference to what it calls in Python
+            callback = quadratics(self._field, size)
+            lookups[size] = sparse_lookup(callback, size), callback
+        return lift(lookups[size][0](places.points).T, places.shape)
 
 
 class SparseWorld(World):
-    """The same world, with fields that suit nonlinear programs."""
+    """The same world, with fields that suit nonlinear programs.
+
+    It keeps them itself, as their symbols need them: whoever has a program of these keeps this world.
+    """
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        key = ("sparse clearance", self.ground.layer(z))
-        return self.derived(key, lambda: SparseField.of(World.clearance_field(self, z=z)))
+        return self._sparse(("clearance", self.ground.layer(z)), World.clearance_field(self, z=z))
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
-        key = ("sparse obstruction", radius, z)
-        return self.ground.derived(key, lambda: SparseField.of(World.obstruction_field(self, radius, z)))
+        return self._sparse(("obstruction", radius, z), World.obstruction_field(self, radius, z))
+
+    def _sparse(self, key: tuple[Any, ...], field: Field) -> Field:
+        fields: dict[tuple[Any, ...], Field] = self.__dict__.setdefault("_sparse_fields", {})
+        if key not in fields:
+            fields[key] = SparseField.of(field)
+        return fields[key]
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from threading import Lock
 from typing import Any, Generic, TypeVar
 
 from hpop.arrays import FloatArray
+from hpop.planners.programs.deadline import CUT_SHORT
 from hpop.text import counted
 from hpop.trajectory import Trajectory
 
@@ -86,14 +87,14 @@ class Tally:
 
     def notes(self, job: str) -> list[str]:
         """A note on each reason for which jobs, each of which is called so, have no candidate."""
-        failures = sorted(self.failures.items())
+        failures = sorted((why, count) for why, count in self.failures.items() if why != CUT_SHORT)
         return [f"{counted(count, job)} without a candidate: {why}" for why, count in failures]
 
     @property
     def stats(self) -> dict[str, Any]:
         """Failures by reason, and seconds."""
         return {
-            "failed": dict(self.failures),
+            "failed": {why: count for why, count in self.failures.items() if why != CUT_SHORT},
             "build_seconds": self.seconds["build"],
             "solve_seconds": self.seconds["solve"],
         }

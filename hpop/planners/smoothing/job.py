@@ -17,12 +17,14 @@ from hpop.models.differential_drive.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
 from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
 from hpop.planners.smoothing.guess import clearances, first_guess, structure_of
 from hpop.planners.smoothing.homotopy import homotopic
 from hpop.planners.smoothing.phases import Phases
 from hpop.planners.smoothing.program import Driven, DrivenProgram
 from hpop.trajectory import Trajectory
+from hpop.world.limits import LimitPassed, within
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -44,12 +46,14 @@ class SmoothingJob:
     criteria   k
     minimise   place of the one that counts most; None weighs all alike
     intervals  count of each program, at least
+    deadline
     """
 
     problem: Problem
     criteria: tuple[Criterion, ...]
     minimise: int | None
     intervals: int
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
     programs: dict[Phases, DrivenProgram] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -65,7 +69,12 @@ class SmoothingJob:
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
         with ONE_PROGRAM:
             began = time.perf_counter()
-            result = self._smoothed(trajectory, counts, seconds)
+            try:
+                with within(self.deadline):
+                    result = self._smoothed(trajectory, counts, seconds)
+            except LimitPassed:
+                counts[CUT_SHORT] = 1
+                result = CUT_SHORT
             seconds["solve"] = time.perf_counter() - began - seconds["build"]
         return Outcome.of(result, counts, seconds)
 
@@ -103,7 +112,7 @@ class SmoothingJob:
         if structure not in self.programs:
             began = time.perf_counter()
             smooth = tuple(self.criteria[j] for j in self.smooth)
-            self.programs[structure] = DrivenProgram(self.problem, smooth, structure).build()
+            self.programs[structure] = DrivenProgram(self.problem, smooth, structure, self.deadline).build()
             seconds["build"] = time.perf_counter() - began
         return self.programs[structure]
 
@@ -121,9 +130,11 @@ class SmoothingJob:
         guess = first_guess(polyline, program.structure, model)
 
         def solve() -> Driven:
+            self.deadline.check("a program was solved")
             for exact in (True, False) if not counts["saved by quasi-Newton"] else (False,):
                 counts["programs"] += 1
                 found = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
+                self.deadline.check("a program was solved")
                 if found.trajectory is not None:
                     counts["saved by quasi-Newton"] += not exact
                     break

@@ -15,6 +15,7 @@ from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.planners.programs.criteria import minimised, smooth_places
+from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import Improved, Outcome, Tally
 from hpop.planners.smoothing.job import SmoothingJob
@@ -22,6 +23,7 @@ from hpop.planners.smoothing.program import FLAT
 from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep
+from hpop.text import counted
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -88,18 +90,21 @@ class Smoothing:
         criteria = objectives.optimised
         smooth_places(criteria, problem, NAME)
         place = None if self.minimise is None else minimised(self.minimise, criteria)
-        job = SmoothingJob(problem, criteria, place, self.intervals)
         warm = warm_starts(self, problem, progress, executor)
         if warm.interrupted is not None:
             return warm.interrupted
         count = len(warm.trajectories)
+        job = SmoothingJob(problem, criteria, place, self.intervals, Deadline.after(watch.left))
 
         def report(done: Mapping[int, Outcome[Improved]]) -> None:
             watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
 
         with Sweep(SmoothingJob.solve, job, executor) as sweep:
             outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
-        left = [f"{ended}: {count - len(outcomes)} polylines were not smoothed"] * (len(outcomes) < count)
+        if ended is Status.COMPLETE and any(CUT_SHORT in outcome.counts for outcome in outcomes.values()):
+            ended = Status.TIME_LIMIT
+        missing = count - sum(CUT_SHORT not in outcome.counts for outcome in outcomes.values())
+        left = [f"{ended}: {counted(missing, 'polyline')} not smoothed"] if missing else []
         notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
         found = _candidates(job, objectives, outcomes, warm.ended(ended), notes)
         stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}

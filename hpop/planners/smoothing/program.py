@@ -25,6 +25,7 @@ from hpop.interrupts import interrupts_held
 from hpop.models.differential_drive.driven import Drive
 from hpop.motions import States
 from hpop.planners.needs import on_wheels
+from hpop.planners.programs.deadline import Deadline
 from hpop.planners.programs.nlp import reaches
 from hpop.planners.smoothing.feasible import made_feasible
 from hpop.planners.smoothing.interval import NODES, Interval
@@ -76,6 +77,7 @@ class _Formulas:
     derivatives  of the program, by the names that solvers have for them
     values       function from variables and parameters to the costs
     sizes        numbers of constraints of each sort
+    stopping     options by which solvers stop
     """
 
     intervals: Separable
@@ -83,6 +85,7 @@ class _Formulas:
     derivatives: dict[str, Any]
     values: Any
     sizes: tuple[int, ...]
+    stopping: dict[str, Any]
 
     def limits(self, x: FloatArray, parameters: FloatArray) -> tuple[FloatArray, csr_array]:
         """Values of all constraints (m,) and their Jacobian (m, size)."""
@@ -95,7 +98,9 @@ class _Formulas:
         """IPOPT; options that say nothing else take the exact second derivatives."""
         import casadi
 
-        return casadi.nlpsol("driven", "ipopt", self.program, {**self.derivatives, **_OPTIONS, **options})
+        return casadi.nlpsol(
+            "driven", "ipopt", self.program, {**self.derivatives, **_OPTIONS, **self.stopping, **options}
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +115,7 @@ class DrivenProgram:
     problem: Problem
     criteria: tuple[Criterion, ...]
     structure: Phases
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
@@ -191,14 +197,16 @@ class DrivenProgram:
         (honest_values,) = casadi.substitute([casadi.vertcat(*honest)], list(intervals.symbols), list(intervals.values))
 
         values = casadi.Function("values", [variables, parameters], [honest_values])
-        return _Formulas(intervals, program, derivatives, values, tuple(int(group.numel()) for group in groups))
+        sizes = tuple(int(group.numel()) for group in groups)
+        stopping = self.deadline.stopping(variables.numel(), sum(sizes))
+        return _Formulas(intervals, program, derivatives, values, sizes, stopping)
 
     def _intervals(self, variables: Any, signs: Any) -> Separable:
         """All that is nonlinear, interval by interval."""
         of_nodes, of_lasts = self.structure.places
         slacks = self._hinges.reshape(-1, len(of_lasts))
         where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
-        return Separable.of(self._interval.write, where, variables, signs)
+        return Separable.of(self._interval.write, where, variables, signs, self.deadline)
 
     @cached_property
     def _interval(self) -> Interval:

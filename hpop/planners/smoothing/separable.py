@@ -15,10 +15,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
+from hpop.planners.programs.deadline import BUILDING, Deadline
+from hpop.world.limits import check
 from hpop.world.looks import Looks, looking, quadratics
 
 if TYPE_CHECKING:
     from hpop.world.field import Field
+
+
+SOME = 1000  # operations between two looks at the time
+NODE = 1.2e-5  # s, that CasADi takes a node to make a function
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +48,14 @@ class Separable:
     callbacks: tuple[Any, ...]
 
     @classmethod
-    def of(cls, write: Callable[[Any, Any], list[Any]], where: IntArray, x: Any, p: Any) -> Separable:
+    def of(
+        cls,
+        write: Callable[[Any, Any], list[Any]],
+        where: IntArray,
+        x: Any,
+        p: Any,
+        deadline: Deadline = Deadline(),  # noqa: B008  (frozen)
+    ) -> Separable:
         """All parts of one that is written down.
 
         Parameters
@@ -51,6 +64,7 @@ class Separable:
         where : (d, n) places of each part's variables in the program's vector; two of them may be one
         x : the program's variables (size,), symbols
         p : the parts' parameters (n, q), symbols
+        deadline : LimitPassed is raised where it is over
         """
         import casadi
 
@@ -58,17 +72,21 @@ class Separable:
         one, given = casadi.SX.sym("x", d), casadi.SX.sym("p", p.size2())
         with looking() as looks:
             groups = [casadi.densify(group) for group in write(one, given)]
+        deadline.check(BUILDING)
         y = casadi.vertcat(*groups)
         rates, numbers = casadi.SX.sym("rates", y.numel()), casadi.vertcat(*looks.numbers)
         jacobians: list[Any] = [casadi.jacobian(group, one) for group in groups]
         hessian: Any = casadi.triu(casadi.hessian(casadi.dot(rates, y), one)[0])
 
+        deadline.check(BUILDING)
         columns = [[x[places.tolist()] for places in where], casadi.horzsplit(p)]
         fields = _Fields(looks, n)
         columns.append(fields.numbers([one, given], columns))
         mu = [casadi.MX.sym("mu", n, group.numel()) for group in groups]
         columns.append([column for group in mu for column in casadi.horzsplit(group)])
         parts = [*groups, *(casadi.vertcat(*slopes.nonzeros()) for slopes in (*jacobians, hessian))]
+        nodes = sum(int(casadi.n_nodes(casadi.SX(part))) for part in parts)
+        deadline.check(BUILDING, ahead=NODE * nodes)
         together = casadi.Function("part", [one, given, numbers, rates], parts, {"cse": True})
         *entries, bends = on_columns(together, columns, n)
         values, slopes = entries[: len(groups)], entries[len(groups) :]
@@ -163,7 +181,7 @@ class _Fields:
         found: list[list[Any]] = [[] for _ in fields]
         for field in {id(field): field for field in fields}.values():
             mine = [k for k, other in enumerate(fields) if other is field]
-            function = quadratics(field.coefficients, n * len(mine))
+            function = quadratics(field, n * len(mine))
             self.callbacks.append(function)
             u, v = (casadi.vertcat(*(at[2 * k + axis] for k in mine)) for axis in (0, 1))
             numbers = casadi.horzsplit(function(casadi.horzcat(u, v).T).T)
@@ -179,6 +197,8 @@ def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
     work: dict[int, Any] = {}
     results: list[list[Any]] = [[None] * function.numel_out(i) for i in range(function.n_out())]
     for k in range(function.n_instructions()):
+        if not k % SOME:
+            check(BUILDING)
         operation, to, of = function.instruction_id(k), function.instruction_output(k), function.instruction_input(k)
         if operation == casadi.OP_OUTPUT:
             results[to[0]][to[1]] = work[of[0]]

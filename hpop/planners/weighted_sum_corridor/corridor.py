@@ -26,6 +26,7 @@ from hpop.math import wrap
 from hpop.models.collision.planar import TOUCH
 from hpop.planners.needs import in_plane
 from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.programs.deadline import Deadline
 from hpop.trajectory import STRAIGHT
 from hpop.world import World
 from hpop.world.planar import FreeSpace
@@ -194,8 +195,14 @@ class Corridor:
         return self.segments < 2 or (self.segments == 2 and self.along_first and self.along_last)
 
 
-def corridors(polylines: Sequence[Polyline], problem: Problem) -> tuple[list[Corridor], int]:
+def corridors(
+    polylines: Sequence[Polyline],
+    problem: Problem,
+    deadline: Deadline = Deadline(),  # noqa: B008  (frozen)
+) -> tuple[list[Corridor], int]:
     """The corridors of paths, one for each sequence of regions, and how many paths touch an obstacle.
+
+    Paths that are not looked at before the deadline are in no corridor.
 
     A segment that lies in regions known from other segments gets the largest of them, so that paths through the same
     rooms share a corridor.
@@ -204,6 +211,8 @@ def corridors(polylines: Sequence[Polyline], problem: Problem) -> tuple[list[Cor
     groups: dict[tuple[tuple[int, ...], bool, bool], list[int]] = {}
     refused = 0
     for number, polyline in enumerate(polylines):
+        if deadline.is_past:
+            break
         chain = [_region(segment, regions, problem) for segment in _segments(polyline)]
         if -1 in chain:
             refused += 1

@@ -18,6 +18,7 @@ from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
 from hpop.planners.programs.criteria import is_counted
+from hpop.planners.programs.deadline import Deadline
 from hpop.planners.weighted_sum_corridor.corridor import Corridor, corridors
 from hpop.planners.weighted_sum_corridor.program import solvers_from
 from hpop.planners.weighted_sum_corridor.weights import SMALL, CorridorPoints, Shared, solve_corridor
@@ -96,16 +97,26 @@ class WeightedSumCorridor:
         if warm.interrupted is not None:
             return warm.interrupted
         run.notes += warm.notes
-        run.learn(warm)
+        deadline = Deadline.after(watch.left)
+        run.learn(warm, deadline)
         count = len(run.corridors)
 
         def report(done: Mapping[int, CorridorPoints]) -> None:
             watch.report(len(done), count - len(done), sum(len(found.polylines) for found in done.values()))
 
-        with Sweep(solve_corridor, shared, executor) as sweep:
+        with Sweep(solve_corridor, replace(shared, deadline=deadline), executor) as sweep:
             run.found, ended = sweep.until(run.corridors, watch.is_late, report)
-        left = [f"{ended}: {count - len(run.found)} of {count} corridors were not tried"] * (len(run.found) < count)
-        run.notes += [*sweep.notes, *left]
+        cut_short = sum(found.is_cut_short for found in run.found.values())
+        if ended is Status.COMPLETE and (cut_short or run.left):
+            ended = Status.TIME_LIMIT
+        for number, what in (
+            (run.left, "warm starts are in no corridor yet"),
+            (count - len(run.found), f"of {count} corridors were not tried"),
+            (cut_short, f"of {count} corridors were not solved for all weights"),
+        ):
+            if number:
+                run.notes.append(f"{ended}: {number} {what}")
+        run.notes += sweep.notes
         found = run.candidates(warm.ended(ended))
         return warm.kept(replace(found, stats={**found.stats, "seconds": watch.seconds}))
 
@@ -140,6 +151,7 @@ class _CorridorRun:
     options: WeightedSumCorridor
     convex: list[int]
     warm_starts: int = 0
+    left: int = 0
     corridors: list[Corridor] = field(default_factory=list)
     found: dict[int, CorridorPoints] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
@@ -168,11 +180,12 @@ class _CorridorRun:
         divisions = checked_divisions(divisions, k)
         return tuple(tuple(float(w) for w in row) for row in simplex_lattice(divisions, k))
 
-    def learn(self, warm: WarmStarts) -> None:
-        """Corridors of the warm starts that are free."""
+    def learn(self, warm: WarmStarts, deadline: Deadline) -> None:
+        """Corridors of the warm starts that are free; some are left where time is over."""
         kept, _, dropped = warm.polylines(self.problem, self.criteria)
         self.warm_starts = len(kept)
-        self.corridors, refused = corridors(kept, self.problem)
+        self.corridors, refused = corridors(kept, self.problem, deadline)
+        self.left = len(kept) - refused - sum(len(corridor.warm_starts) for corridor in self.corridors)
         self.notes += dropped
         if refused:
             self.notes.append(f"{refused} of {len(kept)} warm starts touch an obstacle: no region can be grown there")

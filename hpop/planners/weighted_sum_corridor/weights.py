@@ -12,9 +12,11 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.programs.deadline import Deadline
 from hpop.planners.weighted_sum_corridor.corridor import Corridor
 from hpop.planners.weighted_sum_corridor.program import CorridorProgram
 from hpop.world import World
+from hpop.world.limits import LimitPassed
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
@@ -31,6 +33,7 @@ class Shared:
 
     criteria  k convex ones
     weights   rows (k,) of normalised costs, or None for the dichotomy
+    deadline  after which no program is solved
     """
 
     world: World
@@ -38,6 +41,7 @@ class Shared:
     criteria: tuple[Criterion, ...]
     weights: tuple[tuple[float, ...], ...] | None
     solvers: tuple[str, ...]
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
 
 
 @dataclass(eq=False)
@@ -52,6 +56,7 @@ class CorridorPoints:
     solved         programs solved, by solver
     failed         solves that failed, by solver and reason
     unsolved       programs that no solver solved
+    is_cut_short   whether time was over before all weights were solved for
     build_seconds  s, of building and compiling
     solve_seconds  s, of everything else
     """
@@ -65,6 +70,7 @@ class CorridorPoints:
     solved: Counter[str] = field(default_factory=Counter)
     failed: Counter[str] = field(default_factory=Counter)
     unsolved: int = 0
+    is_cut_short: bool = False
     build_seconds: float = 0.0
     solve_seconds: float = 0.0
 
@@ -75,7 +81,12 @@ def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
     program = CorridorProgram(corridor, shared.criteria, shared.world, shared.model, shared.solvers)
     program.compile()
     built = time.perf_counter()
-    found = _Weighted(program).run(shared.weights)
+    weighted = _Weighted(program, shared.deadline)
+    try:
+        weighted.run(shared.weights)
+    except LimitPassed:
+        weighted.found.is_cut_short = True
+    found = weighted.found
     found.exact = tuple(cost.exact for cost in program.costs)
     found.solved, found.failed = program.solved, program.failed
     found.build_seconds, found.solve_seconds = built - began, time.perf_counter() - built
@@ -87,6 +98,7 @@ class _Weighted:
     """The weights of one corridor's program, one after the other."""
 
     program: CorridorProgram
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
     found: CorridorPoints = field(default_factory=CorridorPoints)
     vertices: list[FloatArray] = field(default_factory=list)
 
@@ -126,6 +138,7 @@ class _Weighted:
 
     def _solve(self, weights: tuple[float, ...]) -> FloatArray | None:
         """Costs (k,) of the optimum of weights, which is filed."""
+        self.deadline.check("a convex program was solved")
         positive = (np.array(weights) + SMALL) / self.scale
         vertices = self.program.solve(positive)
         if vertices is None:

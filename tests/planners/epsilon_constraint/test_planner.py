@@ -100,7 +100,7 @@ def test_candidates_are_what_they_claim(robot, most, step):
     names = [c.name for c in candidates.objectives]
     costs = trajectory_costs(candidates.objectives, candidates.trajectories, OPEN)
     for row, provenance in zip(costs, candidates.provenance, strict=True):
-        assert provenance["status"] in ("Solve_Succeeded", "nothing is free")
+        assert provenance["left"] <= 1e-3
         for name, bound in provenance["epsilon"].items():
             assert row[names.index(name)] <= bound * (1 + 1e-3) + 1e-6
 
@@ -173,8 +173,7 @@ def test_every_bound_on_a_worst_moment_has_a_candidate(step, most):
     assert len(candidates.trajectories) == candidates.stats["tried"]
     front = problem.front(candidates)
     assert verify(problem, front) == []
-    short = sum("halvings" in provenance for provenance in candidates.provenance)
-    assert any(note.startswith(f"{short} candidates are no local optima") for note in candidates.notes) == (short > 0)
+    assert all(provenance["left"] <= 1e-3 for provenance in candidates.provenance)
 
 
 @hpop.criterion("low_sun", group="C", unit="s", aggregate="sum", requires=("camera",), world_frame=True)
@@ -192,12 +191,11 @@ class LowSun:
     ("step", "most"),
     [(1.0, 2), *(pytest.param(step, None, marks=pytest.mark.proof) for step in (1.0, 0.5))],
 )
-def test_what_needs_a_finer_sum_is_solved_with_one(step, most):
+def test_costs_that_change_much_within_a_turn_are_planned_as_they_are(step, most):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, 0), [LowSun(), "turns", "length"])
     candidates = EpsilonConstraint(step=step, max_points=most).solve(problem)
-    assert candidates.stats["refined"] > 0
+    assert candidates.trajectories
     assert candidates.stats["dropped"] == {}
-    assert {4} <= {provenance["panels"] for provenance in candidates.provenance} <= {1, 4, 16}
     assert verify(problem, problem.front(candidates)) == []
 
 
@@ -360,7 +358,7 @@ def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatc
 
 
 @STEPS
-def test_what_never_converges_is_counted_with_its_status(monkeypatch, step):
+def test_what_never_converges_is_counted_and_the_corners_move_without_it(monkeypatch, step):
     solve = PolylineProgram.solve
 
     def never(program, warm, epsilon, **options):
@@ -370,13 +368,12 @@ def test_what_never_converges_is_counted_with_its_status(monkeypatch, step):
 
     monkeypatch.setattr(PolylineProgram, "solve", never)
     candidates = EpsilonConstraint(step=step, max_points=2).solve(PAPER)
-    assert candidates.trajectories == ()
-    assert candidates.stats["failed"] == {"not converged (Restoration_Failed)": 2}
-    assert "2 bounds without a candidate: not converged (Restoration_Failed)" in candidates.notes
+    assert [origin["status"] for origin in candidates.provenance] == ["not converged (Restoration_Failed)"] * 2
+    assert candidates.stats["without a program"] == 2  # their corners went on from the warm start
 
 
 @STEPS
-def test_solutions_that_collide_are_dropped_and_counted(monkeypatch, step):
+def test_solutions_that_collide_are_dropped_and_the_corners_move_without_them(monkeypatch, step):
     """A solver that goes straight through the block, and cannot be talked out of it."""
     solve = PolylineProgram.solve
 
@@ -388,5 +385,5 @@ def test_solutions_that_collide_are_dropped_and_counted(monkeypatch, step):
 
     monkeypatch.setattr(PolylineProgram, "solve", through)
     candidates = EpsilonConstraint(step=step, max_points=1).solve(PAPER)
-    assert candidates.trajectories == ()
-    assert sum(candidates.stats["failed"].values()) == 1
+    assert ["collides" in origin["status"] for origin in candidates.provenance] == [True]
+    assert verify(PAPER, PAPER.front(candidates)) == []

@@ -1,7 +1,5 @@
 """Polyline programs against tangents of a circle, finite differences, and the exact costs."""
 
-import dataclasses
-
 import casadi
 import numpy as np
 import pytest
@@ -12,13 +10,16 @@ from hpop.criteria import Clearance, Duration, Exposure, Length, Obstruction, Ro
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
-from hpop.motions.symbolic import elementwise, lift
+from hpop.motions.symbolic import lift
 from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.polylines.polyline import Polyline, PolylineStructure
 from hpop.planners.programs.hinges import unhinged
+from hpop.planners.programs.nlp import SparseField
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
 from hpop.world import World
+from hpop.world.field import Field
+from hpop.world.lazy_field import LazyField
 
 ROBOT = DifferentialDrive(radius=0.25)
 HALF, DISC = 4.0, 1.0  # m: start and goal are this far from the centre of a disc of this radius
@@ -89,27 +90,25 @@ def test_a_simplified_polyline_keeps_the_vertices_that_turn():
 # Derivatives
 
 
-def test_elementwise_has_the_values_and_derivatives_of_a_map():
-    z = casadi.MX.sym("z", 2)
-    function = casadi.Function("f", [z], [casadi.sin(z[0]) * z[1] ** 2 + casadi.exp(z[0] * z[1])])
-    weights = casadi.MX.sym("w", 5)  # as the adjoints of a program are
-    point = np.random.default_rng(0).normal(size=(2, 5))
-    results = []
-    for many in (elementwise(function, 5), function.map(5)):
-        hessian, gradient = _hessian(many, weights)
-        results.append(
-            (np.array(hessian(point.T.ravel(), range(1, 6))), np.array(gradient(point.T.ravel(), range(1, 6))))
-        )
-    for ours, theirs in zip(*results, strict=True):
-        assert ours == pytest.approx(theirs, rel=1e-12)
-
-
-def _hessian(many, weights):
-    flat = casadi.MX.sym("flat", 10)
+def test_lookups_have_the_values_and_derivatives_of_casadis_own_spline():
+    """Of a field that is sampled where it is read; CasADi's B-spline knows nothing of either."""
+    xs, ys = np.arange(300.0), np.arange(200.0)
+    lazy = LazyField(xs, ys, 1.0, lambda x, y: np.sin(x) * np.cos(2 * y), (-1.0, 1.0))
+    x, y = np.meshgrid(xs, ys)
+    whole = Field(np.sin(x) * np.cos(2 * y), 1.0)
+    flat, weights = casadi.MX.sym("flat", 10), casadi.MX.sym("w", 5)  # as the adjoints of a program are
     table = casadi.reshape(flat, 2, 5)
-    total = casadi.dot(casadi.vec(many(table)) * casadi.vec(table[0, :]), weights)
-    hessian, gradient = casadi.hessian(total, flat)
-    return casadi.Function("h", [flat, weights], [hessian]), casadi.Function("g", [flat, weights], [gradient])
+    point = np.random.default_rng(0).uniform(20, 50, size=10)
+    results = []
+    for field in (SparseField.of(lazy), whole):
+        column = [lift(table[axis, :].T, 5) for axis in (0, 1)]
+        values = casadi.vec(field(*column).to_casadi())
+        hessian, gradient = casadi.hessian(casadi.dot(values * casadi.vec(table[0, :]), weights), flat)
+        function = casadi.Function("f", [flat, weights], [values, gradient, casadi.densify(hessian)])
+        results.append([np.array(part) for part in function(point, range(1, 6))])
+    for ours, theirs in zip(*results, strict=True):
+        assert ours == pytest.approx(theirs, rel=1e-9, abs=1e-11)
+    assert lazy.__dict__["_asked"].mean() < 0.1  # blocks of it that were sampled
 
 
 # Programs
@@ -174,25 +173,10 @@ def test_corrected_worst_moments_are_the_exact_ones():
     assert PolylineProgram(GOAL_AHEAD, (Length(),), 0, line.structure).corrections(line) is None
 
 
-def test_a_finer_quadrature_is_nearer_to_the_exact_costs():
-    criteria = (Exposure(), Duration())
-    line = polyline(GOAL_AHEAD, (-2, 2), (1, 2.5), (3, 1))
-    told, off = exact(GOAL_AHEAD, criteria, line), []
-    for panels in (1, 4):
-        structure = dataclasses.replace(line.structure, panels=panels)
-        off.append(abs(PolylineProgram(GOAL_AHEAD, criteria, 0, structure).costs(line) - told)[0])
-    assert off[1] < 0.5 * off[0]
-
-
 def test_a_structure_grows_with_segments_that_have_become_longer():
     short, long = PolylineStructure((1, 8), True, False), PolylineStructure((3, 6), True, False)
     assert short.grown(long) == PolylineStructure((3, 8), True, False)
     assert short.grown(short) == short
-
-
-def test_a_polyline_on_the_way_to_another():
-    first, last = polyline(GOAL_FREE, (-2, 2)), polyline(GOAL_FREE, (0, 4))
-    assert first.towards(last, 0.25).vertices.tolist() == [[-4, 0], [-1.5, 2.5], [4, 0]]
 
 
 def test_a_worst_moment_is_bounded_where_its_hinge_is_flat():

@@ -145,3 +145,12 @@ def test_a_missing_solver_is_said_with_what_to_do(monkeypatch):
     monkeypatch.setattr(casadi, "has_nlpsol", lambda name: name != "ipopt")
     with pytest.raises(OptionError, match=r"IPOPT.*install.*or use planner 'lattice'"):
         EpsilonConstraint(step=0.5).solve(PAPER)
+
+
+@pytest.mark.parametrize("criteria", [["passing_distance", "turns"], ["passing_distance", "net_misalignment"]])
+def test_the_only_smooth_cost_may_be_a_worst_moment_of_nobody(criteria):
+    """Nobody stands there: what every polyline costs is nothing."""
+    world = World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
+    problem = Problem(world, DifferentialDrive(radius=0.25), (1, 2, 0.3), (5, 2, 1.5), criteria)
+    candidates = EpsilonConstraint(step=1.0, max_points=2).solve(problem)
+    assert (candidates.planned[:, 0] == 0.0).all()

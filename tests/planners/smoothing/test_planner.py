@@ -355,7 +355,7 @@ def test_a_bound_in_time_and_ctrl_c_keep_what_is_finished(monkeypatch):
     assert late.status is Status.TIME_LIMIT
     assert late.provenance
     assert all(origin["planner"] == "lattice" for origin in late.provenance)  # the warm starts
-    assert any("polylines were not smoothed" in note for note in late.notes)
+    assert any("polylines not smoothed" in note for note in late.notes)
 
 
 @pytest.mark.proof

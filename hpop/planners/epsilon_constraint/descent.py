@@ -1,0 +1,155 @@
+"""The last step of a bound: corners move by exact costs on exact geometry until no small move gains.
+
+The program of :mod:`.program` knows fields, few samples and a regulariser, so its solutions only lie near a local
+optimum. From there the corners move by sequential quadratic programming within a trust region, with second-order
+corrections (Fletcher 1982, doi 10.1007/BFb0120945). Every step is judged as candidates are: by the costs that fronts
+report, and on the exact geometry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hpop.arrays import FloatArray
+from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.planners.epsilon_constraint.nearby import Nearby
+from hpop.planners.polylines.polyline import Polyline
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+FIRST, LAST, MOST = 0.1, 5e-4, 0.4  # m: how far a step is believed, at first, at least and at most
+SHRINKS, GROWS = 0.3, 2.0  # where a step was too far, and where it was not
+STEPS = 60
+GAIN = 2e-5  # of the cost that is minimised: a step that gains less is the last
+WORTH = 0.1  # share of what a step promises that it has to keep
+CORRECTIONS = 3  # programs that know what the step before met, before less is believed
+SPREAD = 1e-3  # weight of the bounded costs: no weakly efficient point is returned
+
+
+class Descended(NamedTuple):
+    """Where the corners came to rest.
+
+    costs  (k,)
+    steps  count
+    left   share of its cost that the next step promised, 0 where that was no gain; NaN where no step was looked at
+    """
+
+    polyline: Polyline
+    costs: FloatArray
+    steps: int
+    left: float
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Steps of the corners that lower one cost while the others keep their bounds.
+
+    problem
+    criteria  k smooth ones: sums, or maxima over motions
+    minimise  place of the one that is minimised
+    aim       (k,) bounds that steps keep as far as they can
+    most      (k,) bounds up to which they may be exceeded by what a step bends
+    scale     (k,) positive: differences of costs that matter alike
+    judge     from a polyline to its exact costs (k,), or None where it is not to be trusted
+    is_late   whether time is over
+    """
+
+    problem: Problem
+    criteria: Sequence[Criterion]
+    minimise: int
+    aim: FloatArray
+    most: FloatArray
+    scale: FloatArray
+    judge: Callable[[Polyline], FloatArray | None]
+    is_late: Callable[[], bool]
+
+    @cached_property
+    def weights(self) -> FloatArray:
+        """Weights (k,) of the costs in what is minimised: one counts, the others break ties."""
+        weights = np.full(len(self.criteria), SPREAD)
+        weights[self.minimise] += 1.0
+        return weights / self.scale
+
+    def run(self, polyline: Polyline, costs: FloatArray) -> Descended:
+        """Move the corners of a polyline with costs (k,) until no step gains, or time is over."""
+        distance, left = FIRST, np.nan
+        polyline, costs = self._shortened(polyline, costs)
+        if len(polyline.vertices) < 3:
+            return Descended(polyline, costs, 0, 0.0)
+        multipliers = self.weights
+        for steps in range(STEPS):
+            bounds = np.minimum(np.maximum(self.aim, costs), self.most)
+            bounds[self.minimise] = np.inf
+            nearby = Nearby(self.problem, self.criteria, polyline, costs, bounds, self.weights, self.scale)
+            if not nearby.freedom:
+                return Descended(polyline, costs, steps, 0.0)
+            nearby.bend(multipliers)
+            while True:
+                if self.is_late():
+                    return Descended(polyline, costs, steps, left)
+                found, left = self._step(nearby, polyline, costs, distance)
+                if found is not None or left <= GAIN:
+                    break
+                distance *= SHRINKS
+                if distance < LAST:
+                    break
+            if found is None:
+                return Descended(polyline, costs, steps, left if left > GAIN else 0.0)
+            gain = self._merit(costs) - self._merit(found[1])
+            multipliers = nearby.multipliers
+            polyline, costs = self._tidied(*found)
+            distance = min(MOST, distance * (GROWS if gain > 0.5 * left else 1.0))
+        return Descended(polyline, costs, STEPS, left)
+
+    def _step(
+        self, nearby: Nearby, polyline: Polyline, costs: FloatArray, distance: float
+    ) -> tuple[tuple[Polyline, FloatArray] | None, float]:
+        """A step that keeps what it promises, if there is one, and what the first promised."""
+        promised = 0.0
+        nearby.forget()
+        for correction in range(CORRECTIONS):
+            step = nearby.step(distance)
+            if step is None:
+                break
+            gain = nearby.gain(step)
+            promised = promised if correction else gain
+            if gain <= GAIN:
+                break
+            trial = nearby.moved(step)
+            judged = self.judge(trial)
+            if judged is not None and self._merit(judged) < self._merit(costs) - WORTH * gain:
+                return (trial, judged), promised
+            if not nearby.learn(step):
+                break
+        return None, promised
+
+    def _merit(self, costs: FloatArray) -> float:
+        return float(self.weights @ costs)
+
+    def _shortened(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
+        """Without the corners that can be left out at no cost."""
+        corner = 1
+        while corner < len(polyline.vertices) - 1 and not self.is_late():
+            fewer = Polyline(np.delete(polyline.vertices, corner, axis=0), polyline.start_yaw, polyline.goal_yaw)
+            judged = self.judge(fewer)
+            if judged is not None and self._merit(judged) <= self._merit(costs):
+                polyline, costs = fewer, judged
+            else:
+                corner += 1
+        return polyline, costs
+
+    def _tidied(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
+        """Without stops for turns that are none, if that costs no more: their times have no slope there."""
+        simpler = polyline.simplified(LEAST_TURN)
+        if len(simpler.vertices) < len(polyline.vertices):
+            judged = self.judge(simpler)
+            if judged is not None and self._merit(judged) <= self._merit(costs) + GAIN:
+                return simpler, judged
+        return polyline, costs

@@ -1,0 +1,32 @@
+"""What IPOPT asks after each iteration: whether it shall stop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import casadi
+
+if TYPE_CHECKING:
+    from hpop.planners.programs.deadline import Deadline
+
+
+class Stop(casadi.Callback):
+    """Stops a solver whose time is over. CasADi holds no reference to it: whoever has the solver keeps it."""
+
+    def __init__(self, deadline: Deadline, variables: int, constraints: int) -> None:
+        casadi.Callback.__init__(self)
+        self._deadline = deadline
+        self._sizes = {"f": 1, "x": variables, "lam_x": variables, "g": constraints, "lam_g": constraints}
+        self.construct("stop", {})
+
+    def get_n_in(self) -> int:
+        return int(casadi.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> Any:
+        return casadi.Sparsity.dense(self._sizes.get(casadi.nlpsol_out(i), 0), 1)
+
+    def eval(self, arguments: Any) -> list[int]:
+        return [int(self._deadline.is_past)]
