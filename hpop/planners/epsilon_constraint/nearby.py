@@ -363,7 +363,7 @@ def _solved(
     curvature: FloatArray, objective: FloatArray, matrix: FloatArray, room: FloatArray
 ) -> tuple[FloatArray, FloatArray] | None:
     """The x of least ½ x·curvature·x + objective·x with matrix x <= room, and multipliers; None where none is found."""
-    import clarabel  # on first use
+    import clarabel
     from scipy import sparse
 
     settings = clarabel.DefaultSettings()
