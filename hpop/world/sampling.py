@@ -34,6 +34,8 @@ MAX_HEIGHTS = 16
 PAD = 3
 SAMPLE = 8
 """Bytes of a sample."""
+WHOLE = 250_000
+"""Samples of the clearance that are taken at once; of a larger map those that are read."""
 BLOCK = 8
 """Nodes along a side of what is sampled, or known, together."""
 SLACK = 1e-6
@@ -59,9 +61,12 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
         limits.check(CLEARANCE)
         return np.clip(free.signed_clearance(x, y), -limit, limit)
 
-    if last is None:
+    if last is None and xs.size * ys.size > WHOLE:
         return LazyField(xs, ys, spacing, sample, (-limit, limit))
-    values, anew = last[1].values.copy(), _near(edges_of_one(free, last[0]), last[1].values, xs, ys)
+    if last is None:
+        values, anew = np.empty((ys.size, xs.size)), np.ones((-(-ys.size // BLOCK), -(-xs.size // BLOCK)), dtype=bool)
+    else:
+        values, anew = last[1].values.copy(), _near(edges_of_one(free, last[0]), last[1].values, xs, ys)
     for begin, blocks in zip(range(0, ys.size, BLOCK), anew, strict=True):
         rows, columns = slice(begin, begin + BLOCK), blocks.repeat(BLOCK)[: xs.size]
         x, y = np.meshgrid(xs[columns], ys[rows])

@@ -12,6 +12,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import motion_costs
+from hpop.limits import LimitPassed, within
 from hpop.planners.epsilon_constraint.descent import Descent
 from hpop.planners.epsilon_constraint.grid import LOOSE, Cell, Found, Known, Roles
 from hpop.planners.epsilon_constraint.motions import Pieces
@@ -20,7 +21,6 @@ from hpop.planners.judgement import accepted, exceeds, judge
 from hpop.planners.polylines.polyline import PIECE, Polyline, PolylineStructure
 from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
-from hpop.world.limits import LimitPassed, within
 
 if TYPE_CHECKING:
     from hpop.problem import Problem

@@ -19,6 +19,7 @@ from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.interrupts import interrupts_held
+from hpop.limits import check
 from hpop.motions.symbolic import lift
 from hpop.planners.epsilon_constraint.motions import Pieces, sparse
 from hpop.planners.goals import one_goal
@@ -29,7 +30,6 @@ from hpop.planners.programs.hinges import unhinged
 from hpop.planners.programs.nlp import SparseWorld, moments, reaches, vector
 from hpop.text import shown
 from hpop.world import World
-from hpop.world.limits import check
 
 if TYPE_CHECKING:
     from hpop.problem import Problem

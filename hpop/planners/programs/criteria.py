@@ -10,6 +10,7 @@ import numpy as np
 
 from hpop.criteria.base import Criterion, check_command, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
+from hpop.limits import LimitPassed
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import SymbolicMotions
 from hpop.planners.programs.nlp import SparseWorld, vector
@@ -70,6 +71,8 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
         column = vector(criterion.cost(motions), len(motions))
         if column.numel() != len(motions):
             raise ValueError(f"{column.numel()} costs for {len(motions)} motions")
+    except LimitPassed:
+        raise
     except UnsupportedCriterion as error:
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
     except Exception as error:  # someone else's criterion on CasADi's symbols: anything can come

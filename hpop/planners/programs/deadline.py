@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from hpop.world.limits import LimitPassed
+from hpop.limits import LimitPassed
 
 BUILDING = "a program was built"
 CUT_SHORT = "cut short"  # what jobs count that did not end by themselves

@@ -13,6 +13,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.limits import LimitPassed, within
 from hpop.models.differential_drive.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
@@ -24,7 +25,6 @@ from hpop.planners.smoothing.homotopy import homotopic
 from hpop.planners.smoothing.phases import Phases
 from hpop.planners.smoothing.program import Driven, DrivenProgram
 from hpop.trajectory import Trajectory
-from hpop.world.limits import LimitPassed, within
 
 if TYPE_CHECKING:
     from hpop.problem import Problem

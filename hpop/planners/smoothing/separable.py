@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
+from hpop.limits import check
 from hpop.planners.programs.deadline import BUILDING, Deadline
-from hpop.world.limits import check
 from hpop.world.looks import Looks, looking, quadratics
 
 if TYPE_CHECKING:

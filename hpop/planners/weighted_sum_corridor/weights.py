@@ -11,12 +11,12 @@ import numpy as np
 
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
+from hpop.limits import LimitPassed
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.deadline import Deadline
 from hpop.planners.weighted_sum_corridor.corridor import Corridor
 from hpop.planners.weighted_sum_corridor.program import CorridorProgram
 from hpop.world import World
-from hpop.world.limits import LimitPassed
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel

@@ -7,13 +7,13 @@ import pytest
 import shapely
 
 import hpop
+from hpop.limits import LimitPassed
 from hpop.planners import EpsilonConstraint, Smoothing, WeightedSumCorridor
 from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.deadline import Deadline
 from hpop.planners.smoothing.separable import Separable
 from hpop.status import Status
-from hpop.world.limits import LimitPassed
 
 WORLD = hpop.World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
 PROBLEM = hpop.Problem(WORLD, hpop.DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ["turns", "length"])
