@@ -28,6 +28,8 @@ from hpop.status import Budget, Status
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
+MORE, BESIDE = 1.25, 250_000_000  # of max_memory, and bytes of libraries, that the process may grow by, all in all
+EVERY = 0.02  # s between two looks at how large the process is
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -62,6 +64,7 @@ class Spending:
         self.memory = memory
         self._began = perf_counter() - spent
         self._compiled = _compiling()
+        self._resident, self._looked = _resident() if self.budget.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
         """Seconds since planning started, without compiling."""
@@ -92,10 +95,18 @@ class Spending:
             self._began += self.seconds() - before  # compiling meanwhile is not charged anyway
 
     def check(self, doing: str, memory: int = 0) -> None:
-        """Raise Exhausted where a limit is passed, or would be with so many bytes more."""
+        """Raise Exhausted where a limit is passed, or would be with so many bytes more.
+
+        What is not counted shows in the size of the process, where the system tells it (Linux).
+        """
         limit, most = self.budget.time_limit, self.budget.max_memory
         if most is not None and self.memory + memory > most:
             raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {_megabytes(self.memory + memory)}")
+        if most is not None and perf_counter() - self._looked > EVERY:
+            grown, self._looked = _resident() - self._resident, perf_counter()
+            if grown > MORE * most + BESIDE:
+                what = f"{doing}, where the process had grown by {_megabytes(grown)}"
+                raise Exhausted(Status.MEMORY_LIMIT, what)
         if limit is not None and self.seconds() >= limit:
             raise Exhausted(Status.TIME_LIMIT, doing)
 
@@ -204,6 +215,15 @@ def stopped(
         stats={"build_seconds": spending.seconds()},
         filters=objectives.filters,
     )
+
+
+def _resident() -> int:
+    """Bytes of memory that this process has; 0 where the system does not tell."""
+    try:
+        with open("/proc/self/statm") as sizes:
+            return int(sizes.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, AttributeError):
+        return 0
 
 
 def _compiling() -> float:

@@ -1,7 +1,9 @@
 """A planner's limits hold while its graph is built, and building is the same whatever the number of cores."""
 
+import os
 import threading
 import time
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap.planner import Roadmap
 from hpop.planners.spending import Exhausted, Spending
 from hpop.planners.weighted_sum import WeightedSum
+from hpop.registry import criteria
 from hpop.status import Budget
 from tests.interrupted import interrupted_locks
 from tests.watched import watched
@@ -59,6 +62,30 @@ def test_little_memory_is_told_as_what_it_is():
     (note,) = (note for note in asked().solve(Lattice(max_memory=1000)).notes if note.startswith("memory limit"))
     taken = float(note.split("which takes ")[1].split(" MB")[0])
     assert 0.001 < taken < 10
+
+
+@pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="the system does not tell the size of a process")
+def test_memory_that_nobody_counts_shows_in_the_size_of_the_process(monkeypatch):
+    monkeypatch.setattr(spending, "BESIDE", 50_000_000)
+    monkeypatch.setattr(spending, "EVERY", 0.0)
+    hoard = []
+
+    @hpop.criterion("hoarding", group="C", unit="m", aggregate="sum")
+    @dataclass(frozen=True)
+    class Hoarding:
+        """A criterion of one's own that keeps 40 MB each time that it is asked."""
+
+        def cost(self, m):
+            hoard.append(np.ones(5_000_000))
+            return m.base.length
+
+    try:
+        front = asked("hoarding", "turns").solve(Lattice(step=0.25, max_memory=100_000_000))
+    finally:
+        del criteria._types["hoarding"]
+    assert (front.status, len(front)) == ("memory limit", 0)
+    assert any("the process had grown by" in note and "raise max_memory" in note for note in front.notes)
+    assert 3 < len(hoard) < 20  # 175 MB, and what was begun on every core; the whole graph takes 100 of them
 
 
 def test_what_a_stage_found_is_kept_when_the_whole_is_not_built_in_time(monkeypatch):
