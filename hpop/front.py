@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self, cast, overload
 import numpy as np
 
 from hpop import frontier
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import ModelError
 from hpop.frontier import FrontError, FrontFileError, storage
@@ -38,6 +39,7 @@ class Point(frontier.Point[Trajectory]):
         return self.item
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Front(frontier.Front[Trajectory]):
     """Non-dominated trajectories, one a cost vector; see :class:`hpop.frontier.Front` for choosing and union."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, cast, overload
 
 from hpop import further, solving
+from hpop.arguments import checked_arguments
 from hpop.criteria.base import (
     Criterion,
     CriterionSpec,
@@ -38,6 +39,7 @@ from hpop.world import World
 from hpop.world.predictions import bounded, with_people
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem:
     """What is asked: all non-dominated trajectories of a model in a world, from start to goal.

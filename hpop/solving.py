@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.quanta import stated
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
@@ -36,6 +37,7 @@ SOME = 4_000  # points that are made, re-evaluated and saved within half a secon
 SOME_WITH_MEMORY = 40  # where criteria look at each trajectory by itself, which takes some 8 ms each
 
 
+@checked_arguments
 def fronts(
     problem: Problem,
     planners: Iterable[PlannerSpec],

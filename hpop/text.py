@@ -11,8 +11,13 @@ from math import log10
 from reprlib import Repr
 from typing import Any
 
-HARMFUL = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
-"""Control characters, what turns the direction of writing, what separates lines, and halves of surrogate pairs."""
+HARMFUL = re.compile(
+    "[\x00-\x1f\x7f-\x9f\u00ad\u034f\u061c\u115f\u1160\u180b-\u180f\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\u3164"
+    "\ud800-\udfff\ufeff\uffa0\ufff9-\ufffb\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
+    "|(?:(?<=[\x00-\u024f])|^)[\u200c\u200d]|[\u200c\u200d](?=[\x00-\u024f]|$)"
+)
+"""Control characters, what turns the direction of writing, what separates lines, halves of surrogate pairs, and what is
+not seen; joiners only where they join no letters of Persian or Hindi, and no emoji."""
 LENGTH = 80
 """Characters of a value that a message shows, at most."""
 

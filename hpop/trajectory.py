@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.batches import motions_of
 from hpop.errors import ModelError, OptionError
@@ -29,6 +30,7 @@ STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are on
 MOST_ROWS = 10**6  # of a table
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Trajectory:
     """Motions of a model, in time order; the end of each is the start of the next.

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_arg
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray
 from hpop.batches import batches
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
@@ -87,6 +88,7 @@ class Criterion(Protocol):
 CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any] | None]
 
 
+@checked_arguments
 def criterion(
     name: str,
     *,
@@ -145,11 +147,12 @@ def criterion(
         for key, value in declared.items():
             setattr(cls, key, value)
         criteria.add(name, cls)
-        return cls
+        return checked_arguments(cls)
 
     return declare
 
 
+@checked_arguments
 def make_criterion(spec: CriterionSpec) -> Criterion:
     """A criterion from its name, from ``{name: {parameter: value}}``, or itself.
 
@@ -201,6 +204,7 @@ def _asked(criterion: Criterion) -> type:
     return type(mean) if cls.__module__.startswith("hpop.") and isinstance(mean, Criterion) else cls
 
 
+@checked_arguments
 def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
     """Costs (M,) of motions, checked: one finite number >= 0 a motion.
 
@@ -259,6 +263,7 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
     return costs
 
 
+@checked_arguments
 def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
     """The criterion's value on one trajectory; see :func:`trajectory_costs`."""
     return float(trajectory_costs([criterion], [trajectory], world)[0, 0])

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.drive import storage
 from hpop.drive.adaptation import NOTICE, PATIENCE, adapted
 from hpop.drive.change import Change, written
@@ -48,6 +49,7 @@ SHIFT = 0.01
 """s: by less a robot is not earlier or later than it was taken to be."""
 
 
+@checked_arguments
 class Execution(Telling):
     """A plan that is driven, and what may be chosen instead; :func:`hpop.follow` makes one.
 

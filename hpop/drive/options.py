@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.drive.departures import leaves, next_turn
 from hpop.errors import DriveError
@@ -69,6 +70,7 @@ class Option(Point):
     dominated: bool = False
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Options(Sequence[Option]):
     """The front of the rest of a drive, and the present plan among its points.

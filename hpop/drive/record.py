@@ -12,6 +12,7 @@ from typing import Any
 from shapely.errors import ShapelyError
 from shapely.geometry import shape
 
+from hpop.arguments import checked_arguments
 from hpop.drive.execution import Execution
 from hpop.drive.storage import read
 from hpop.errors import DriveError, HpopError
@@ -23,6 +24,7 @@ from hpop.trajectory import Trajectory
 from hpop.world.people import person_from
 
 
+@checked_arguments
 def load(path: str | os.PathLike[str]) -> Execution:
     """The drive that :meth:`hpop.drive.Execution.save` wrote, told again all that it was told.
 

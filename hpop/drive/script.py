@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from hpop.arguments import checked_arguments
 from hpop.drive.change import Change
 from hpop.drive.closings import Closing
 from hpop.drive.execution import DEADLINE, Execution
@@ -94,6 +95,7 @@ class Happening:
     people: tuple[Person, ...]
 
 
+@checked_arguments
 def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DEADLINE) -> Iterator[Happening]:
     """Drive by a script; what becomes of each event, in order of time. The robot changes its plan by itself too.
 

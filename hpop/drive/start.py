@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, cast
 
+from hpop.arguments import checked_arguments
 from hpop.drive.adaptation import NOTICE, PATIENCE
 from hpop.drive.execution import Execution
 from hpop.errors import DriveError, QueryError, did_you_mean
@@ -21,6 +22,7 @@ from hpop.text import shown
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
 
 
+@checked_arguments
 def follow(
     problem: Problem,
     front: Front,

@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from hpop import __version__
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import OptionError
 from hpop.poses import Poses, poses
@@ -50,13 +51,14 @@ class Format(Protocol):
     def __call__(self, given: Exported, /) -> Content: ...
 
 
+@checked_arguments
 def export_format(
     name: str, *, suffix: str, axes: str, world: bool = False
 ) -> Callable[[Callable[[Exported], Content]], Format]:
     """Register a function as an export format under a name."""
 
     def declare(function: Callable[[Exported], Content]) -> Format:
-        made = cast(Any, function)
+        made = cast(Any, checked_arguments(function))
         made.name, made.suffix, made.axes, made.world = name, suffix, axes, world
         formats.add(name, made)
         return cast(Format, made)
@@ -64,6 +66,7 @@ def export_format(
     return declare
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Frames:
     """Names of frames, for formats that name them: of the world, and of bodies that move in it."""
@@ -87,6 +90,7 @@ class Frames:
         return {"base": self.base, "camera": self.camera}.get(body, body)
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Exported:
     """A trajectory as formats are given it.

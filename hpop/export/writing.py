@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from hpop.arguments import checked_arguments
 from hpop.errors import OptionError, OutputError, OwnCodeError
 from hpop.export.base import PROGRAM, Content, Exported, Format, Frames
 from hpop.front import Front
@@ -27,6 +28,7 @@ ABOUT = ".about.json"
 MARK = "metadata.yaml"  # a folder without it is none of ours, and stays
 
 
+@checked_arguments
 def write(
     trajectory: Trajectory,
     path: str | os.PathLike[str],
@@ -62,6 +64,7 @@ def write(
     return target
 
 
+@checked_arguments
 def save(
     problem: Problem | None,
     front: Front,

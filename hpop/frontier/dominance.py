@@ -13,6 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpop.arguments import checked_arguments
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -22,6 +24,7 @@ MAX_QUANTA = 2.0**53
 DIGITS = 9  # of a column's largest value, in which costs are told apart unless its quantum is said
 
 
+@checked_arguments
 def dominates(a: ArrayLike, b: ArrayLike) -> bool:
     """Tell whether cost vector ``a`` is nowhere worse than ``b`` and somewhere better.
 
@@ -42,6 +45,7 @@ def dominates(a: ArrayLike, b: ArrayLike) -> bool:
     return bool((matrix[0] <= matrix[1]).all() and (matrix[0] < matrix[1]).any())
 
 
+@checked_arguments
 def is_nondominated(Y: ArrayLike) -> BoolArray:
     """Mark the rows of ``Y`` that no other row dominates, the first of each group of equal rows.
 
@@ -79,6 +83,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
     return np.asarray(moocore.is_nondominated(ranks), dtype=np.bool_)
 
 
+@checked_arguments
 def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
     """The rows of ``Y`` that no other row dominates, one of each group of equal rows, in their order.
 
@@ -94,6 +99,7 @@ def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
     return kept
 
 
+@checked_arguments
 def default_quanta(Y: ArrayLike) -> FloatArray:
     """Quanta (k,) for costs of which nothing is known but their values.
 
@@ -112,6 +118,7 @@ def default_quanta(Y: ArrayLike) -> FloatArray:
     return np.array([1.0 if same else float(f"1e{ten - DIGITS}") for same, ten in zip(whole, tens, strict=True)])
 
 
+@checked_arguments
 def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
     """Round costs to whole numbers of their quanta: ``Z[i, j] = round(Y[i, j] / quanta[j])``.
 

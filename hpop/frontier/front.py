@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hpop.arguments import checked_arguments
 from hpop.frontier import conditions, selection, storage, tables, union
 from hpop.frontier.choices import Choices
 from hpop.frontier.dominance import (
@@ -35,6 +36,7 @@ T = TypeVar("T")
 MOST_CLAIMED = 200  # characters of a certificate in a repr
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Front(Choices[T], Generic[T]):
     """Mutually non-dominated cost vectors, each with the item that has these costs. All costs are minimised.

@@ -9,11 +9,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hpop.arguments import checked_arguments
 from hpop.frontier.dominance import FloatArray, filter, finite_costs
 
 BEYOND = 0.1  # of the range between ideal and nadir: how far beyond the nadir the default reference lies
 
 
+@checked_arguments
 def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     """Volume of the cost space between the front and a reference point: larger is better.
 
@@ -45,6 +47,7 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     return float(moocore.hypervolume(matrix, ref=corner[0]))
 
 
+@checked_arguments
 def default_reference(Y: ArrayLike) -> FloatArray:
     """A reference point (k,) for hypervolumes: a tenth of the range beyond the nadir of the non-dominated rows.
 
@@ -65,6 +68,7 @@ def default_reference(Y: ArrayLike) -> FloatArray:
     return np.asarray(nadir + np.where(span > 0, BEYOND * span, 1.0), dtype=np.float64)
 
 
+@checked_arguments
 def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
     """Least shift that lets one front cover another: smaller is better, zero or less is as good everywhere.
 

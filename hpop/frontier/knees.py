@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hpop.arguments import checked_arguments
 from hpop.frontier.choosing import least, scaled
 from hpop.frontier.dominance import BoolArray, FloatArray, finite_costs, is_nondominated
 from hpop.frontier.errors import FrontError
@@ -14,6 +15,7 @@ NOISE = 1e-9
 ZERO = 1e-12  # in a tableau whose entries are of order one
 
 
+@checked_arguments
 def knee(Y: ArrayLike) -> int:
     """Row that lies deepest below the extreme points' convex hull, towards the ideal.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray
 from hpop.errors import QueryError
 from hpop.motions import Model, States
@@ -38,6 +39,7 @@ class Goal(Protocol):
         """JSON-able description, from which a problem makes the same goal."""
 
 
+@checked_arguments
 def goal(name: str) -> Callable[[T], T]:
     """Register a goal under a name: a frozen dataclass, whose fields are its parameters."""
 
@@ -46,16 +48,18 @@ def goal(name: str) -> Callable[[T], T]:
             raise QueryError(f"goal {name!r} must be a dataclass that follows hpop.goals.Goal, such as a Region")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         goals.add(name, cls)
-        return cls
+        return checked_arguments(cls)
 
     return declare
 
 
+@checked_arguments
 def places_of(goal: Goal) -> tuple[tuple[float, float, float], ...]:
     """Places (x, y, z), m, that a goal is about, if it says which."""
     return tuple(getattr(goal, "places", ()))
 
 
+@checked_arguments
 def required_by(goal: object) -> frozenset[str]:
     """What a model must provide for a goal."""
     return frozenset(getattr(goal, "requires", ()))

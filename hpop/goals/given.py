@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.errors import QueryError
 from hpop.goals.base import Goal
 from hpop.goals.sets import AnyOf, GoalSet
@@ -20,6 +21,7 @@ ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # of a list of goals; names 
 GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSpec | Goal | Mapping[str, Any]]
 
 
+@checked_arguments
 def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
     """A goal, checked: the values of a state, where one is given, a set of several, or a goal of another kind.
 
@@ -41,6 +43,7 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
     return members[0] if len(members) == 1 else AnyOf(tuple(members))
 
 
+@checked_arguments
 def is_named(given: Any) -> bool:
     """Whether something is the name of a goal with its parameters, as no state is: ``{name: {parameter: value}}``.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED
@@ -32,6 +33,7 @@ LEAST_SEEDS = 200  # random states from which a descent begins, at once
 Place = tuple[float, float, float]
 
 
+@checked_arguments
 class Region(ABC):
     """A body within bounds: a frozen dataclass, whose fields are its parameters, gives what is abstract here.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray
 from hpop.errors import HpopWarning, QueryError
 from hpop.goals.base import REACHED, places_of, required_by
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class GoalSet:
     """A few states of which any will do; a value of None is free.
@@ -66,6 +68,7 @@ class GoalSet:
         return rows[0] if len(rows) == 1 else rows
 
 
+@checked_arguments
 @dataclass(frozen=True, init=False)
 class AnyOf:
     """Goals of which any will do: to look at any of several cans, or else to be at a state.

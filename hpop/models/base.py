@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.collision.leaving import planar_collision
@@ -34,6 +35,7 @@ __all__ = ["Mount", "Part", "PlanarModel", "model", "plane_space"]
 T = TypeVar("T", bound=type)
 
 
+@checked_arguments
 def model(name: str) -> Callable[[T], T]:
     """Register a robot under a name: a frozen dataclass, whose fields are its parameters."""
 
@@ -48,11 +50,12 @@ def model(name: str) -> Callable[[T], T]:
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         update_abstractmethods(cls)
         models.add(name, cls)
-        return cls
+        return checked_arguments(cls)
 
     return declare
 
 
+@checked_arguments
 def plane_space(metres_a_radian: float) -> StateSpace:
     """Where a base is and how it is turned; a radian is as far apart as some metres."""
     bounds = (FARTHEST, FARTHEST, math.pi)
@@ -74,6 +77,7 @@ class Stations(NamedTuple):
     motions: Mapping[str, tuple[IntArray, IntArray]]
 
 
+@checked_arguments
 class PlanarModel(Model):
     """A robot that stands upright on a floor: what follows from its parts and its laws.
 

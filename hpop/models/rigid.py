@@ -8,12 +8,14 @@ from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.math import hypot, norm, smooth_abs
 from hpop.motions import Body, Curve, Law, Motions, States, is_curve
 from hpop.motions.states import Vector
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Mount:
     """Where a body is on the base: ahead and to the left of the axis, and above the floor, m.

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from hpop import limits
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import is_symbolic
 from hpop.motions.bodies import Body, standing
@@ -20,10 +21,12 @@ from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
 from hpop.motions.panels import INTEGRATED, Nodes, before_kinks, elapsed_before, panel_counts, quadrature_nodes, runs
 from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
 from hpop.motions.states import States, picked_states
+from hpop.options import whole
 
 if TYPE_CHECKING:
     from hpop.world import World
 
+MOST_PIECES = 100_000  # of each phase
 SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
 ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
 DIGITS = 9  # of the numbers by which such ends are found
@@ -37,6 +40,7 @@ class _Probe(NamedTuple):
     value: Column | None
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Motions:
     """A batch of M motions under one law.
@@ -174,6 +178,7 @@ class Motions:
 
     def moments(self, pieces: int) -> list[Instants]:
         """Moments (M,) within each motion that cut each of its phases into so many equal times; without its ends."""
+        pieces = whole("pieces", pieces, 1, MOST_PIECES)
         shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
         return [self._instants(phase, share, None) for phase, share in shares[1:]]
 
@@ -382,6 +387,7 @@ class Motions:
         return f"<Motions: {len(self):,} of {self.kind}, {type(self.model).__name__} in {self.world!r}>"
 
 
+@checked_arguments
 def lacking(requires: Collection[str], model: Model, world: World) -> list[str]:
     """What a criterion requires and neither the model nor the world has, sorted."""
     return sorted(set(requires) - model.provides - world.contents)

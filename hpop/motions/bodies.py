@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.math import norm
 from hpop.motions.laws import is_curve
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from hpop.motions.batch import Motions
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
     """A moving body as a criterion sees it over a batch of motions.
@@ -50,6 +52,7 @@ def standing(name: str, motions: Motions) -> Body:
     return Body(start, end, nothing, nothing, nothing, (nothing,), stays=True, steady=True, upright=True)
 
 
+@checked_arguments
 def integrated(name: str, motions: Motions) -> Body:
     """What a body does by the model's twists, integrated along each motion: right for any model, exact for few.
 

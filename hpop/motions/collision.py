@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions.states import States
 
@@ -27,6 +28,7 @@ class Collision(Protocol):
         """What blocks one state (1,) and what helps, in words without the last full stop; empty when it is free."""
 
 
+@checked_arguments
 def free_along(collision: Collision, motions: Motions) -> BoolArray:
     """Whether the robot is free all along each motion (M,); one that holds is where it is free."""
     return collision.states_free(motions.start) if motions.stands else collision.motions_free(motions)

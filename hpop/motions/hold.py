@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.motions.laws import Law, Model, Phase
 from hpop.motions.states import States
@@ -13,6 +14,7 @@ CLOCK = "clock"  # s, from any zero: the state whose differences are the duratio
 LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another unit, and would be sampled without end
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Hold:
     """Standing still: nothing changes but the clock, whose difference is the duration.
@@ -39,11 +41,13 @@ class Hold:
 HOLD = Hold()
 
 
+@checked_arguments
 def laws_of(model: Model) -> Mapping[str, Law]:
     """Motion laws by kind: the model's own, and those of the house."""
     return {**model.laws, HOLD.kind: HOLD}
 
 
+@checked_arguments
 def stands(law: Law) -> bool:
     """Whether nothing of a robot moves under a law."""
     return law.varies <= {CLOCK}

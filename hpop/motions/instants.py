@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.errors import UnsupportedCriterion
 from hpop.math import norm
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from hpop.motions.laws import Model
 
 
+@checked_arguments
 class Instants:
     """Moments within motions: what a rate is a function of.
 

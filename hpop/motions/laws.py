@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard, runtime_
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.motions.collision import Collision
 from hpop.motions.space import StateSpace
@@ -121,11 +122,13 @@ class Curve(Coupled, Protocol):
         """Signed rotation (M,), rad, before and after the yaw rate changes its sign, which it does once at most."""
 
 
+@checked_arguments
 def is_curve(law: Law) -> TypeGuard[Curve]:
     """Whether a law is one of curves."""
     return _is(law, Curve)
 
 
+@checked_arguments
 def is_coupled(law: Law) -> TypeGuard[Coupled]:
     """Whether the states of a law depend on each other."""
     return _is(law, Coupled)
@@ -142,6 +145,7 @@ def _is(law: Law, protocol: type) -> bool:
 _FOUND: dict[tuple[type, type], bool] = {}
 
 
+@checked_arguments
 def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
     """First and second derivative of a state by the share of the motion done."""
     if is_coupled(law):
@@ -149,6 +153,7 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
     return getattr(end, name) - getattr(start, name), 0.0
 
 
+@checked_arguments
 def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
     """States ``end`` (M,) as a law leads there: what comes round the shorter way, half a turn counter-clockwise.
 

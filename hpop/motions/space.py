@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.errors import ModelError, QueryError, did_you_mean
 from hpop.math import not_radians, wrap
@@ -27,6 +28,7 @@ StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
 KINDS = {"m": "a position in m", "rad": "an angle in rad"}
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class StateSpace:
     """The states of a model: columns in order.

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 
 
+@checked_arguments
 class States:
     """States of a system as named columns: ``states.x``, ``states.yaw``, each of shape (M,).
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 T = TypeVar("T", bound=type)
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Candidates:
     """What a planner found.
@@ -189,6 +191,7 @@ def _takes_executor(plan: Callable[..., Any]) -> bool:
     return "executor" in inspect.signature(plan).parameters
 
 
+@checked_arguments
 def planner(name: str) -> Callable[[T], T]:
     """Register a planner class: a frozen dataclass with a method ``solve(problem, progress)``."""
 
@@ -197,11 +200,12 @@ def planner(name: str) -> Callable[[T], T]:
             raise OptionError(f"planner {name!r} must be a dataclass with a method solve(problem, progress)")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         planners.add(name, cls)
-        return cls
+        return checked_arguments(cls)
 
     return declare
 
 
+@checked_arguments
 def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) -> Planner:
     """A planner from its name and options, from ``{name: {option: value}}`` as in a scenario, or itself.
 

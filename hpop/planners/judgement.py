@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.goals import GoalSet
@@ -56,6 +57,7 @@ class Judgement:
         return (f"{planner}: {len(self.reasons) - self.kept.size} of {len(self.reasons)} candidates dropped: {why}",)
 
 
+@checked_arguments
 def judge(
     problem: Problem,
     objectives: Sequence[Criterion],

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.frontier.choosing import least
 from hpop.preference.draws import Draws
@@ -17,6 +18,7 @@ BLOCK = 4_000_000
 """Costs of points by draws that are held at once."""
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Best:
     """The best point for a person.

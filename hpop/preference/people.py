@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import MOST, real
@@ -47,6 +48,7 @@ class Association(NamedTuple):
     people: int
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class People:
     """Preferences of several people about one question, and their profiles.

@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.frontier import Front
@@ -36,6 +37,7 @@ JUDGING = 2_000
 PREFER, COMFORT = "prefer", "comfort"
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Preference:
     """Weights of a front's costs for one person and one question, as a posterior; :meth:`fit` makes one.

@@ -8,6 +8,7 @@ from math import log
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import real
@@ -28,6 +29,7 @@ LEAST_LOG = -600.0
 """Of a share beside the greatest: its logarithm is taken again."""
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Prior:
     """Shares of a Dirichlet distribution, sharpness and ties of logarithmic normal ones, all independent.

@@ -17,6 +17,7 @@ from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
 
+from hpop.arguments import checked_arguments
 from hpop.errors import OptionError
 from hpop.following import log
 from hpop.lazy import library
@@ -50,6 +51,7 @@ class Pace:
         self.count += 1
 
 
+@checked_arguments
 class Bridge:
     """Serves a :class:`PathServer` over a bridge's websocket until it is stopped.
 

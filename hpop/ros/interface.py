@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, fields
 
+from hpop.arguments import checked_arguments
 from hpop.errors import OptionError
 from hpop.options import one_of
 from hpop.text import shown
@@ -27,6 +28,7 @@ FIELDS = {
 """Of the result of nav2_msgs/action/ComputePathToPose by distribution: a bridge drops a result with others."""
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Interface:
     """How the planner appears in ROS.

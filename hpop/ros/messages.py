@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from hpop.arguments import checked_arguments
 from hpop.errors import RosError
 from hpop.options import FARTHEST
 from hpop.scalars import is_number, is_whole
@@ -66,6 +67,7 @@ def transform(time: int, frame: str, child: str, place: Sequence[float], turned:
     return {"header": header(time, frame), "child_frame_id": child, "transform": moved}
 
 
+@checked_arguments
 def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Message:
     """A geometry_msgs/PoseStamped of a pose on the floor, without a stamp: m, rad.
 
@@ -75,6 +77,7 @@ def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Me
     return pose_stamped(0, frame_id, (x, y, 0.0), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)))
 
 
+@checked_arguments
 def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
     """A pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
 

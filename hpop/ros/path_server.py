@@ -11,6 +11,7 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import Any
 
+from hpop.arguments import checked_arguments
 from hpop.errors import RosError
 from hpop.following import log
 from hpop.ros import protocol
@@ -44,6 +45,7 @@ class _Goal:
     open: bool = True
 
 
+@checked_arguments
 class PathServer:
     """Answers the messages of a bridge; ``connected``, ``received`` and ``disconnected`` are called by one thread.
 

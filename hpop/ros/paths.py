@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import ModelError, OptionError, RosError
 from hpop.math import wrap
@@ -21,6 +22,7 @@ from hpop.trajectory import STRAIGHT, Trajectory
 MOST_POSES = 20_000  # of a path, one every 5 cm: 1 km, below the 10 MB that a bridge takes (its max_message_size)
 
 
+@checked_arguments
 def path_message(
     trajectory: Trajectory, *, frame_id: str = "map", planned: bool = False, timed: bool = False
 ) -> Message:
@@ -55,6 +57,7 @@ def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
     return {"header": header(0, frame_id), "poses": [pose_stamped(time, frame_id, *row) for time, *row in rows]}
 
 
+@checked_arguments
 def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
     """Turns and moves of a model through the poses of a nav_msgs/Path, as a planner would have planned them.
 

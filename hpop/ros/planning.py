@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
+from hpop.arguments import checked_arguments
 from hpop.errors import HpopError, LimitError, OptionError, QueryError, RosError, UnknownName
 from hpop.front import Front
 from hpop.frontier.union import JOINT
@@ -31,6 +32,7 @@ OF = ("x", "y", "yaw")
 CODES = {Status.NO_PATH: ErrorCode.NO_VALID_PATH, Status.TIME_LIMIT: ErrorCode.TIMEOUT}
 
 
+@checked_arguments
 class Planning:
     """Answers goals: the question of a problem, asked from elsewhere to elsewhere.
 

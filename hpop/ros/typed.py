@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.errors import RosError
 from hpop.ros.messages import Message
 from hpop.scalars import python_value
@@ -16,6 +17,7 @@ from hpop.text import shown
 KINDS = {"string": str, "bool": bool}  # of values, others are numbers
 
 
+@checked_arguments
 def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
     """An instance of a type, such as "nav_msgs/msg/Path", of a rosbags type store, which serialises it.
 
@@ -37,6 +39,7 @@ def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
     )
 
 
+@checked_arguments
 def plain(message: Any) -> Message:
     """A message that rosbags made as dictionaries and lists, as the bridge sends it.
 

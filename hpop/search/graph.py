@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Self, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, IntArray
 from hpop.errors import GraphError, did_you_mean
 from hpop.options import whole
@@ -25,6 +26,7 @@ MAX_SUM = 2**59  # a path cost, a bound of the rest and two arcs more fit a key 
 AGGREGATES = ("sum", "max")
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Graph:
     """A directed graph with k non-negative integer costs on every arc.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import IntArray
 from hpop.errors import OptionError
 from hpop.search.demands import asked_in_words, bounds_of, precision_of
@@ -29,6 +30,7 @@ METHODS = ("auto", "staircase", "general")
 MOST_COMPARED = 500_000  # costs of open labels: what is missing is proven of them in a tenth of a second
 
 
+@checked_arguments
 def pareto_paths(
     graph: Graph | nx.Graph[Any],
     source: Hashable,

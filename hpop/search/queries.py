@@ -8,6 +8,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, QueryError
 from hpop.frontier import Front
@@ -52,6 +53,7 @@ class SearchStats:
     rounds: int = 1
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class ParetoPaths:
     """A front and its paths.

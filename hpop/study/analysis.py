@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import one_of
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 METHODS: tuple[Method, ...] = ("default", "paper")
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Analysis:
     """Tables of a study; :func:`analyse` makes it.
@@ -93,6 +95,7 @@ class Analysis:
         return save(self, folder)
 
 
+@checked_arguments
 def analyse(
     design: Design,
     answers: Answers,

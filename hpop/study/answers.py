@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import StudyError
 from hpop.options import one_of
@@ -76,6 +77,7 @@ class Matrix(NamedTuple):
     places: IntArray
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Answers:
     """All sessions of a study; :meth:`load` reads them."""

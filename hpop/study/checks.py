@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.study.answers import Answers, read_sessions
 from hpop.study.design import Design
@@ -23,6 +24,7 @@ class Checked(NamedTuple):
     notes: tuple[str, ...]
 
 
+@checked_arguments
 def check(folder: str | os.PathLike[str]) -> Checked:
     """Look at the front, stimuli, pages and answers of a study; StudyError where there is no design to go by."""
     target = Path(folder)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.front import Front
 from hpop.frontier.strict_json import pieces
@@ -49,6 +50,7 @@ PAIRS = "preference"
 """The form that compares two stimuli."""
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Design:
     """A study, fixed before it begins: :meth:`of` makes one, :meth:`load` reads one.

@@ -10,6 +10,7 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
+from hpop.arguments import checked_arguments
 from hpop.errors import HpopError, StudyError
 from hpop.front import Front
 from hpop.problem import Problem
@@ -35,6 +36,7 @@ PRIVATE = 0o700
 """A study's folder is its owner's alone: it holds what people answer about how they feel."""
 
 
+@checked_arguments
 def prepare(
     design: Design,
     front: Front,

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError, model_validator
 
+from hpop.arguments import checked_arguments
 from hpop.errors import HpopError, StudyError, did_you_mean
 from hpop.scalars import is_number, python_value
 from hpop.scenario.faults import Faults
@@ -148,6 +149,7 @@ class Score(_Part):
         return self
 
 
+@checked_arguments
 class Form(_Part):
     """A questionnaire.
 

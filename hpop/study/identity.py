@@ -7,9 +7,11 @@ from hashlib import sha256
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.front import Front
 
 
+@checked_arguments
 def front_digest(front: Front) -> str:
     """SHA-256 of a front: its criteria, costs and trajectories, and the problem without the places of its files.
 

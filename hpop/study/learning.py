@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, trajectory_costs
 from hpop.criteria.learnt import LEAST_WEIGHT, Learnt, Source, checked_parts, document
@@ -67,6 +68,7 @@ class Fitted:
         return f"{' + '.join(f'{weight:.4g} {name}' for name, weight in self.weights.items())}, {self.source}"
 
 
+@checked_arguments
 def fit_criterion(
     ratings: Sequence[float],
     trajectories: Sequence[Trajectory] | Sequence[int],

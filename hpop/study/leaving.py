@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.frontier.atomic import sweep
 from hpop.study import report_file
@@ -41,6 +42,7 @@ class Withdrawal(NamedTuple):
     notes: tuple[str, ...]
 
 
+@checked_arguments
 def replace(folder: str | os.PathLike[str], participant: str) -> str:
     """Who takes the place of a participant who dropped out: the next id, with the same order, and a page of its own.
 
@@ -52,6 +54,7 @@ def replace(folder: str | os.PathLike[str], participant: str) -> str:
         return _followed(Design.load(target).after(participant, withdrawn=False), target, participant)
 
 
+@checked_arguments
 def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
     """Delete all that is known of a participant; tables and reports are made again; the next id takes the place.
 

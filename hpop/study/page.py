@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
 from hpop.regular_file import read_regular
@@ -82,6 +83,7 @@ def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
     )
 
 
+@checked_arguments
 def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = False, rides: Rides | None = None) -> str:
     """The text of a participant's page.
 

@@ -11,6 +11,7 @@ from itertools import product
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.text import counted, printable, shown
 
@@ -22,6 +23,7 @@ MOST_CELLS = 64
 WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,19}")
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Participant:
     """A place in the study, which one person takes.

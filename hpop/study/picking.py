@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import StudyError
 from hpop.front import Front
@@ -26,6 +27,7 @@ MOMENTS = 2001
 ROUNDING = 1e-9
 
 
+@checked_arguments
 def pick(
     front: Front,
     count: int,

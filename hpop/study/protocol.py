@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.options import real
 from hpop.text import HARMFUL
@@ -18,6 +19,7 @@ STOP_RULE = (
 )
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Protocol:
     """What is kept to between stimuli.

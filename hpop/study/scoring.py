@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from math import isnan, nan
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.scalars import python_value
 from hpop.study.forms import Form, Item, Score
@@ -22,6 +23,7 @@ Answers = Mapping[str, float | None]
 """Values by the id of the item; None, NaN or no entry where there is no answer."""
 
 
+@checked_arguments
 def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float]:
     """The scores of a form, by name, from answers by item; NaN where an answer lacks.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.options import MOST_SEED, real, whole
 from hpop.study.answers import Answers
@@ -30,6 +31,7 @@ UNDECIDED = 0.4
 """Difference of two stimuli below which people say "neither"."""
 
 
+@checked_arguments
 def simulate(
     design: Design,
     discomfort: Mapping[str, float],

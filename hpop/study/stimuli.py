@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
+from hpop.arguments import checked_arguments
 from hpop.errors import OutputError, StudyError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
@@ -56,6 +57,7 @@ class Shown(Protocol):
     def duration(self) -> float: ...
 
 
+@checked_arguments
 def save_stimuli(
     problem: Problem,
     front: Front,

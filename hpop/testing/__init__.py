@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from hpop import registry
+from hpop.arguments import checked_arguments
 from hpop.criteria.base import Criterion
 from hpop.motions import Model
 from hpop.randomness import RNG
@@ -33,6 +34,7 @@ __all__ = [
 ]
 
 
+@checked_arguments
 def kind_of(plugin: Any) -> registry.Registry[type]:
     """The registry of criteria, models or planners that something belongs to."""
     if isinstance(plugin, Criterion):
@@ -40,6 +42,7 @@ def kind_of(plugin: Any) -> registry.Registry[type]:
     return registry.models if isinstance(plugin, Model) else registry.planners
 
 
+@checked_arguments
 def conformance(plugin: Any, *, rng: RNG = 0) -> Iterator[Check]:
     """Check what a criterion, a model or a planner promises, one check after the other."""
     if isinstance(plugin, Criterion):

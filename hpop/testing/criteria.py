@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
@@ -48,6 +49,7 @@ GRADIENT_TOLERANCE = 1e-3
 FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on a grid that lies otherwise
 
 
+@checked_arguments
 def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
     """Raise CriterionError that lists every check a criterion fails, on worlds drawn with a seed."""
     if isinstance(criterion, type) or not isinstance(criterion, Criterion):

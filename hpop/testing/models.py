@@ -8,6 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
@@ -32,6 +33,7 @@ PASSED = 0.01  # m or rad: how far from a planned state the robot may pass it
 BODIES = ("base", "camera", "tool")
 
 
+@checked_arguments
 def check_model(model: Model, *, rng: RNG = 0) -> None:
     """Raise ModelError that lists every check a model fails, on worlds drawn with a seed."""
     if isinstance(model, type) or not isinstance(model, Model):

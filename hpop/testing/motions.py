@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.models.differential_drive.driven import ahead
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.hold import CLOCK
 from hpop.world import World
 
 
+@checked_arguments
 def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
     """Short moves, turns of up to half a turn either way across yaw = pi, holds, or curves; 0.5 m from what is blocked.
 

@@ -15,6 +15,7 @@ from typing import Any, Never, cast
 import numpy as np
 import shapely
 
+from hpop.arguments import checked_arguments
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.front import Front
@@ -48,6 +49,7 @@ DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mea
 WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "plane", "turn-move", "rigid", "spline"})
 
 
+@checked_arguments
 def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> None:
     """Raise OptionError that lists every check a planner fails, with some models or all that it accepts."""
     if isinstance(planner, type) or not callable(getattr(planner, "solve", None)):

@@ -8,12 +8,14 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hpop.arguments import checked_arguments
 from hpop.world import Ground, Obstacle, World, pose_at
 from hpop.world.content import Landmark, Person, Zone
 
 FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
 
 
+@checked_arguments
 def random_world(rng: np.random.Generator) -> World:
     """A room of 12 x 9 m with boxes of random places, sizes and heights, standing people, landmarks and zones."""
     corners = rng.uniform((0.5, 0.5), (10.0, 7.0), size=(8, 2))
@@ -34,6 +36,7 @@ def random_world(rng: np.random.Generator) -> World:
     )
 
 
+@checked_arguments
 def reframed(world: World) -> World:
     """A world of polygons and solids turned and shifted by ``FRAME``, content and all."""
 

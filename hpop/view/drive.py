@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, PathPatch
 
+from hpop.arguments import checked_arguments
 from hpop.criteria.others.robot import reach
 from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
@@ -32,6 +33,7 @@ WIDE = 3.4  # inches, a map
 DRIVEN, PLANNED, TAKEN = COLOURS[0], COLOURS[1], COLOURS[2]
 
 
+@checked_arguments
 @plain
 def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
     """Draw what happened on a drive: a map an event, the first twelve of them, and one of what was driven in the end.

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.criteria.others.robot import reach
 from hpop.errors import QueryError
@@ -40,6 +41,7 @@ WORDS = ("robot and person would touch", *(f"{zone} zone, to {limit:g} m" for zo
 ROBOT = COLOURS[2]
 
 
+@checked_arguments
 @plain
 def draw_encounters(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None

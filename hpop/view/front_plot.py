@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.front import Front
@@ -39,6 +40,7 @@ WIDE = 110  # characters a line in a legend below
 ROOM = 0.06  # share of an axis left free at both ends
 
 
+@checked_arguments
 @plain
 def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
     """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.

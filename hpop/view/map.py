@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.front import Front
 from hpop.goals import GoalSet
@@ -52,6 +53,7 @@ from hpop.view.style import (
 from hpop.view.targets import draw_targets, targets_of
 
 
+@checked_arguments
 @plain
 def draw_map(
     problem: Problem,

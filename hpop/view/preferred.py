@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hpop.arguments import checked_arguments
 from hpop.front import FOR_YOU, Front
 from hpop.preference import Preference
 from hpop.problem import Problem
@@ -17,6 +18,7 @@ LEVEL = 0.9
 WIDTH, HEIGHT = 13.0, 5.2
 
 
+@checked_arguments
 @plain
 def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: Axes | None = None) -> Figure:
     """Draw the share of each cost with its 90 % interval, and the map with the best trajectory and the knee.

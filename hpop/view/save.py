@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from hpop import limits
+from hpop.arguments import checked_arguments
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
@@ -46,6 +47,7 @@ OTHERS = {
 COMPRESSION = 4  # of 9: a third of the time of zlib's usual 6, for a tenth of the bytes
 
 
+@checked_arguments
 def save_pictures(
     problem: Problem,
     front: Front,
@@ -72,6 +74,7 @@ def save_pictures(
     OutputError
         If the folder cannot be made or written to; no picture is then half-written.
     """
+    target = Path(folder)
     chosen = None if preference is None else {name: p.index for name, p in front.named(preference).items()}
     with ThreadPoolExecutor(1) as beside:  # one picture is compressed while the next is drawn
         pictures = {}
@@ -93,7 +96,6 @@ def save_pictures(
                 add("side.png", draw_side(problem, front, chosen=chosen))
             if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front, chosen)]):
                 add("states.png", draw_states(front, chosen=chosen))
-    target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
         for name in OTHERS - pictures.keys():

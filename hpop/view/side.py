@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.front import Front
 from hpop.problem import Problem
@@ -40,6 +41,7 @@ STRETCHED = 1.05  # heights that are drawn larger by less need no word
 EARTH = "#8a7a5c"
 
 
+@checked_arguments
 @plain
 def draw_side(
     problem: Problem,

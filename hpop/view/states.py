@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.front import Front
 from hpop.motions import Model, States, StateSpace
@@ -62,6 +63,7 @@ def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
     return [name for name in names if name not in ("x", "y")] if set(names) - set(PLANE) else []
 
 
+@checked_arguments
 @plain
 def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
     """Draw the states along time as they are planned, one panel each, with dashed lines at their limits.

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray
 from hpop.math import norm
 from hpop.problem import Problem
@@ -39,6 +40,7 @@ TURN, HELD = "#e6e6e6", "#cfe3d4"
 DIGIT, GAP = 0.64 * SMALL, 11.0  # points: width of a digit at a tick, and what else is between a panel and its name
 
 
+@checked_arguments
 @plain
 def draw_trace(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion
 from hpop.problem import Problem
@@ -58,6 +59,7 @@ TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
 
+@checked_arguments
 @plain
 def draw_where(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None

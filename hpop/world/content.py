@@ -17,6 +17,7 @@ import shapely
 from shapely.geometry import LineString, MultiPolygon, Polygon, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, distinct
 from hpop.errors import MapError
 from hpop.options import LEAST
@@ -32,6 +33,7 @@ __all__ = ["Content", "Landmark", "Person", "Zone"]
 ZoneKind = Literal["speed", "keep-out", "one-way"]
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Landmark:
     """A point of interest: an exhibit, a face, a door.
@@ -57,6 +59,7 @@ class Landmark:
             raise MapError(f"{what} needs a weight above {LEAST:g}; got {self.weight!r}.")
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Zone:
     """An area with a rule.
@@ -99,6 +102,7 @@ class Zone:
             raise MapError(f"{what} has a path, which only a one-way zone has; leave it out.")
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Content:
     """All people, conversations, landmarks and zones of a world.

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray, IntArray
 from hpop.math import is_symbolic
 from hpop.symbols import lift
@@ -40,6 +41,7 @@ class Places(NamedTuple):
     shape: tuple[int, ...]
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Field:
     """Samples on a uniform grid, seen as a cubic B-spline.

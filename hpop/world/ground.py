@@ -11,6 +11,7 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arguments import checked_arguments
 from hpop.errors import MapError, OptionError
 from hpop.text import shown
 from hpop.world.bodies import solid_bodies
@@ -42,6 +43,7 @@ class Layer(NamedTuple):
     cells: bool
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Ground:
     """Obstacles, and where a robot must stay, in metres: a world without its content.

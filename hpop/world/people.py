@@ -14,6 +14,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray
 from hpop.errors import MapError
 from hpop.math import smooth_step
@@ -30,6 +31,7 @@ WIDEST = 2.0
 SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Future:
     """One of several things that a person may do.
@@ -74,6 +76,7 @@ class Future:
         return cls(weight, **{name: getattr(person, name) for name in names})
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Person:
     """A person: where, looking where, moving how. Without more, the prediction is a constant velocity, for ever.

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray, frozen
 from hpop.errors import MapError
 from hpop.options import FARTHEST, MOST, real
@@ -131,6 +132,7 @@ def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
     return a[0] < b[1] and b[0] < a[1]
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Obstacle:
     """An upright prism: a polygon between two heights.
@@ -189,6 +191,7 @@ def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
     return tuple(prisms)
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Raster:
     """Occupancy cells, each an upright square prism.

@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import MapError
 from hpop.math import not_radians
@@ -36,6 +37,7 @@ MOST_POINTS = 100_000
 """Points of which a hull is made: some tenths of a second."""
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Box:
     """A box round its origin, along its axes.
@@ -62,6 +64,7 @@ class Box:
         return reach
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Cylinder:
     """A cylinder round its origin; its axis is z.
@@ -89,6 +92,7 @@ class Cylinder:
         return reach
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Sphere:
     """A ball round its origin.
@@ -106,6 +110,7 @@ class Sphere:
         return np.full(len(directions), self.radius)
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Hull:
     """The convex hull of points, which has a volume; points that are not its corners are dropped.
@@ -171,6 +176,7 @@ class Hull:
 Shape = Box | Cylinder | Sphere | Hull
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Solid:
     """A shape with its place.
@@ -289,6 +295,7 @@ def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
     )
 
 
+@checked_arguments
 def pose_at(
     position: Sequence[float] = (0.0, 0.0, 0.0),
     *,

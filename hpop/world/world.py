@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column
 from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
@@ -38,6 +39,7 @@ T = TypeVar("T")
 W = TypeVar("W", bound="World")
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class World(FromFiles, Presented):
     """A ground and what is on it, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
@@ -158,8 +160,9 @@ class World(FromFiles, Presented):
 
     def read_from(self, source: Mapping[str, Any]) -> World:
         """Note, as a reader does, which files this world comes from; `dataclasses.replace` drops the note."""
+        path = source["path"]
         object.__setattr__(self, "source", source)
-        object.__setattr__(self.ground, "path", source["path"])
+        object.__setattr__(self.ground, "path", path)
         return self
 
     # Geometry in the plane

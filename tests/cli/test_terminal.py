@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -114,8 +115,21 @@ def test_pictures_show_dollars_and_leave_out_control_characters(front: Front, pi
 
 
 def test_umlauts_accents_and_other_scripts_are_printed_as_they_are() -> None:
-    text = "Käthe Øystein Zoë 東京 עברית 🤖 m² √2 ≤ – …"
+    text = (
+        "Käthe Øystein Zoë 東京 עברית 🤖 m² √2 ≤ – … \u0646\u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645 👩\u200d🚀"
+    )
     assert printable(text) == text
+
+
+def test_what_nobody_sees_is_printed_as_its_escape() -> None:
+    """Every format character of Unicode that has no shape of its own: two names that look alike are told apart."""
+    prefixes = {*range(0x600, 0x606), 0x6DD, 0x70F, 0x890, 0x891, 0x8E2, 0x110BD, 0x110CD}  # seen, before numbers
+    unseen = [chr(code) for code in range(0x30000) if unicodedata.category(chr(code)) == "Cf" and code not in prefixes]
+    unseen = [one for one in unseen if not unicodedata.name(one, "").startswith("EGYPTIAN")]
+    assert {"\u200b", "\u200d", "\u2060", "\ufeff", "\u00ad"} <= set(unseen)
+    for one in (*unseen, "\u3164", "\U000e0041"):
+        assert printable(f"le{one}ngth") == f"le{ascii(one)[1:-1]}ngth"
+        assert printable(one) == ascii(one)[1:-1]
 
 
 def test_half_a_surrogate_pair_can_be_printed() -> None:

@@ -9,10 +9,12 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.motions import States
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Part:
     """One convex prism in the frame of the base.

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.math import smooth_abs
 from hpop.motions import Model, Phase, States
@@ -139,6 +140,7 @@ def ahead(start: States, acceleration: Column, turn_acceleration: Column, durati
     return States(x=x, y=y, **columns)
 
 
+@checked_arguments
 def driven(
     model: Model, pose: Sequence[float], controls: Sequence[tuple[float, float, float]], *, speed: float = 0.0
 ) -> Trajectory:

@@ -168,7 +168,7 @@ class DifferentialDrive(PlanarModel):
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
-        return faults(self, trajectory)
+        yield from faults(self, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Motions (M,) that do not go ahead, and curves."""

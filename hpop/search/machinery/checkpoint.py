@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop import __version__
+from hpop.arguments import checked_arguments
 from hpop.errors import HpopWarning, OptionError, OutputError
 from hpop.frontier.atomic import check_replaceable, replacing
 from hpop.options import MOST, set_reals
@@ -59,6 +60,7 @@ class CheckpointError(OutputError):
     """A checkpoint cannot be read or written, or belongs to another search."""
 
 
+@checked_arguments
 @dataclass(frozen=True)
 class Checkpoint:
     """The file in which a search keeps its state; one run at a time may use it.

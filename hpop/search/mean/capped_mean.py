@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.options import whole
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 METHOD = "capped mean"
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class MeanPaths(ParetoPaths):
     """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
@@ -66,6 +68,7 @@ class MeanPaths(ParetoPaths):
         return Fraction(total, max(1, time))
 
 
+@checked_arguments
 def capped_mean_paths(
     graph: Graph,
     source: Hashable,

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, IntArray
 from hpop.options import MOST, real
 from hpop.search.graph import Graph
@@ -39,6 +40,7 @@ MANY = 100_000  # nodes: of fewer the exact search is mostly done before joint b
 SHARE = 0.2  # of the nodes: where a closing changes the bounds of more, making all anew is faster
 
 
+@checked_arguments
 class Prepared:
     """A graph ready to be searched from any node to the same targets, again and again.
 

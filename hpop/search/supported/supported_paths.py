@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.search.asked_arcs import AskedArcs, Free
@@ -31,6 +32,7 @@ CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some hundredt
 LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class SupportedPaths(ParetoPaths):
     """Supported points and their paths; see :class:`ParetoPaths`.
@@ -51,6 +53,7 @@ class SupportedPaths(ParetoPaths):
     notes: tuple[str, ...]
 
 
+@checked_arguments
 def supported_paths(
     graph: Graph,
     source: Hashable,

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, IntArray
 from hpop.errors import GraphError
 from hpop.options import whole
@@ -36,6 +37,7 @@ RATE = 2**RATE_BITS  # a rate of one count a tick
 LEFT_OUT: Any = None
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedGraph:
     """A graph whose arcs take time, and cost what depends on the tick at which they are left for.

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import IntArray
 from hpop.search.queries import SearchStats
 from hpop.search.timed.graph import TimedGraph
@@ -28,6 +29,7 @@ class Steps(NamedTuple):
     departures: IntArray
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedPaths:
     """A front and its paths.

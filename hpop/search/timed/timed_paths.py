@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import IntArray
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
@@ -33,6 +34,7 @@ SOON = 100_000  # labels: a search that does not end with them begins again with
 COARSE = (0.1, 0.02)  # how near their solutions are to all others
 
 
+@checked_arguments
 def timed_paths(
     graph: TimedGraph,
     source: Hashable,

@@ -15,6 +15,7 @@ import numpy as np
 from scipy import optimize, special, stats
 from scipy.sparse import coo_array, csgraph
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import StudyError
 
@@ -24,6 +25,7 @@ MOST_STEPS = 100
 """Of Newton's method, which takes ten or so."""
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False)
 class Strengths:
     """How strongly each stimulus is preferred.
@@ -54,6 +56,7 @@ class Strengths:
         return float(special.expit(self.strengths[first] - self.strengths[second]))
 
 
+@checked_arguments
 def bradley_terry(
     first: Sequence[int],
     second: Sequence[int],

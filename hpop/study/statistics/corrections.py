@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import one_of
@@ -14,6 +15,7 @@ Correction = Literal["holm", "bonferroni", "none"]
 CORRECTIONS: tuple[Correction, ...] = ("holm", "bonferroni", "none")
 
 
+@checked_arguments
 def adjusted(p: Any, correction: str = "holm") -> FloatArray:
     """Adjust p values (m,) for being m, in their order; a NaN stays one and counts for none.
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.study.statistics.related import checked
 
 
@@ -32,6 +33,7 @@ class Described:
     greatest: float
 
 
+@checked_arguments
 def describe(values: Any) -> Described:
     """Median and quartiles of scores (n,), NaN where one is missing.
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.study.statistics.related import checked
@@ -54,6 +55,7 @@ class Comparison:
     p: float
 
 
+@checked_arguments
 def kruskal(groups: Sequence[Any]) -> Independent:
     """Kruskal and Wallis' test of scores by group, NaN where there is none, with ties.
 
@@ -75,6 +77,7 @@ def kruskal(groups: Sequence[Any]) -> Independent:
     )
 
 
+@checked_arguments
 def dunn(groups: Sequence[Any]) -> list[Comparison]:
     """Dunn's comparisons of every two groups by their mean ranks among all, with ties.
 

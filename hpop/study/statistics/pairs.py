@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import one_of
@@ -54,6 +55,7 @@ class Pair:
     level: float
 
 
+@checked_arguments
 def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = True, level: float = 0.95) -> Pair:
     """Wilcoxon's signed-rank test of two scores (n,) of the same people; who gave one only, NaN, is left out.
 

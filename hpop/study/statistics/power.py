@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from scipy import stats
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import MOST_SEED, one_of, real, whole
@@ -72,6 +73,7 @@ class Power:
         )
 
 
+@checked_arguments
 def power(
     effect: float | Sequence[float] | None = None,
     *,

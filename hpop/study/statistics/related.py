@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import StudyError
 
@@ -37,6 +38,7 @@ class Related:
     left_out: int
 
 
+@checked_arguments
 def friedman(values: Any) -> Related:
     """Friedman's test with ties, and Kendall's W, of scores (n people, k stimuli), NaN where there is none.
 
@@ -60,6 +62,7 @@ def friedman(values: Any) -> Related:
     return Related(statistic, stimuli - 1, p, agreement, people, len(table) - people)
 
 
+@checked_arguments
 def cochran(values: Any) -> Related:
     """Cochran's Q of yes or no (n people, k stimuli) as 1 and 0: Friedman's test on them, to which it is equal.
 

@@ -10,6 +10,7 @@ from math import comb
 import numpy as np
 from scipy import special, stats
 
+from hpop.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.options import whole
 
@@ -48,6 +49,7 @@ class Multinomial:
     exact: bool
 
 
+@checked_arguments
 def share(count: int, total: int, level: float = 0.95) -> Share:
     """Return a share with the interval of Clopper and Pearson (1934, Biometrika 26, 404-413).
 
@@ -65,6 +67,7 @@ def share(count: int, total: int, level: float = 0.95) -> Share:
     return Share(count, total, count / total, float(interval.low), float(interval.high), float(test.pvalue))
 
 
+@checked_arguments
 def multinomial(counts: Sequence[int]) -> Multinomial:
     """Test whether all of k stimuli are chosen alike, by how many people chose each as the one.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from hpop.arguments import checked_arguments
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
@@ -14,6 +15,7 @@ from hpop.view.explorer.payload import SCRIPT, payload
 from hpop.view.single_page import page_file, single_page
 
 
+@checked_arguments
 def save_explorer(
     problem: Problem,
     front: Front,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.front import Front
 from hpop.lazy import library
 from hpop.problem import Problem
@@ -17,6 +18,7 @@ MODULE = "widget.js"
 HEIGHT = 900  # pixels
 
 
+@checked_arguments
 def widget(problem: Problem, front: Front, *, title: str | None = None, height: int = HEIGHT) -> Any:
     """A widget of the explorer, as the last value of a cell; needs the extra ``notebook``.
 

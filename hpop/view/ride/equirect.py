@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import OptionError, OutputError, QueryError
 from hpop.frontier.atomic import replacing
@@ -61,6 +62,7 @@ class CameraPose(NamedTuple):
         return math.atan2(self.axes[1, 0], self.axes[0, 0])
 
 
+@checked_arguments
 def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int = WIDTH) -> Picture:
     """What the viewer of a trajectory sees all round at a time, as an array (width/2, width, 3) of uint8, sRGB.
 
@@ -83,6 +85,7 @@ def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int
     return draw_at(panorama(problem, checked_width(width)), run, t)
 
 
+@checked_arguments
 def save_360(
     problem: Problem, trajectory: Trajectory, t: float, path: str | os.PathLike[str], *, width: int = WIDTH
 ) -> Path:

@@ -11,6 +11,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from hpop.arguments import checked_arguments
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, OutputError
 from hpop.front import Front
@@ -31,6 +32,7 @@ NAMES = "ABCDEFGH"
 """Of the trajectories of a page, in the order in which they are asked for."""
 
 
+@checked_arguments
 def save_ride(
     problem: Problem,
     front: Front,

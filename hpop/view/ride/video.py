@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop import __version__
+from hpop.arguments import checked_arguments
 from hpop.errors import OptionError, OutputError
 from hpop.following import followed
 from hpop.front import Front
@@ -146,6 +147,7 @@ class Clip:
         }
 
 
+@checked_arguments
 def save_video(
     problem: Problem,
     of: Front | Trajectory,
@@ -194,6 +196,7 @@ def save_video(
     return target
 
 
+@checked_arguments
 def save_frames(
     problem: Problem,
     of: Front | Trajectory,

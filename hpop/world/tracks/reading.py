@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.errors import MapError
 from hpop.options import one_of
 from hpop.scalars import python_value
@@ -23,6 +24,7 @@ MAX_BYTES = 200_000_000
 """Largest file of tracks that is read."""
 
 
+@checked_arguments
 def read_tracks(
     path: PathLike,
     frame_rate: float | None = None,

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray, frozen
 from hpop.errors import MapError
 from hpop.math import is_symbolic
@@ -22,6 +23,7 @@ MOST_POINTS = 100_000
 """Points of a track: more than an hour at 25 a second."""
 
 
+@checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Track:
     """Places at times, straight lines at constant speed between them.
