@@ -88,7 +88,8 @@ def named(spec: str) -> Criterion | Model | Planner:
 
 def _unregistered(spec: str, known: Iterable[str]) -> UnknownName:
     """The error for a name that nothing has that is imported so far, with how to check it."""
-    home = [file for package in ("criteria", "planners", "models") for file in HOME.glob(f"{package}/**/{spec}.py")]
+    packages = ("criteria", "planners", "models")
+    home = [file for package in packages for file in HOME.glob(f"{package}/**/*.py") if file.stem == spec]
     if os.path.isfile(f"{spec}.py"):
         way_out = f"{spec}.py is in this folder: hpop check {spec}.py:NAME, with the name of its class or its own"
     elif home and spec.isidentifier():
