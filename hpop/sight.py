@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import BoolArray
 from hpop.criteria.base import Criterion
@@ -78,7 +79,7 @@ def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
     """
     low, high = sorted((mark.z, camera[2]))
     if world.has_heights:
-        solid = [o.polygon for o in world.obstacles if o.z_min <= low and o.z_max >= high]
+        solid: list[BaseGeometry] = [o.polygon for o in world.obstacles if o.z_min <= low and o.z_max >= high]
         raster = world.raster
         if raster is not None and raster.z_min <= low and raster.z_max >= high:
             solid.append(raster.solid())

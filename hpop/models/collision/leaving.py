@@ -57,6 +57,10 @@ class Leaving:
             free[some] = self._leads_out(motions, some)
         return free
 
+    def why_blocked(self, state: States) -> str:
+        """What blocks one state, in words; empty when it is free."""
+        return str(self.body.why_blocked(state))
+
     def gap(self, states: States) -> FloatArray:
         """Distance (N,), m, of the middle of the body from the robot in states (N,); 0 within it."""
         nearest = np.full(states.size, np.inf)
