@@ -18,6 +18,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.math import wrap
 from hpop.planners.epsilon_constraint.nearby import Nearby
 from hpop.planners.polylines.polyline import Polyline
 
@@ -30,6 +31,7 @@ STEPS = 60
 GAIN = 2e-5  # of the cost that is minimised: a step that gains less is the last
 WORTH = 0.1  # share of what a step promises that it has to keep
 CORRECTIONS = 3  # programs that know what the step before met, before less is believed
+ROOM = (0.0, 1e-3, -1e-3, 4e-3, -4e-3)  # m, by which corners make room where one between them goes
 SPREAD = 1e-3  # weight of the bounded costs: no weakly efficient point is returned
 
 
@@ -146,10 +148,21 @@ class Descent:
         return polyline, costs
 
     def _tidied(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
-        """Without stops for turns that are none, if that costs no more: their times have no slope there."""
-        simpler = polyline.simplified(LEAST_TURN)
-        if len(simpler.vertices) < len(polyline.vertices):
-            judged = self.judge(simpler)
-            if judged is not None and self._merit(judged) <= self._merit(costs) + GAIN:
-                return simpler, judged
+        """Without a stop for a turn that is none, if that costs no more: its time has no slope there.
+
+        Where the way would then touch an obstacle, the corners beside it make room by some millimetres.
+        """
+        slight = np.flatnonzero(np.abs(wrap(np.diff(polyline.headings))) < LEAST_TURN)
+        for corner in slight[:1] + 1:
+            fewer = np.delete(polyline.vertices, corner, axis=0)
+            ahead = fewer[corner] - fewer[corner - 1]
+            across = np.array([-ahead[1], ahead[0]]) / max(float(np.hypot(*ahead)), LAST)
+            beside = [i for i in (corner - 1, corner) if 0 < i < len(fewer) - 1]
+            for room in ROOM:
+                moved = fewer.copy()
+                moved[beside] += room * across
+                simpler = Polyline(moved, polyline.start_yaw, polyline.goal_yaw)
+                judged = self.judge(simpler)
+                if judged is not None and self._merit(judged) <= self._merit(costs) + GAIN:
+                    return simpler, judged
         return polyline, costs
