@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.drive.script import Event, Happening, performed
 from hpop.errors import DriveError
-from hpop.world import Person
+from hpop.world import Future, Person
 from tests.drive.rooms import NORTH, SOUTH, planned, through
 
 
@@ -112,14 +112,15 @@ def test_what_cannot_be_done_is_said_in_words_and_the_drive_goes_on() -> None:
 
 
 def test_a_robot_that_waits_takes_what_is_open_once_there_is_a_way() -> None:
-    """Somebody walks at a robot that stands, and by: while she comes there is no way, and later there is."""
+    """Somebody may walk at a robot that stands, and by: while she may come there is no way, and later there is."""
     extent = shapely.box(0, -3, 12, 3)
     ada = Person(11.0, 2.0, velocity=(0.0, 0.1), until=1.0, name="Ada")
     world = hpop.World.from_polygons([], extent=extent).with_content(people=[ada])
     robot = hpop.DifferentialDrive(radius=0.25)
     problem = hpop.Problem(world, robot, (3.0, 0.0, 0.0), (10.0, 0.0, 0.0), ["duration", "turns"])
     drive = hpop.follow(problem, problem.solve("lattice", step=1.0), "least duration")
-    comes = Person(3.7, 0.0, velocity=(-1.0, 0.0), until=3.0)
+    ways = Future(1.0, velocity=(-1.0, 0.0)), Future(1.0, velocity=(-1.0, 0.05))
+    comes = Person(3.7, 0.0, futures=ways, until=3.0)  # of several futures nobody is taken to stop before the robot
     met, gone = performed(drive, [Event(0.2, "people", (comes,)), Event(6.0, "options")], deadline=0.5)
     assert met.taken is None
     assert not len(met.options)
