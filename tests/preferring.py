@@ -50,3 +50,9 @@ def asked(
             break
         person = person.told(*pair, answered(rng, *pair, rows, weights))
     return person
+
+
+def held(person: Preference, shares: FloatArray) -> list[bool]:
+    """Whether the interval of 90 % of each cost holds a person's share of it."""
+    ends = person.interval(0.9).values()
+    return [low - 1e-12 <= share <= high + 1e-12 for share, (low, high) in zip(shares, ends, strict=True)]

@@ -55,7 +55,12 @@ def row_of(rows: FloatArray, shares: FloatArray) -> int:
 
 
 def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
-    """The probability of each of the rows (n, f) to be the best, and its expected regret, by draws of equal weight."""
+    """Return the probability of each of the rows (n, f) to be the best, and its expected regret, by equal draws.
+
+    Of rows that cost a person the same who cares for some of the costs only, one counts: that of the least sum.
+    """
+    order = np.argsort(rows.sum(axis=1), kind="stable")
+    rows = rows[order]
     counts, regrets = np.zeros(len(rows)), np.zeros(len(rows))
     size = max(1, BLOCK // len(rows))
     for begin in range(0, len(draws), size):
@@ -66,11 +71,14 @@ def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
         np.divide(costs, span, out=costs, where=span > 0)
         regrets += costs.sum(axis=0)
         counts += np.bincount(costs.argmin(axis=1), minlength=len(rows))
-    return counts / len(draws), regrets / len(draws)
+    places = np.argsort(order)
+    return counts[places] / len(draws), regrets[places] / len(draws)
 
 
 def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
-    """The same of one row, in less than half the time."""
+    """Return the same of one row, in less than half the time."""
+    order = np.argsort(rows.sum(axis=1), kind="stable")
+    rows, row = rows[order], int(np.flatnonzero(order == row)[0])
     costs = draws.shares @ rows.T  # (draws, n)
     first = costs.argmin(axis=1)
     low = costs[np.arange(len(costs)), first]

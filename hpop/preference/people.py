@@ -20,7 +20,7 @@ from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import MOST, real
 from hpop.preference.preference import Preference
-from hpop.preference.prior import Prior, rescaled, stretched
+from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, rescaled, stretched
 from hpop.preference.scale import Measure
 from hpop.text import shown
 
@@ -103,7 +103,13 @@ class People:
         found = self._fitted(self._design(self._table))
         logs = np.clip(self._design(self._numbers(profile or {})[None]) @ found, *LOGS)[0]
         random = (sum(person.random for person in self.preferences) + 1.0) / (len(self) + 5.0)  # as Prior, at first
-        return Prior(tuple(np.exp(logs).tolist()), random=min(random, 0.9), about=self.measures)
+        selective = (sum(map(_selective, self.preferences)) + 5.0 * SELECTIVE) / (len(self) + 5.0)
+        return Prior(
+            tuple(np.exp(logs).tolist()),
+            random=min(random, 0.9),
+            selective=min(selective, 0.9),
+            about=self.measures,
+        )
 
     def associations(self) -> list[Association]:
         """How each number of the profile goes with the expected share of each cost, over those who said it."""
@@ -163,27 +169,31 @@ class People:
     def _fitted(self, design: FloatArray) -> FloatArray:
         """Logarithms of concentrations (1 + profile, f) that make the answers of all most probable."""
         from scipy.optimize import minimize
-        from scipy.special import gammaln, logsumexp
+        from scipy.special import logsumexp
 
         rng = np.random.default_rng(0)
-        logs, already = [], []
+        pooled_shares, already = [], []
         for person, factors in zip(self.preferences, self._factors(), strict=True):
             draws = person.draws.equal(DRAWS, rng)
             sharp = np.where(draws.sharpness > 0, draws.sharpness, 1.0)
             shares, common = rescaled(draws.shares, sharp, factors)
-            logs.append(np.log(shares))
+            pooled_shares.append(shares)
             of_shares, own = person.prior.log_densities(draws.shares, sharp, draws.ties)
             _, pooled = replace(person.prior, _stretch=()).log_densities(shares, common, draws.ties)
             already.append(of_shares + np.where(draws.sharpness > 0, own - pooled, 0.0))
-        log_shares, known = np.stack(logs), np.stack(already)  # (people, draws, f), (people, draws)
-        shape = (design.shape[1], log_shares.shape[2])
+        of_people, known = np.stack(pooled_shares), np.stack(already)  # (people, draws, f), (people, draws)
+        shape = (design.shape[1], of_people.shape[2])
         sizes = np.array([OF_COSTS] + [OF_PROFILE] * (shape[0] - 1))[:, None]
 
         def loss(flat: FloatArray) -> float:
             found = flat.reshape(shape)
             concentration = np.exp(np.clip(design @ found, *LOGS))  # (people, f)
-            ratio = np.einsum("pdf,pf->pd", log_shares, concentration) - known
-            constant = gammaln(concentration.sum(axis=1)) - gammaln(concentration).sum(axis=1)
-            return float((0.5 * (found / sizes) ** 2).sum() - (constant + logsumexp(ratio, axis=1)).sum())
+            ratio = log_dirichlet(of_people, concentration[:, None, :]) - known
+            return float((0.5 * (found / sizes) ** 2).sum() - logsumexp(ratio, axis=1).sum())
 
         return np.asarray(minimize(loss, np.zeros(shape).ravel(), method="L-BFGS-B").x.reshape(shape))
+
+
+def _selective(person: Preference) -> float:
+    """Return the probability that a person cares for some of the costs only."""
+    return float(person.draws.probability()[(person.draws.shares == 0).any(axis=1)].sum())

@@ -55,7 +55,8 @@ class Preference:
     points    the front that is asked about, None of one that was read from a file (see :meth:`on`)
 
     Guarantees: no weight is negative, so a dominated point is never best; the order in which two were shown, and a
-    change of units, change nothing. Of people as the prior has them, intervals hold as often as they say.
+    change of units, change nothing. Of people as the prior has them, those who care for some of the costs only among
+    them, intervals hold at least as often as they say.
 
     Cost: some 10 ms a question, 30 to 55 ms where draws are made anew, 2 ms for the best row, of some hundred points.
     """
@@ -148,7 +149,10 @@ class Preference:
         return dict(zip(self.scale.columns, self._shares.tolist(), strict=True))
 
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
-        """For each cost an interval that holds its share with a probability, as much left out below as above."""
+        """Return for each cost an interval that holds its share with a probability, as much left out below as above.
+
+        Its ends are 0 and 1 where it is probable enough that the person does not care for a cost, or for no other one.
+        """
         level = real("level", level, 0.01, 0.999, "a probability", error=StudyError)
         probability, found = self.draws.probability(), {}
         for j, name in enumerate(self.scale.columns):

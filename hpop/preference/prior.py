@@ -7,15 +7,17 @@ from dataclasses import dataclass, field, replace
 from math import log
 
 import numpy as np
+from scipy.special import gammaln
 
 from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import StudyError
 from hpop.options import real
 from hpop.preference.scale import LOG, Measure
 from hpop.scalars import set_python_values
 from hpop.text import shown
 
+SELECTIVE = 0.3
 SHARPNESS = 15.0
 """Median of the sharpness: over the whole range of its one cost a person errs once in 3 million times."""
 
@@ -37,12 +39,18 @@ class Prior:
     Some people answer just anything: their sharpness is 0. Without them the question that tells most is never one whose
     answer is known beforehand, so nothing would tell a person without a preference from a fastidious one.
 
+    Some people care for some of the costs only: the shares of the other costs are 0. Without them no interval would
+    hold 0 or 1, for a Dirichlet distribution has no probability there (George and McCulloch 1993, "Variable selection
+    via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). Of f costs each number from 1 to
+    f - 1 is alike probable, and so is each choice of so many; their shares are Dirichlet with these concentrations.
+
     concentration    of the shares, one for each cost; none: 1 for all, so that all shares are alike probable
     sharpness        median
     spread           standard deviation of the sharpness's logarithm
     random           share of people who answer just anything
     ties             median of Davidson's nu
     ties_spread      standard deviation of its logarithm
+    selective        share of people who care for some of the costs only
     about            what the shares are of, by name, unit and range, of the front that earlier people were asked about;
                      none: of any front that is asked about. On another front it is rescaled by units: see :meth:`on`
     """
@@ -53,6 +61,7 @@ class Prior:
     random: float = 0.2
     ties: float = 0.5
     ties_spread: float = 1.0
+    selective: float = SELECTIVE
     about: tuple[Measure, ...] = ()
     _stretch: tuple[float, ...] = field(default=(), repr=False)
 
@@ -61,7 +70,8 @@ class Prior:
         object.__setattr__(self, "concentration", tuple(map(float, self.concentration)))
         for name, most in (("sharpness", 1e3), ("spread", MOST_SPREAD), ("ties", 1e3), ("ties_spread", MOST_SPREAD)):
             real(f"{name} of the prior", getattr(self, name), 1e-3, most, "a positive number", error=StudyError)
-        real("random of the prior", self.random, 0, 0.9, "a share", error=StudyError)
+        for name in ("random", "selective"):
+            real(f"{name} of the prior", getattr(self, name), 0, 0.9, "a share", error=StudyError)
         for value in self.concentration:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)
 
@@ -103,32 +113,46 @@ class Prior:
         return np.array(self.concentration)
 
     def draw(self, f: int, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Shares (N, f), sharpness (N,) and ties (N,); the first ones are of people who answer just anything."""
+        """Draw shares (N, f), sharpness (N,) and ties (N,); the first ones are of people who answer just anything.
+
+        The share of a cost that a person does not care for is 0, that of any other is above 0.
+        """
         # By gamma variables in logarithms: no share is 0 that was merely small.
         shape = self.concentrations(f)
         logs = np.log(rng.standard_gamma(shape + 1.0, (count, f))) + np.log(rng.random((count, f))) / shape
-        logs -= logs.max(axis=1, keepdims=True)
-        shares = np.exp(np.maximum(logs, LEAST_LOG))
-        shares /= shares.sum(axis=1, keepdims=True)
+        shares = shares_of(logs, self._cared_for(f, count, rng))
         sharpness = np.exp(log(self.sharpness) + self.spread * rng.standard_normal(count))
         sharpness[: round(self.random * count)] = 0.0
         ties = np.exp(log(self.ties) + self.ties_spread * rng.standard_normal(count))
         return *rescaled(shares, sharpness, self._factors(f)), ties
 
+    def _cared_for(self, f: int, count: int, rng: np.random.Generator) -> BoolArray:
+        """Which costs each of so many people cares for (N, f)."""
+        cared_for = np.ones((count, f), dtype=bool)
+        if f > 1:
+            selective = rng.random(count) < self.selective
+            order = rng.random((count, f)).argsort(axis=1).argsort(axis=1)
+            cared_for[selective] = (order < rng.integers(1, f, size=(count, 1)))[selective]
+        return cared_for
+
     def log_density(self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray) -> FloatArray:
-        """Logarithm (N,) of the density, but for a constant: over logarithms of ratios of shares, sharpness, ties."""
+        """Return the logarithm (N,) of the density over logarithms of ratios of shares, sharpness and ties.
+
+        It leaves out a constant, and how probable it is to care for just these costs. Ratios are those of the costs
+        that a person cares for.
+        """
         of_shares, of_others = self.log_densities(shares, sharpness, ties)
         return np.asarray(of_shares + of_others)
 
     def log_densities(
         self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """The same of shares (N,), and of sharpness and ties (N,), apart.
+        """Return the same of shares (N,), and of sharpness and ties (N,), apart.
 
         Over ratios the Dirichlet density has one more of each share, which is its Jacobian. That of other ranges is 1.
         """
         shares, sharpness = rescaled(shares, sharpness, 1.0 / self._factors(shares.shape[1]))
-        of_shares = np.log(shares) @ self.concentrations(shares.shape[1])
+        of_shares = log_dirichlet(shares, self.concentrations(shares.shape[1]))
         of_sharpness = ((np.log(sharpness) - log(self.sharpness)) / self.spread) ** 2
         of_ties = ((np.log(ties) - log(self.ties)) / self.ties_spread) ** 2
         return np.asarray(of_shares), np.asarray(-0.5 * (of_sharpness + of_ties))
@@ -136,6 +160,26 @@ class Prior:
     def _factors(self, f: int) -> FloatArray:
         """By what a range of the front asked about is greater than that of which the shares are (f,)."""
         return np.array(self._stretch) if self._stretch else np.ones(f)
+
+
+def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
+    """Return shares (N, f) by their logarithms, each row but for a constant; 0 of what is not cared for."""
+    logs = np.where(cared_for, logs, -np.inf)
+    logs -= logs.max(axis=1, keepdims=True)
+    shares = np.where(cared_for, np.exp(np.maximum(logs, LEAST_LOG)), 0.0)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
+
+
+def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
+    """Return the logarithm (...) of the Dirichlet density of the shares (..., f) above 0, over logarithms of ratios.
+
+    concentrations  (..., f), of which those of shares of 0 do not count
+    """
+    cared_for = shares > 0
+    logs = np.log(np.where(cared_for, shares, 1.0))
+    each = np.where(cared_for, concentrations, 0.0)
+    constants = np.where(cared_for, gammaln(concentrations), 0.0).sum(axis=-1)
+    return np.asarray((each * logs).sum(axis=-1) + gammaln(each.sum(axis=-1)) - constants)
 
 
 def rescaled(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:

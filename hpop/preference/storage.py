@@ -43,7 +43,7 @@ _TOP: Kinds = {
 _CRITERION: Kinds = {"name": str, "unit": str, "ideal": (int, float), "range": (int, float)}
 _PRIOR: Kinds = {
     "concentration": list, "about": list,
-    **dict.fromkeys(("sharpness", "spread", "random", "ties", "ties_spread"), (int, float)),
+    **dict.fromkeys(("sharpness", "spread", "random", "ties", "ties_spread", "selective"), (int, float)),
 }  # fmt: skip
 _MEASURE: Kinds = {"name": str, "unit": str, "size": (int, float)}
 _ANSWER: Kinds = {"first": int, "second": int, "chosen": (int, type(None)), "costs": list, "weight": (int, float)}
@@ -173,15 +173,16 @@ def _scale(criteria: list[Any], features: dict[str, Any]) -> Scale:
 
 
 def _prior(given: dict[str, Any], scale: Scale) -> Prior:
-    concentration, about, *rest = parts({"about": [], **given}, "the prior", _PRIOR)
+    # Files of before had neither; everybody cared for all costs.
+    concentration, about, *rest = parts({"about": [], "selective": 0.0, **given}, "the prior", _PRIOR)
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
     if measures and len(measures) != len(values):
         raise ValueError(f"a prior of {len(values)} concentrations about {len(measures)} costs")
     sizes = _limited([size for *_, size in measures], "the ranges of the prior", len(measures), 0, MOST_COST).tolist()
     names = tuple(Measure(name, unit, size) for (name, unit, _), size in zip(measures, sizes, strict=True))
-    sharpness, spread, random, ties, ties_spread = map(float, rest)
-    prior = Prior(values, sharpness, spread, random, ties, ties_spread, names).on(scale.measures)
+    sharpness, spread, random, ties, ties_spread, selective = map(float, rest)
+    prior = Prior(values, sharpness, spread, random, ties, ties_spread, selective, names).on(scale.measures)
     prior.concentrations(len(scale.columns))
     return prior
 
@@ -207,7 +208,6 @@ def _draws(given: dict[str, Any], scale: Scale) -> tuple[FloatArray, FloatArray,
         raise ValueError("draws without any share")
     sharp = _limited(sharpness, "sharpness", size, 0, MOST_DRAWN)
     nu = _limited(ties, "ties", size, 1 / MOST_DRAWN, MOST_DRAWN)
-    table = np.maximum(table, 1e-250)
     return table / table.sum(axis=1, keepdims=True), sharp, nu
 
 

@@ -17,15 +17,19 @@ TRIANGLE: Front[int] = Front.of([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4]], names=["tu
 
 
 def integrated(gains: FloatArray, prior: Prior) -> tuple[float, float]:
-    """Expected share of the first of two costs, and the probability of random answers, on a fine grid."""
-    share = (np.arange(400) + 0.5) / 400
+    """Expected share of the first of two costs, and the probability of random answers, on a fine grid.
+
+    Its ends are those who care for one of the two, half of the selective people each.
+    """
+    share = np.concatenate([[0.0], (np.arange(400) + 0.5) / 400, [1.0]])
+    density = np.concatenate([[prior.selective / 2], np.full(400, (1 - prior.selective) / 400), [prior.selective / 2]])
     log_sharpness = np.linspace(-4, 4, 161) * prior.spread + np.log(prior.sharpness)
     weight = np.exp(-0.5 * ((log_sharpness - np.log(prior.sharpness)) / prior.spread) ** 2)
     weight /= weight.sum()
     worth = np.einsum("nf,fs->ns", gains, np.stack([share, 1 - share]))  # (n, shares)
     w = np.exp(log_sharpness)[:, None, None] * worth  # (sharpness, n, shares)
     answers = (0.01 + 0.98 / (1 + np.exp(-w))).prod(axis=1)  # (sharpness, shares)
-    marginal = (weight @ answers) / 400  # (shares,)
+    marginal = (weight @ answers) * density  # (shares,)
     sharp, chance = (1 - prior.random) * marginal.sum(), prior.random * 0.5 ** len(gains)
     mean = (marginal * share).sum() / marginal.sum()  # of those who have a preference
     return float(mean), float(chance / (sharp + chance))
@@ -73,8 +77,9 @@ def test_ranks_of_true_shares_are_uniform(n: int) -> None:
         for _ in range(5):
             a, b = rng.choice(len(rows), 2, replace=False).tolist()
             person = person.told(a, b, people.answered(rng, a, b, rows, sharpness * shares, nu if may_tie else None))
-        below = person.draws.probability() @ (person.draws.shares < shares)
-        ranks.append(below)
+        probability = person.draws.probability()
+        below, alike = probability @ (person.draws.shares < shares), probability @ (person.draws.shares == shares)
+        ranks.append(below + rng.random(3) * alike)  # a share of 0 or 1 has a rank anywhere among its like
     for column in np.array(ranks).T:
         assert chisquare(np.histogram(column, 10, (0, 1))[0]).pvalue > 0.001
 
@@ -82,15 +87,40 @@ def test_ranks_of_true_shares_are_uniform(n: int) -> None:
 @pytest.mark.proof
 @pytest.mark.parametrize("telling", [False, True])
 def test_intervals_hold_as_often_as_they_say(telling: bool) -> None:
+    """Of shares within; those of 0 and 1 are ends of intervals, which then hold with more than their level."""
     front, held = people.front(158), []
     for i in range(1_000):
-        shares, sharpness, _ = people.drawn(Prior(), 3, i)
-        start = Preference.fit(front, seed=i)
+        shares, sharpness, _ = people.drawn(Prior(selective=0.0), 3, i)
+        start = Preference.fit(front, seed=i, prior=Prior(selective=0.0))
         person = people.asked(start, 10, sharpness * shares, np.random.default_rng([i, 2]), telling=telling)
-        held.append(
-            [low <= share <= high for share, (low, high) in zip(shares, person.interval(0.9).values(), strict=True)]
-        )
+        held.append(people.held(person, shares))
     assert 0.88 <= np.mean(held) <= 0.92
+
+
+@pytest.mark.parametrize(
+    ("n", "least"), [(6, 0.69), pytest.param(100, 0.85, marks=pytest.mark.proof)]
+)  # of 18 shares and of 300: three standard errors below .9
+@pytest.mark.parametrize("cared_for", [1, 2, 3])
+def test_intervals_hold_for_people_who_care_for_one_cost_for_two_and_for_all(
+    cared_for: int, n: int, least: float
+) -> None:
+    front, held = people.front(158), []
+    for i in range(n):
+        rng = np.random.default_rng([i, 5])
+        shares = np.zeros(3)
+        shares[rng.choice(3, cared_for, replace=False)] = rng.dirichlet(np.ones(cared_for))
+        weights = 15.0 * np.exp(0.7 * rng.standard_normal()) * shares
+        person = people.asked(Preference.fit(front, seed=i, count=5_000), 12, weights, rng)
+        held.append(people.held(person, shares))
+    assert np.mean(held) >= least
+
+
+def test_an_interval_reaches_one_of_a_person_who_cares_for_one_cost() -> None:
+    front = people.front(158)
+    person = people.asked(Preference.fit(front), 12, np.array([0.0, 20.0, 0.0]), np.random.default_rng(1))
+    intervals = person.interval(0.9)
+    assert intervals["turns"][1] == 1.0
+    assert intervals["length"][0] == intervals["exposure"][0] == 0.0
 
 
 def test_the_order_of_a_pair_changes_nothing() -> None:
