@@ -60,7 +60,8 @@ def status(server: PageServer, method: str, path: str, **headers: str) -> tuple[
 def of_study(front: hpop.Front, folder: Path) -> tuple[PageServer, str]:
     design = study.Design.of(front, ["knee", "least turns"], participants=2, consent=CONSENT)
     study.prepare(design, front, folder)
-    return StudyServer(folder, token="the-secret"), "/the-secret/p01"
+    server = StudyServer(folder, token="the-secret")
+    return server, server.address_of("p01")
 
 
 def of_ride(front: hpop.Front, folder: Path) -> tuple[PageServer, str]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -131,20 +134,21 @@ def init(
     text = _consent(consent)
     path, planned = loaded(front)
     shown = _rows(planned, rows, count, by, share)
-    design = Design.of(
-        planned,
-        shown,
-        participants=participants,
-        consent=text,
-        order=order,
-        strata=strata,
-        forms=forms,
-        comparisons=comparisons,
-        kind="video" if video else "ride",
-        protocol=Protocol(rest_s=rest),
-        language=language,
-        seed=seed,
-    )
+    with _beside(partial(_check_words, language, words)):
+        design = Design.of(
+            planned,
+            shown,
+            participants=participants,
+            consent=text,
+            order=order,
+            strata=strata,
+            forms=forms,
+            comparisons=comparisons,
+            kind="video" if video else "ride",
+            protocol=Protocol(rest_s=rest),
+            language=language,
+            seed=seed,
+        )
     with following.progress_bar() as progress:
         progress(Progress("stimuli and pages"))
         folders.prepare(design, planned, folder, words=words, progress=progress)
@@ -235,15 +239,23 @@ def replace(folder: Path, participant: str) -> None:
 @study.command()
 @folder_argument
 @click.argument("participant")
+@click.option("--yes", is_flag=True, help="Do not ask whether it is meant.")
 @user_errors
-def withdraw(folder: Path, participant: str) -> None:
+def withdraw(folder: Path, participant: str, yes: bool) -> None:
     """Delete a PARTICIPANT, and make tables and reports again.
 
-    PARTICIPANT is the id of who withdraws, such as p07. All that is known of that person is deleted. The
-    next person takes the place, under another id.
+    PARTICIPANT is the id of who withdraws, such as p07. All that is known of that person is deleted, once it was
+    confirmed, or with --yes. The next person takes the place, under another id.
     """
     from hpop.study import withdraw as withdrawn
+    from hpop.study.leaving import known_of
 
+    files = known_of(folder, participant)
+    if not yes:
+        if not sys.stdin.isatty():
+            raise StudyError(f"nothing was deleted: give --yes to delete all that is known of {participant} for good")
+        echo(f"this deletes for good: {', '.join(files) or 'nothing, for nothing is left'}; tables are made again")
+        click.confirm(f"delete all that is known of {participant}?", abort=True)
     done = withdrawn(folder, participant)
     echo(f"{participant} withdrew; removed: {', '.join(done.removed) or 'nothing, for nothing was left'}")
     if done.remade:
@@ -251,6 +263,33 @@ def withdraw(folder: Path, participant: str) -> None:
     for note in done.notes:
         echo(f"note: {note}", err=True)
     echo(f"{done.successor} takes the place, in the same order")
+
+
+def _check_words(language: str, path: Path | None) -> None:
+    """StudyError where texts of the pages lack, in a file or, without one, in those that hpop brings."""
+    from hpop.study.words import checked_file
+    from hpop.study.words import words as shipped
+
+    if path is None:
+        shipped(language)
+    else:
+        checked_file(path)
+
+
+@contextmanager
+def _beside(check: Callable[[], None]) -> Iterator[None]:
+    """Make a check as well, so that a user is told at once what lacks in several files."""
+    said = []
+    try:
+        check()
+    except StudyError as error:
+        said.append(str(error))
+    try:
+        yield
+    except StudyError as error:
+        said.insert(0, str(error))
+    if said:
+        raise StudyError("; and ".join(said))
 
 
 def _rows(

@@ -27,6 +27,8 @@ FOLDER = "answers"
 MOST_FILES = 2000
 CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
 NOBODY = "no answers"
+SHORT = 1.0
+"""s that a video may have ended before its length: it is rounded, and pressed is soon after."""
 
 
 class Row(NamedTuple):
@@ -162,16 +164,23 @@ class Answers:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is not as it should be in answers that can be used: half sessions, missing items, jerky rides."""
+        """What is not as it should be in answers that can be used: half sessions, missing items, jerky rides.
+
+        A session that its participant stopped is as it should be: :attr:`noted` has it.
+        """
         said = []
         for session in self.sessions:
             name = session.person.id
-            if session.stopped:
-                said.append(f"{name} stopped the session: {_how_far(session)}")
-            elif not session.ended:
+            if not (session.stopped or session.ended):
                 said.append(f"{name} has half a session: {_how_far(session)}, and it has no end")
-            else:
+            elif session.ended:
                 said += [f"{name}: {lacking}" for lacking in session.lacking(self.design)]
+            said += [
+                f"{name} did not watch video {video.condition} to its end: it lasts {video.lasts:.1f} s, and "
+                f"{video.took:.1f} s after its beginning it was said to have ended"
+                for video in session.videos(self.design)
+                if not video.played and video.took < video.lasts - SHORT
+            ]
             if slow := ", ".join(f"{letter} ({part:.0%})" for letter, part in session.jerky):
                 said.append(f"{name} saw fewer than 60 pictures a second for a part of {slow}")
         return tuple(said)
@@ -189,6 +198,20 @@ class Answers:
         said = {"Complete sessions": f"{len(ended):,} of {counted(len(expected), 'session')} are complete"}
         if short := unequal([person.order for person in ended], self.design.orders):
             said["Orders of complete sessions"] = f"complete sessions by order are not equally many: {'; '.join(short)}"
+        if stopped := [f"{one.person.id}: {_how_far(one)}" for one in self.sessions if one.stopped]:
+            said["Stopped sessions"] = f"{counted(len(stopped), 'participant')} stopped, as anybody may: " + "; ".join(
+                stopped
+            )
+        unseen = [
+            f"{session.person.id} ({', '.join(letters)})"
+            for session in self.sessions
+            if (letters := [video.condition for video in session.videos(self.design) if not video.played])
+        ]
+        if unseen:
+            said["Videos"] = (
+                f"the page did not play these videos; that they were watched in another player is what participants "
+                f"say: {', '.join(unseen)}"
+            )
         worn = sum(session.device.get("headset") is True for session in self.sessions)
         if 0 < worn < len(self.sessions):
             said["Devices"] = (

@@ -197,12 +197,12 @@ class Design:
         names = [form.id for form in self.questionnaires]
         if not names or len(set(names)) < len(names):
             raise StudyError(f"a study asks one form or more, each once, got {', '.join(names) or 'none'}")
-        for form in self.questionnaires:
-            if self.language not in form.languages:
-                raise StudyError(
-                    f"form {form.id} is not written in {shown(self.language)}, but in {', '.join(form.languages)}; "
-                    "translate its file, and name that by its path"
-                )
+        if foreign := [form for form in self.questionnaires if self.language not in form.languages]:
+            said = ", ".join(f"{form.id} (but in {', '.join(form.languages)})" for form in foreign)
+            raise StudyError(
+                f"forms that are not written in {shown(self.language)}: {said}; translate the file of each, and name "
+                "that by its path"
+            )
         if self.comparisons and len(self.letters) > MOST_COMPARED:
             raise StudyError(
                 f"{len(self.letters)} stimuli have {len(self.letters) * (len(self.letters) - 1) // 2} pairs: expected "

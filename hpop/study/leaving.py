@@ -79,6 +79,18 @@ def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
     return Withdrawal(names, tuple(remade), successor, (*notes, *_naming(target, participant)))
 
 
+def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...]:
+    """Return the files that :func:`withdraw` would remove, as they are called in the study's folder.
+
+    Raises StudyError where there is no study, or never was a participant of this id.
+    """
+    target = Path(folder)
+    design = Design.load(target)
+    if participant not in design.withdrawn:
+        design.after(participant, withdrawn=True)
+    return tuple(str(path.relative_to(target)) for path in sorted(_files_of(target, participant)))
+
+
 def _followed(design: Design, folder: Path, participant: str) -> str:
     """Save who left, and write the page of the successor."""
     successor = next(one.successor for one in design.left if one.participant == participant)

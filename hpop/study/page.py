@@ -22,6 +22,7 @@ from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
 from hpop.regular_file import read_regular
 from hpop.study import stimuli
+from hpop.study.protocol import STOP_RULE
 from hpop.study.words import words
 from hpop.text import shown
 from hpop.view.single_page import single_page
@@ -97,11 +98,15 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
     Raises StudyError for stimuli and texts that are not there or not what they should be.
     """
     shown_rides = rides_of(public, folder) if rides is None else rides
+    texts = words(public["language"], folder)
+    if public["protocol"]["stop_rule"] == STOP_RULE:  # of no study's own, so it is said in the language of the pages
+        protocol = {**public["protocol"], "stop_rule": texts["stop_rule"]}
+        public = {**public, "protocol": protocol}
     payload = {
         "schema": SCHEMA,
         "version": VERSION,
         "form": public,
-        "words": words(public["language"], folder),
+        "words": texts,
         "bundle": shown_rides.bundle,
         "rides": shown_rides.texts,
         "plan": shown_rides.plan,

@@ -25,7 +25,7 @@ class Protocol:
     """What is kept to between stimuli.
 
     rest_s     s, rest after each stimulus, at least; longer, until the participant feels as before
-    stop_rule  what a participant is told about stopping
+    stop_rule  what a participant is told about stopping; this default is told in the language of the pages
     """
 
     rest_s: float = 180.0

@@ -6,6 +6,8 @@ checked by :mod:`hpop.page_server`.
 
 from __future__ import annotations
 
+import base64
+import hmac
 import html
 import json
 import os
@@ -37,6 +39,8 @@ MOST_BODY = 16_384
 MOST_VIDEO = 2**33
 """Bytes of a video."""
 TOKEN, TOKEN_BYTES, MOST_TOKEN = "token", 9, 100
+TOKEN_LETTERS = 12
+"""Of a participant's token."""
 KEYS = {"design", "tab", "device"}
 """Of what a page sends; with an event where there is one."""
 LONGEST_TAB = 64
@@ -51,11 +55,12 @@ PAGE = """<!doctype html>
 <style>
 :root {{ color-scheme: light dark }}
 body {{ font: 18px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 36em; padding: 0 1em }}
-a {{ display: inline-block; min-width: 4em; line-height: 2.5 }}
+a {{ display: inline-block; min-width: 4em; line-height: 2.5; color: #14507a }}
+@media (prefers-color-scheme: dark) {{ a {{ color: #8ec5ee }} }}
 </style>
 <title>hpop: {title}</title>
 </head>
-<body><h1>{title}</h1><p>{said}</p>{rest}</body>
+<body><main><h1>{title}</h1><p>{said}</p>{rest}</main></body>
 </html>
 """
 """A page with no script: the list of sessions, and what a browser is told that asks for what there is not."""
@@ -140,7 +145,7 @@ class Study:
         if participant not in {person.id for person in design.participants}:
             raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
         if participant in design.withdrawn:
-            raise Refused(HTTPStatus.GONE, f"{participant} withdrew from the study")
+            raise Refused(HTTPStatus.GONE, "this session is closed", "withdrawn")
         return design
 
 
@@ -152,7 +157,8 @@ class StudyServer(PageServer):
     port : 0 takes any that is free
     host : an address of this machine; another than 127.0.0.1 needs ``secured`` and ``token``
     names : further names by which it may be asked for
-    token : without which nothing is answered, the first part of each address
+    token : without which nothing is answered, the first part of the address of the list of sessions; of it and the id
+        follows the token of each participant, the first part of the address of that page
     secured : what encrypts the connections
     tell : called with what whoever runs the study should know: that answers cannot be written
 
@@ -197,21 +203,40 @@ class StudyServer(PageServer):
         """Where the sessions are, as it is typed into a browser; a participant's is this and the id."""
         return f"{self.root(name)}/{self.token}{'/' if self.token else ''}"
 
+    def token_of(self, participant: str) -> str:
+        """Return the token of a participant's address, "" where there are none: it tells nothing of any other one."""
+        if not self.token:
+            return ""
+        made = hmac.digest(self.token.encode(), participant.encode(), "sha256")
+        return base64.urlsafe_b64encode(made)[:TOKEN_LETTERS].decode()
+
+    def address_of(self, participant: str) -> str:
+        """Return the path of a participant's page."""
+        token = self.token_of(participant)
+        return f"/{token}/{participant}" if token else f"/{participant}"
+
 
 class _Handler(PageHandler):
     """One request."""
 
     server: StudyServer
+    _is_own: bool = True
+    """Whether it was asked by the token of who runs the study, or there is none."""
+    _owner: str | None = None
+    """The participant by whose token it was asked."""
 
     def answer(self) -> None:
         """A page or a stimulus."""
         with self._told():
             name = self._asked()
-            if name == "":
+            if name == "" and self._is_own:
                 self.page(self._list())
             elif name.startswith("stimuli/"):
                 self._file(self.server.study.stimulus(name))
+            elif self._is_own and self.server.token:
+                self._send_on(name)
             else:
+                self._check_owner(name)
                 self.page(self.server.study.page(name).encode(errors="backslashreplace"))
 
     def take(self) -> None:
@@ -220,6 +245,7 @@ class _Handler(PageHandler):
             folder, _, participant = self._asked().partition("/")
             if folder != FOLDER:
                 raise Refused(HTTPStatus.NOT_FOUND, "nothing is taken here")
+            self._check_owner(participant)
             self._reply(HTTPStatus.OK, self.server.study.taken(participant, self._body()))
 
     def _asked(self) -> str:
@@ -227,9 +253,23 @@ class _Handler(PageHandler):
         path = self.path.partition("?")[0].removeprefix("/")
         if self.server.token:
             given, _, path = path.partition("/")
-            if not secrets.compare_digest(given.encode("utf-8", "replace"), self.server.token.encode()):
+            self._is_own = _same(given, self.server.token)
+            people = [person.id for person in self.server.study.design.participants]
+            self._owner = next((one for one in people if _same(given, self.server.token_of(one))), None)
+            if not self._is_own and self._owner is None:
                 raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
         return path
+
+    def _check_owner(self, participant: str) -> None:
+        """Refused for the page of another participant than that of the token."""
+        if self.server.token and self._owner != participant:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+
+    def _send_on(self, participant: str) -> None:
+        """To the address of a participant's page, for who runs the study and asks for it by the id."""
+        if participant not in {person.id for person in self.server.study.design.participants}:
+            raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
+        self.page(b"", status=HTTPStatus.FOUND, Location=self.server.address_of(participant))
 
     def _body(self) -> Any:
         """What was posted; Refused where it is no JSON or too long."""
@@ -279,10 +319,9 @@ class _Handler(PageHandler):
     def _list(self) -> bytes:
         """Links to the sessions that are expected; nothing of how far they are."""
         names = [person.id for person in self.server.study.design.expected]
-        root = f"/{self.server.token}/" if self.server.token else "/"
-        links = " ".join(f'<a href="{root}{name}">{name}</a>' for name in map(html.escape, names))
+        links = " ".join(f'<a href="{self.server.address_of(name)}">{html.escape(name)}</a>' for name in names)
         said = "A page for each participant. schedule.csv says who is next."
-        return PAGE.format(title="Sessions", said=said, rest=f"<p>{links}</p>").encode()
+        return PAGE.format(title="Sessions", said=said, rest=f"<nav>{links}</nav>").encode()
 
     def _file(self, path: Path) -> None:
         """A stimulus, or the part of a video that is asked for."""
@@ -306,6 +345,10 @@ class _Handler(PageHandler):
             while begin < end and (piece := file.read(min(PIECE, end - begin))):
                 self.send(piece)
                 begin += len(piece)
+
+
+def _same(given: str, token: str) -> bool:
+    return secrets.compare_digest(given.encode("utf-8", "replace"), token.encode())
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:

@@ -32,6 +32,8 @@ MOST_REMARK = 2000
 MOST_KEYS = 20
 MOST_SLOW = 0.05
 """Share of a ride's time in which fewer than 60 pictures a second may be shown."""
+PLAYED = "played"
+"""Of a video: the page played all of it."""
 NONE = "none"
 """Neither of a pair."""
 WORD = re.compile(r"[a-z][a-z_]{0,39}")
@@ -95,7 +97,7 @@ class Slot(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """The last answer of a slot: its value, s since the event before it, s since the start."""
+    """The last answer of a slot: its value as it was given, s since the event before it, s since the start."""
 
     value: float
     seconds: float
@@ -111,6 +113,21 @@ class Comparison(NamedTuple):
     chosen: str | None
     seconds: float
     t: float
+
+
+class Video(NamedTuple):
+    """A video that was said to have ended, the last time that it was begun.
+
+    condition  its letter
+    played     whether the page played all of it
+    took       s, from its beginning to its end
+    lasts      s
+    """
+
+    condition: str
+    played: bool
+    took: float
+    lasts: float
 
 
 class Remark(NamedTuple):
@@ -175,7 +192,7 @@ class Session:
             slot = Slot(event.place or 0, event.form or "", event.item or "")
             found.pop(slot, None)
             if event.value is not None:
-                found[slot] = Answer(float(event.value), seconds, event.t)
+                found[slot] = Answer(event.value, seconds, event.t)
         return found
 
     @cached_property
@@ -224,6 +241,26 @@ class Session:
         told = {event.condition: event.value.get("slow", 0.0) for event in self.events if event.kind == "frames"}
         return [(letter, slow) for letter, slow in told.items() if letter and slow >= MOST_SLOW]
 
+    def videos(self, design: Design) -> list[Video]:
+        """Return the videos that were said to have ended."""
+        lasts = {one.id: one.duration for one in design.conditions if one.kind == "video"}
+        begun: dict[str, float] = {}
+        played: set[str] = set()
+        found: dict[str, Video] = {}
+        for event in self.events:
+            if event.kind != "stimulus" or event.condition is None or event.condition not in lasts:
+                continue
+            letter = event.condition
+            if event.value == "begin":
+                begun[letter] = event.t
+                played.discard(letter)
+            elif event.value == PLAYED:
+                played.add(letter)
+            elif event.value == "end":
+                took = event.t - begun.get(letter, event.t)
+                found[letter] = Video(letter, letter in played, took, lasts[letter])
+        return list(found.values())
+
     def _has(self, kind: str) -> bool:
         return any(event.kind == kind for event in self.events)
 
@@ -232,7 +269,7 @@ class Session:
         first = self.events[:1]
         for before, event in pairwise((*first, *self.events)):
             if event.kind == kind:
-                yield event, event.t - before.t
+                yield event, round(event.t - before.t, 6)
 
 
 def asked_at(design: Design, form: Form) -> list[int]:

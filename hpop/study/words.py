@@ -25,7 +25,7 @@ def words(language: str, study: Path | None = None) -> Words:
 
     A file must have the texts of hpop's ``en.json``, no fewer and no others, with the same ``{names}`` in them.
 
-    Raises StudyError for a language of which there is none, and for a file that lacks something.
+    Raises StudyError for a language of which there is none, and for a file that lacks something: all of it at once.
 
     >>> words("en")["stop"]
     'Stop'
@@ -72,12 +72,15 @@ def _read(data: bytes, file: str) -> Words:
 
 def _checked(texts: Words, english: Words, file: str) -> Words:
     lacking, others = sorted(english.keys() - texts.keys()), sorted(texts.keys() - english.keys())
-    if lacking or others:
-        said = f"lacks {', '.join(lacking)}" if lacking else f"has {shown(', '.join(others))}, which no page says"
-        raise StudyError(f"{file} {said}; write the texts of hpop's en.json, all of them")
-    for name, text in texts.items():
-        if _gaps(text) != _gaps(english[name]):
-            raise StudyError(f"{file}: {name} must hold the gaps of the English text, {english[name]!r}")
+    said = [f"lacks {', '.join(lacking)}"] if lacking else []
+    said += [f"has {shown(', '.join(others))}, which no page says"] if others else []
+    said += [
+        f"{name} must hold the gaps of the English text, {english[name]!r}"
+        for name, text in texts.items()
+        if name in english and _gaps(text) != _gaps(english[name])
+    ]
+    if said:
+        raise StudyError(f"{file} {'; '.join(said)}; write the texts of hpop's en.json, all of them")
     return texts
 
 

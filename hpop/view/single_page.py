@@ -78,7 +78,7 @@ def single_page(
 ) -> str:
     """The text of a page: the bundle called ``script`` with its payload.
 
-    connect   what the page may connect to, as a policy says it; nothing unless a server of ours serves the page
+    connect   what the page may connect to, and play, as a policy says it; nothing unless a server of ours serves it
     frames    scripts of pages that stand in this one, as a policy names them: a page of which the text is in this one
               is held to the policies of both
     language  of its texts, as HTML writes it
@@ -87,7 +87,7 @@ def single_page(
     scripts = " ".join(dict.fromkeys((_hash_of(LOADER.encode()), _hash_of(code), *frames)))
     policy = (
         f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; "
-        f"img-src data: blob:; connect-src {connect}; base-uri 'none'; form-action 'none'"
+        f"img-src data: blob:; connect-src {connect}; media-src {connect}; base-uri 'none'; form-action 'none'"
     )
     data = (
         json.dumps(payload, allow_nan=False, separators=(",", ":")).replace("</", "<\\/").replace("<!--", "<\\u0021--")

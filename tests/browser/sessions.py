@@ -61,11 +61,15 @@ def served(folder: Path, port: int = 0) -> Iterator[StudyServer]:
 
 
 def too_small(page: Page) -> list[str]:
-    """What is to be pressed on a page and is less than 44 pixels high or wide, or to be filled in and has no name."""
+    """What is to be pressed on a page and is less than 44 pixels high or wide, or to be filled in and has no name.
+
+    Numbers of a scale stand in one row: 24 pixels wide will do.
+    """
     found = page.evaluate(
         """() => [...document.querySelectorAll("button, a, summary, input:not([type=hidden]), textarea")]
           .map((e) => [e, (e.closest("label") ?? e).getBoundingClientRect()])
-          .filter(([e, box]) => box.width > 0 && (Math.min(box.width, box.height) < 44
+          .filter(([e, box]) => box.width > 0
+            && (Math.min(box.width + (e.closest(".numbered") ? 20 : 0), box.height) < 44
             || (e.matches("input, textarea") && !e.labels.length)))
           .map(([e]) => e.outerHTML)"""
     )

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import av
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
@@ -289,7 +291,7 @@ def check_arrows_look_around(someone: Participant) -> None:
 
 @pytest.mark.proof
 def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter, tmp_path: Path) -> None:
-    """Served, on a phone: begin, end, stop in the middle of the second."""
+    """Served, on a phone, seen in another player: begin, end, stop in the middle of the second."""
     design = small_study(tmp_path, "comfort", kind="video")
     first, second = design.participant("p01").order
     with served(tmp_path) as server:
@@ -297,10 +299,11 @@ def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter,
         someone.agree()
         assert someone.heading() == f"Video {first}"
         check_phone(someone)
-        link = someone.page.get_by_role("link", name="Open the video")
-        assert link.evaluate("a => a.href") == f"{server.address()}stimuli/{first}.mp4"
         someone.press("Start")
-        someone.press("The video has ended")
+        ended = someone.page.get_by_role("button", name="The video has ended")
+        expect(ended).to_be_disabled()  # it cannot have
+        someone.let_pass(design.condition(first).duration)
+        ended.click()
         someone.answer(RATED)
         someone.press("Continue")
         someone.rest()
@@ -314,6 +317,74 @@ def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter,
     told = [(event["condition"], event["value"]) for event in events(tmp_path) if event["kind"] == "stimulus"]
     assert told == [(first, "begin"), (first, "end"), (second, "begin"), (second, "broken")]
     assert [(row.condition, row.value) for row in study.Answers.load(tmp_path).table] == [(first, 7), (second, 2)]
+
+
+def filmed(path: Path, seconds: float) -> None:
+    """A video of a grey that becomes lighter."""
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
+        for i in range(round(10 * seconds)):
+            frame = av.VideoFrame.from_ndarray(np.full((32, 64, 3), 10 * i % 256, np.uint8), format="rgb24")
+            file.mux(stream.encode(frame))
+        file.mux(stream.encode(None))
+
+
+def test_a_video_counts_as_watched_once_all_of_it_was_played(enter: Enter, tmp_path: Path) -> None:
+    """Who jumps to its end has to see it again; that it was played is in the answers."""
+    design = small_study(tmp_path, "comfort", kind="video")
+    for condition in design.conditions:
+        filmed(tmp_path / condition.stimulus, 1.5)
+    first = design.participant("p01").order[0]
+    with served(tmp_path) as server:
+        someone = enter(f"{server.address()}p01")
+        someone.agree()
+        player = someone.page.locator("video")
+        player.evaluate("v => new Promise((is) => v.readyState > 0 ? is() : v.addEventListener('loadedmetadata', is))")
+        player.evaluate("v => { v.currentTime = v.duration - 0.3; }")
+        someone.press("Play the video here")
+        expect(someone.page.get_by_role("alert").filter(has_text="A part of the video was not shown")).to_be_visible()
+        assert someone.heading() == f"Video {first}"
+        someone.press("Play the video here")
+        expect(someone.page.locator("h1")).to_have_text("How comfortable was this ride?")
+        expect(someone.page.locator("header .saved")).to_have_text("Saved")
+    told = [event["value"] for event in events(tmp_path) if event["kind"] == "stimulus"]
+    assert told == ["begin", "broken", "begin", "played", "end"]
+    (session,) = study.Answers.load(tmp_path).sessions
+    assert [(video.condition, video.played) for video in session.videos(design)] == [(first, True)]
+
+
+def test_a_page_of_who_has_withdrawn_offers_nothing(enter: Enter, tmp_path: Path) -> None:
+    """An open page forgets what it holds as soon as it sends anything; opened again it is no page."""
+    small_study(tmp_path, "comfort", kind="video")
+    with served(tmp_path) as server:
+        someone = enter(f"{server.address()}p01")
+        someone.agree()
+        expect(someone.page.locator("header .saved")).to_have_text("Saved")
+        study.withdraw(tmp_path, "p01")
+        someone.press("Start")
+        expect(someone.page.locator(".banner")).to_contain_text("This session is closed.")
+        assert someone.page.get_by_role("button").all() == []
+        assert someone.page.locator("main").inner_text() == ""
+        someone.page.reload()  # without being asked whether what is unsaved may be lost
+        assert "this session is closed" in someone.page.locator("body").inner_text()
+    someone.complaints.clear()  # a refusal is one, for a browser
+    assert not (tmp_path / "answers" / "p01.json").exists()
+
+
+def test_eleven_numbers_stand_in_one_row_on_a_phone(enter: Enter, tmp_path: Path) -> None:
+    small_study(tmp_path, "comfort", kind="video")
+    with served(tmp_path) as server:
+        someone = enter(f"{server.address()}p01", size=(390, 844))
+        someone.agree()
+        someone.press("Start")
+        someone.let_pass(60)
+        someone.press("The video has ended")
+        boxes = [one.bounding_box() for one in someone.page.locator(".numbered .choices label").all()]
+        assert len(boxes) == 11
+        assert len({box["y"] for box in boxes if box}) == 1
+        assert all(box and box["height"] >= 44 and box["width"] >= 24 for box in boxes)  # WCAG 2.2, 2.5.8
+        assert someone.overflow() <= 0
 
 
 def check_phone(someone: Participant) -> None:

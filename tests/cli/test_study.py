@@ -66,7 +66,11 @@ def test_from_the_front_to_the_tables_and_without_whoever_withdrew(study: Study,
     assert "s/design.json says which letter is which row" in scored.output
     assert totals() == (12, 29.92)  # nausea 1 is in N and in D: 2 x 3.74, before and after each of three
 
-    gone = study("withdraw", "s", "p07")
+    unsure = study("withdraw", "s", "p07")  # nobody is there to be asked
+    assert unsure.exit_code == 17
+    assert "give --yes to delete all that is known of p07" in unsure.output
+    assert Path("s/answers/p07.json").exists()
+    gone = study("withdraw", "s", "p07", "--yes")
     assert gone.exit_code == 0, gone.output
     assert "removed: answers/p07.json, pages/p07.html" in gone.output
     assert "p13 takes the place" in gone.output
@@ -142,6 +146,12 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--rows", "knee,view,view"], 17, "the still view is named more than once"),
         (["--words", "nowhere.json"], 17, "give a translation of"),
         (["--words", "empty.txt"], 17, "empty.txt: expected texts as JSON"),
+        (
+            ["--language", "de", "--words", "stop.json"],
+            17,
+            "not written in 'de': ssq (but in en), comfort (but in en), preference (but in en); translate the file of "
+            "each, and name that by its path; and stop.json lacks agree, ",
+        ),
     ],
 )
 def test_a_mistake_is_one_message_and_leaves_nothing(
@@ -149,6 +159,7 @@ def test_a_mistake_is_one_message_and_leaves_nothing(
 ) -> None:
     for name, data in {"empty": b" \n", "latin1": b"caf\xe9", "steers": b"Yes \x1b[2J"}.items():
         Path(f"{name}.txt").write_bytes(data)
+    Path("stop.json").write_text('{"stop": "Halt"}')
     before = sorted(Path().iterdir())
     given = {"--front": planned, "--participants": 6, "--consent": "consent.txt"} | {
         options[i]: options[i + 1] for i in range(0, len(options), 2)

@@ -130,7 +130,7 @@ def test_who_left_is_followed_by_the_next_person_in_the_same_order(design: Desig
         ({"forms": "ssq"}, "forms are a list of ids"),
         ({"forms": ["ssq", "ssq"]}, "each once, got ssq, ssq"),
         ({"forms": [], "comparisons": False}, "asks one form or more"),
-        ({"language": "de"}, "not written in 'de'"),
+        ({"language": "de"}, "forms that are not written in 'de': "),
         ({"strata": {"sex": ("f", "m"), "age": ("a", "b")}}, "expected at least 8"),
         ({"kind": "film"}, "kind must be one of ride, video"),
         ({"seed": -1}, "seed must be"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from http.client import HTTPConnection
@@ -219,6 +220,27 @@ def test_pages_stimuli_and_the_list_are_given_with_what_protects_them(
     assert (part.status, part.body, part.headers["Content-Range"]) == (206, whole[5:10], f"bytes 5-9/{len(whole)}")
     for asked in ("bytes=9-5", "bytes=\u00b2-", "bytes=0-" + "9" * 5000):  # what is no part is all
         assert client.ask("GET", "/stimuli/A.html", Range=asked).body == whole
+
+
+def test_each_participant_has_a_token_that_opens_no_other_page(folder: Path, made: tuple[Path, study.Design]) -> None:
+    with StudyServer(folder, token="secret-of-the-study") as server:
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
+        thread.start()
+        client = Client(server, made[1])
+        listed = re.findall(r'href="(/[^"]+/p0[0-9])"', client.ask("GET", "/secret-of-the-study/").body.decode())
+        assert [path[-3:] for path in listed] == [person.id for person in made[1].participants]
+        first, second = (path.rpartition("/")[0] for path in listed[:2])
+        assert client.ask("GET", f"{first}/p01").status == 200
+        assert client.ask("GET", f"{first}/stimuli/A.html").status == 200
+        assert client.ask("GET", "/secret-of-the-study/p01").headers["Location"] == f"{first}/p01"
+        for path in (f"{first}/p02", f"{first}/", f"{second}/p01", "/p01", "/wrong/p01", "/wrong/"):
+            assert client.ask("GET", path).status == 404, path
+        sent = json.dumps({"design": client.design, "tab": "one", "device": {}}).encode()
+        for token, status in ((first, 200), (second, 404), ("/secret-of-the-study", 404)):
+            reply = client.ask("POST", f"{token}/answers/p01", sent, Content_Type="application/json")
+            assert reply.status == status
+        server.shutdown()
+        thread.join()
 
 
 def test_a_study_without_stimuli_or_with_a_port_in_use_is_said_at_once(folder: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import StudyError
-from hpop.study.page import rides_of
+from hpop.study.page import rides_of, session_page
 from hpop.study.words import words
 from hpop.world.content import Landmark, Person
 from tests.study.conftest import CONSENT
@@ -150,6 +150,10 @@ def test_words_of_another_language_are_a_file_of_the_study(tmp_path: Path) -> No
         file.write_text(json.dumps(wrong))
         with pytest.raises(StudyError, match=said):
             words("de", tmp_path)
+    few = {key: text for key, text in english.items() if key not in ("stop", "agree")}
+    file.write_text(json.dumps({**few, "hello": "?", "step": "Schritt"}))
+    with pytest.raises(StudyError, match="lacks agree, stop; has 'hello', which no page says; step must hold the gaps"):
+        words("de", tmp_path)
     with pytest.raises(StudyError, match="no texts in 'fr'"):
         words("fr", tmp_path)
     with pytest.raises(StudyError, match="a language is written"):
@@ -166,3 +170,16 @@ def test_the_stimulus_of_a_baseline_is_its_trajectory_which_must_be_given(front:
         study.save_stimuli(problem, front, shown, tmp_path)
     path = study.save_stimuli(problem, front, shown, tmp_path, baselines={letter: beside.trajectory})[letter]
     assert payload(path.read_text())["track"]["duration"] == pytest.approx(beside.trajectory.execution().duration)
+
+
+def test_the_stop_rule_is_said_in_the_language_of_the_page_unless_the_study_has_its_own(
+    design: study.Design, tmp_path: Path
+) -> None:
+    assert words("en")["stop_rule"] == study.Protocol().stop_rule
+    public = {**design.public("p01"), "language": "de", "places": []}
+    (tmp_path / "words").mkdir()
+    texts = {**words("en"), "stop_rule": "Sie dürfen jederzeit aufhören."}
+    (tmp_path / "words" / "de.json").write_text(json.dumps(texts))
+    assert payload(session_page(public, tmp_path))["form"]["protocol"]["stop_rule"] == "Sie dürfen jederzeit aufhören."
+    own = {**public, "protocol": {**public["protocol"], "stop_rule": "Say stop."}}
+    assert payload(session_page(own, tmp_path))["form"]["protocol"]["stop_rule"] == "Say stop."

@@ -5,7 +5,6 @@ import { type Form, type Item, type Scale, valuesOf } from "./model";
 /** Choices that are shown as buttons; of more a number is typed. */
 const MOST_CHOICES = 21;
 const MOST_IN_ROW = 11;
-const MOST_ON_PHONE = 7;
 /** Words in a row on a phone, and how many it takes where there are more. */
 const MOST_WORDS = 4;
 const FEWER_WORDS = 3;
@@ -65,7 +64,6 @@ export function choices(
   const row = element("div", "choices");
   row.style.setProperty("--count", String(Math.min(options.length, MOST_IN_ROW)));
   row.style.setProperty("--words", String(options.length > MOST_WORDS ? FEWER_WORDS : options.length));
-  row.style.setProperty("--few", String(Math.min(options.length, MOST_ON_PHONE)));
   names += 1;
   for (const { value, text, spoken } of options) {
     const label = element("label");

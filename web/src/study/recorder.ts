@@ -10,6 +10,7 @@ export type Standing =
   | { readonly kind: "saving" }
   | { readonly kind: "waiting"; readonly count: number }
   | { readonly kind: "elsewhere" }
+  | { readonly kind: "withdrawn" }
   | { readonly kind: "refused"; readonly reason: string };
 
 /** ms until what did not arrive is sent again, and until a request counts as one that did not */
@@ -93,7 +94,7 @@ export class InPage extends Recorder {
 interface Reply {
   readonly events?: Event[];
   readonly error?: string;
-  /** "elsewhere" where another window has taken over. */
+  /** "elsewhere" where another window has taken over, "withdrawn" where the participant has withdrawn. */
   readonly why?: string;
 }
 
@@ -139,6 +140,13 @@ export class Posted extends Recorder {
     this.isSending = false;
   }
 
+  /** Of who has withdrawn nothing is kept, in this page either. */
+  private forget(): void {
+    this.over = { kind: "withdrawn" };
+    this.events = [];
+    this.waiting.length = 0;
+  }
+
   /** What the study's computer replies, in the end; null where it never will take what it was sent. */
   private async post(what: { readonly event?: Event }): Promise<Reply | null> {
     const { design, participant } = this.design;
@@ -156,7 +164,9 @@ export class Posted extends Recorder {
         if (reply.status < 500) {
           this.failures = 0;
           if (reply.ok) return said;
-          this.over = said.why === "elsewhere" ? { kind: "elsewhere" } : { kind: "refused", reason: said.error ?? "" };
+          if (said.why === "elsewhere") this.over = { kind: "elsewhere" };
+          else if (said.why === "withdrawn") this.forget();
+          else this.over = { kind: "refused", reason: said.error ?? "" };
           this.changed();
           return null;
         }

@@ -182,12 +182,14 @@ export class Session {
     const hasAny = this.recorder.events.length > 0;
     this.saved.textContent = name !== undefined && hasAny ? this.voice.say(name) : "";
     const said = this.said(standing);
-    const isLost = standing.kind === "elsewhere" || standing.kind === "refused";
+    const isLost = standing.kind === "elsewhere" || standing.kind === "refused" || standing.kind === "withdrawn";
     if (isLost) {
       this.screen?.leave?.();
       this.screen = null;
       this.main.replaceChildren();
       this.stop.hidden = true;
+      this.dialog.close();
+      this.progress.textContent = "";
     }
     if (said === this.banner.firstChild?.textContent) return;
     this.banner.replaceChildren();
@@ -209,6 +211,7 @@ export class Session {
       case "file": return this.isHandedOver() ? "" : this.voice.say("file_warning");
       case "waiting": return this.voice.say("unsaved", { count: standing.count });
       case "elsewhere": return this.voice.say("elsewhere");
+      case "withdrawn": return this.voice.say("withdrawn");
       case "refused": return this.voice.say("refused", { reason: standing.reason });
       default: return "";
     }

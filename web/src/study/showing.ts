@@ -95,43 +95,98 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
   };
 }
 
-/** A video that is seen elsewhere: who sees it, or whoever shows it, says when it begins and ends. */
+/** Seconds of a video that its player may leave out of what it says to have played. */
+const UNPLAYED = 0.4;
+
+/** Whether a player has played all of its video: what was skipped is in none of the parts that it played. */
+function isPlayed({ played, duration }: HTMLVideoElement): boolean {
+  let seconds = 0;
+  for (let i = 0; i < played.length; i += 1) seconds += played.end(i) - played.start(i);
+  return seconds >= duration - UNPLAYED;
+}
+
+/**
+ * A video. The study's own computer gives it to the page, which plays it and counts it as watched once all of it was
+ * played. Of one that is seen in another player its viewer says when it begins and ends, not before it can have ended.
+ */
 export function video({ voice, recorder }: Context, at: Place, served: boolean, done: () => void): Screen {
   const { place, condition } = at;
   const screen = element("section");
   const record = (value: string): void => { recorder.add({ kind: "stimulus", place, condition, value }); };
+  const gaps = { name: condition, seconds: Math.round(at.seconds) };
+  let isRunning = false;
+  let timer = 0;
+  const elsewhere = element("div", "elsewhere");
   const row = element("div", "row");
   const begin = button(voice.say("ride_begin"), "", () => {
     isRunning = true;
     record("begin");
+    player?.remove();
     const ended = button(voice.say("video_ended"), "", () => {
       isRunning = false;
       record("end");
       done();
     });
     ended.className = "main";
+    ended.disabled = true;
+    timer = window.setTimeout(() => {
+      ended.disabled = false;
+      ended.focus();
+    }, 1000 * at.seconds);
     row.replaceChildren(ended);
-    ended.focus();
   });
-  begin.className = "main";
-  let isRunning = false;
   row.append(begin);
-  const gaps = { name: condition, seconds: Math.round(at.seconds) };
+  elsewhere.append(element("p", "", voice.say("video_elsewhere")), row);
+  const said = element("p", "said");
+  said.setAttribute("role", "alert");
+  const player = served ? element("video") : null;
   screen.append(title(voice.say("video_title", gaps)), element("p", "", voice.say("video_about", gaps)));
-  if (served) {
-    const link = element("a", "", voice.say("video_open"));
-    link.href = at.stimulus;
-    link.target = "_blank";
-    link.rel = "noopener";
-    const line = element("p");
-    line.append(link);
-    screen.append(line);
+  if (player === null) begin.className = "main";
+  else {
+    player.src = at.stimulus;
+    player.controls = true;
+    player.playsInline = true;
+    player.setAttribute("aria-label", voice.say("video_title", gaps));
+    const play = button(voice.say("video_play"), "", () => { void player.play().catch(() => undefined); });
+    play.className = "main";
+    const here = element("div", "row");
+    here.append(play);
+    const setRunning = (running: boolean): void => {
+      isRunning = running;
+      here.hidden = running;
+      elsewhere.hidden = running;
+    };
+    player.addEventListener("play", () => {
+      if (isRunning) return;
+      said.textContent = "";
+      setRunning(true);
+      record("begin");
+    });
+    player.addEventListener("ratechange", () => { if (player.playbackRate !== 1) player.playbackRate = 1; });
+    player.addEventListener("ended", () => {
+      if (isPlayed(player)) {
+        record("played");
+        record("end");
+        isRunning = false;
+        done();
+        return;
+      }
+      record("broken");
+      setRunning(false);
+      said.textContent = voice.say("video_skipped");
+      player.load(); // what was played is forgotten
+    });
+    player.addEventListener("error", () => { said.textContent = voice.say("video_failed"); });
+    screen.append(player, said, here);
   }
-  screen.append(row);
+  screen.append(elsewhere);
   return {
     root: screen,
     leave() {
+      clearTimeout(timer);
+      player?.pause();
       if (isRunning) record("broken");
+      isRunning = false;
     },
   };
 }
