@@ -43,7 +43,7 @@ form{padding:.5rem 0;display:grid;grid-template-columns:1fr 1fr;gap:.5rem}
 button{margin:0}}"""
 HEAD = (
     "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
-    f"<title>Which do you prefer?</title><style>{STYLE}</style>"
+    f"<title>Which do you prefer?</title><style>{STYLE}</style><main>"
 )
 LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": "Stop here"}
 
@@ -82,7 +82,8 @@ def page_of(asked: Asked) -> str:
     return (
         f"{HEAD}<h1>{html.escape(asked.words)}</h1>"
         f"<img alt='Both ways on the map, a and b' src='data:image/png;base64,{image}'>"
-        f"<table><tr><td></td><th class=a scope=col>a</th><th class=b scope=col>b</th><td></td></tr>{rows}</table>"
+        "<table><tr><td aria-hidden=true></td><th class=a scope=col>a</th><th class=b scope=col>b</th>"
+        f"<td aria-hidden=true></td></tr>{rows}</table>"
         f"<form method=post><input type=hidden name=question value={asked.number}>{buttons}</form>"
     )
 

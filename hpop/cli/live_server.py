@@ -44,7 +44,7 @@ body {{ font: 16px/1.5 system-ui, sans-serif; margin: 20vh auto; max-width: 36em
 </style>
 <title>hpop: searching</title>
 </head>
-<body><p>{words}</p></body>
+<body><main><h1>hpop: searching</h1><p role="status">{words}</p></main></body>
 </html>
 """
 SEARCHING = "The search has begun. Its first trajectories will be shown here as soon as they are found."

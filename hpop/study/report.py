@@ -61,10 +61,18 @@ POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #1c2429; max-width: 70rem; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.6rem } h2 { font-size: 1.15rem; margin-top: 2.2rem }
-.scroll { overflow-x: auto } .scroll td { white-space: nowrap } table { border-collapse: collapse; font-size: .9rem }
+.scroll { overflow-x: auto } .scroll td { white-space: nowrap } .scroll td:first-child { white-space: normal;
+  min-width: 8.5rem; position: sticky; left: 0; background: white; border-right: 1px solid #d8dee2 }
+table { border-collapse: collapse; font-size: .9rem }
 th, td { padding: .3rem .5rem; border-bottom: 1px solid #d8dee2; text-align: right; vertical-align: top }
 th:first-child, td:first-child { text-align: left } thead th { border-bottom: 2px solid #7d8b94 }
-.choices th, .choices td { text-align: left; overflow-wrap: anywhere } p { overflow-wrap: anywhere }
+.choices th, .choices td { text-align: left } .choices th { min-width: 9rem } .choices td { overflow-wrap: anywhere }
+@media (max-width: 600px) { .choices th, .choices td { display: block; border: 0; padding: 0 }
+  .choices th { padding-top: .7rem } }
+@media print { body { margin: 0; max-width: none } .scroll { overflow: visible } .scroll td { white-space: normal }
+  .mark { position: static; print-color-adjust: exact } .scroll td:first-child { position: static }
+  h2 { break-after: avoid } tr, img { break-inside: avoid } pre { white-space: pre-wrap } }
+p { overflow-wrap: anywhere }
 .mark { background: #b00020; color: white; font-weight: bold; padding: .6rem 1rem; position: sticky; top: 0 }
 img { max-width: 100%; height: auto } pre { background: #f2f5f7; padding: 1rem; overflow-x: auto }
 """
@@ -140,17 +148,20 @@ def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
     body = []
     for name, rows in analysis.tables.items():
         body += [_figure(figure, pictures[figure]) for figure in pictures if shown[figure] == name]
-        body.append(f"<h2>{_text(TITLES[name])}</h2><div class=scroll>{_table(rows)}</div>")
+        title = _text(TITLES[name])
+        table = f'<div class=scroll role=region tabindex=0 aria-label="{title}">{_table(rows)}</div>'
+        body.append(f"<h2>{title}</h2>{table}")
     body += [_figure(figure, pictures[figure]) for figure in pictures if shown[figure] not in analysis.tables]
     chosen = "".join(f"<tr><th>{_text(what)}</th><td>{_text(how)}</td></tr>" for what, how in analysis.choices.items())
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{heading}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"><style>{STYLE}</style></head><body>'
+        f'<meta http-equiv="Content-Security-Policy" content="{POLICY}"><style>{STYLE}</style></head><body><main>'
         f"{mark}<h1>{heading}</h1><p>{_text(_summary(analysis))}</p>{''.join(body)}"
         f'<h2>Every choice of this analysis</h2><table class="choices">{chosen}</table>'
         f"<h2>To repeat it</h2><p>With the design whose SHA-256 is {_text(analysis.design.digest)}:</p>"
-        f"<pre>{_text(code(analysis), newlines=True)}</pre>{mark and f'<p>{_text(analysis.mark)}</p>'}</body></html>\n"
+        f"<pre tabindex=0>{_text(code(analysis), newlines=True)}</pre>"
+        f"{mark and f'<p>{_text(analysis.mark)}</p>'}</main></body></html>\n"
     )
 
 

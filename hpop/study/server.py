@@ -53,10 +53,10 @@ PAGE = """<!doctype html>
 <meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
 <link rel="icon" href="data:,">
 <style>
-:root {{ color-scheme: light dark }}
+:root {{ color-scheme: light dark; background: #fff; color: #1c2126 }}
 body {{ font: 18px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 36em; padding: 0 1em }}
 a {{ display: inline-block; min-width: 4em; line-height: 2.5; color: #14507a }}
-@media (prefers-color-scheme: dark) {{ a {{ color: #8ec5ee }} }}
+@media (prefers-color-scheme: dark) {{ :root {{ background: #15191d; color: #e9ecef }} a {{ color: #8ec5ee }} }}
 </style>
 <title>hpop: {title}</title>
 </head>

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pypdfium2 as pdfium
 import pytest
 from playwright.sync_api import Page
 
@@ -109,16 +110,28 @@ def test_names_of_markup_stay_names(opened: Opened, tmp_path: Path) -> None:
 
 
 @pytest.mark.proof
-def test_dark_colours_and_one_printed_page(opened: Opened, tmp_path: Path) -> None:
+def test_dark_colours_and_a_printed_page_with_the_whole_table_after_it(opened: Opened, tmp_path: Path) -> None:
     page = shown(opened, tmp_path, seeded.front(60, 5), 5, color_scheme="dark", fragment="#pin=3,7")
     paper = "getComputedStyle(document.querySelector('.panel')).backgroundColor"
     dark = [int(part) for part in re.findall(r"\d+", page.evaluate(paper))]
     assert max(dark) < 60
     pdf = page.pdf(prefer_css_page_size=True, print_background=True)
-    assert re.findall(rb"/Count (\d+)", pdf) == [b"1"]
+    printed = pdfium.PdfDocument(pdf)
+    first, *others = (printed[i] for i in range(len(printed)))
+    seen = np.asarray(first.render(scale=1).to_pil().convert("L"))
+    height, width = seen.shape
+    assert (seen[int(0.27 * height) : int(0.45 * height)] < 120).any(
+        axis=0
+    ).sum() > 0.4 * width  # lines across the axes
+    listed = [line.split()[0] for page_of in others for line in lines_of(page_of) if line[:1].isdigit()]
+    assert len(listed) >= 60 - 12  # all rows but those that a sign precedes, which have names
     page.evaluate(explored.FRAME)
     assert page.evaluate("document.querySelector('.printing')") is None
     assert page.evaluate("document.documentElement.scrollHeight") == 900
+
+
+def lines_of(page: pdfium.PdfPage) -> list[str]:
+    return str(page.get_textpage().get_text_range()).splitlines()
 
 
 @pytest.mark.proof

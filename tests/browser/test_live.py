@@ -45,7 +45,7 @@ def test_fronts_appear_as_they_are_found_and_bounds_and_pins_stay(browser: Brows
         (pinned,) = [row for row in state(page, "s.pins") if row is not None]
         assert (whole.costs[pinned] == whole[found].costs[10]).all()
         assert page.locator(".live").inner_text() == "live: the search goes on"
-    until(page, "document.querySelector('.live').textContent.startsWith('the search has ended')")
+    until(page, "document.querySelector('.live').textContent.startsWith('complete: the search has ended')")
     assert complaints == []
     assert {url.split("/")[2] for url in asked if not url.startswith("data:")} == {live.address.split("/")[2]}
     page.close()

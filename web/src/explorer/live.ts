@@ -17,7 +17,10 @@ export function follow(page: Page, seen: number): void {
   });
   source.addEventListener("end", () => {
     source.close();
-    note.textContent = "the search has ended; front.html keeps what it found";
+    void shown.then(() => {
+      const { complete, status } = page.state.model;
+      note.textContent = `${complete ? "complete" : status}: the search has ended; front.html keeps what it found`;
+    });
   });
   source.addEventListener("error", () => { note.textContent = "no answer: the command may have ended"; });
 }

@@ -13,7 +13,7 @@ import { State, type Change } from "./state";
 import { tableView } from "./table";
 import { onTheme, setPrinting } from "./theme";
 import { traceView } from "./trace";
-import type { View } from "./view";
+import { flatten, type View } from "./view";
 import { wishPanel } from "./wish_panel";
 
 const SETTLED = 250; // ms after the last change at which the address is written: browsers forbid more often
@@ -138,12 +138,18 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
     if (sizes() !== drawnAt) ask("resize");
   });
   onTheme(() => { ask("resize"); });
+  let onPaper: HTMLElement | null = null; // the table as a whole, while the page is printed
   for (const [event, printing] of [["beforeprint", true], ["afterprint", false]] as const) {
     window.addEventListener(event, () => {
       setPrinting(printing);
       root.classList.toggle("printing", printing);
+      root.classList.toggle("pinned", state.pins.some((row) => row !== null));
+      onPaper?.remove();
+      onPaper = printing && state.count > 0 ? table.printed() : null;
+      if (onPaper !== null) element.append(onPaper);
       due.add("resize");
       frame();
+      if (printing) flatten(root);
     });
   }
   arrange();

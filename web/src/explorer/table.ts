@@ -20,6 +20,8 @@ interface Head {
 /** The table also follows the keyboard: `reveal` scrolls to the row at the focus. */
 export interface TableView extends View {
   reveal(): void;
+  /** All rows, for paper. */
+  printed(): HTMLElement;
   /** Whole rows in sight. */
   readonly page: number;
 }
@@ -29,9 +31,9 @@ export function tableView(state: State): TableView {
   const body = make("div", "tbody", [], { role: "rowgroup" });
   const grid = make("div", "grid", [head, body], { role: "grid", tabindex: "0", "aria-label": "selected trajectories" });
   const element = panel("table", "Table", grid);
-  const said = make("span", "hint");
+  const counted = make("span", "hint");
   const chips = make("div", "chips");
-  headOf(element).append(said);
+  headOf(element).append(counted);
   grid.before(chips);
   let heads: Head[] = [];
   let pool: HTMLElement[] = [];
@@ -56,8 +58,9 @@ export function tableView(state: State): TableView {
   }
 
   function headCell(key: SortKey, words: string, title: string): Head {
-    const cell = make("button", "th", words, { type: "button", role: "columnheader", title });
-    cell.addEventListener("click", () => {
+    const press = make("button", "th", words, { type: "button", title });
+    const cell = make("div", "th-cell", [press], { role: "columnheader" });
+    press.addEventListener("click", () => {
       state.sortBy(key, state.sort.key === key && !state.sort.down);
     });
     return { key, cell };
@@ -115,7 +118,7 @@ export function tableView(state: State): TableView {
       element.id = `hpop-row-${row}`;
       element.dataset.row = String(row);
       heads.forEach(({ key }, c) => {
-        const shown = key === "row" ? (named.has(row) ? `${NAMED} ${row}` : String(row)) : key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
+        const shown = said(key, row);
         const cell = element.children[c]!;
         if (cell.textContent !== shown) cell.textContent = shown;
       });
@@ -151,7 +154,7 @@ export function tableView(state: State): TableView {
     }
     body.style.height = `${state.count * ROW}px`;
     grid.setAttribute("aria-rowcount", String(state.count + 1));
-    said.textContent = state.model.n === 0 ? "no rows" : `${count(state.count)} ${state.count === 1 ? "row" : "rows"}; click one to pin it`;
+    counted.textContent = state.model.n === 0 ? "no rows" : `${count(state.count)} ${state.count === 1 ? "row" : "rows"}; click one to pin it`;
     fill();
   }
 
@@ -182,6 +185,22 @@ export function tableView(state: State): TableView {
     fill();
   }
 
+  /** What a cell says. */
+  function said(key: SortKey, row: number): string {
+    if (key === "row") return named.has(row) ? `${NAMED} ${row}` : String(row);
+    return key === "wishes" ? String(rank(row)) : text(state.column(key), state.column(key).values[row]!);
+  }
+
+  function printed(): HTMLElement {
+    const names = heads.map(({ cell }) => make("th", "", cell.textContent, { scope: "col" }));
+    const rows = Array.from(state.sorted, (row) => {
+      const first = make("th", "", said("row", row), { scope: "row" });
+      if (named.has(row)) first.append(` ${named.get(row)!}`);
+      return make("tr", "", [first, ...heads.slice(1).map(({ key }) => make("td", "", said(key, row)))]);
+    });
+    return make("table", "printed", [make("thead", "", [make("tr", "", names)]), make("tbody", "", rows)]);
+  }
+
   grid.addEventListener("scroll", fill, { passive: true });
   grid.addEventListener("pointerleave", (event) => {
     if (event.pointerType !== "touch") state.hover([]); // a finger leaves whenever it is lifted
@@ -194,6 +213,7 @@ export function tableView(state: State): TableView {
     drawBase,
     drawOverlay,
     reveal,
+    printed,
     get page() {
       return Math.max(Math.floor((grid.clientHeight - ROW) / ROW) - 1, 1);
     },

@@ -3,7 +3,6 @@
 // A view is made once, `axesView(state)`, reads `state.model` afresh whenever it draws, and draws only when asked: the
 // page calls each method at most once an animation frame, in the order below, and counts the calls. What is dear is on
 // the base canvas, which waits for a change of what is selected; what follows the mouse is on the overlay above it.
-
 export interface View {
   /** Placed by the page; its size is given by the layout, never by what is drawn in it. */
   readonly element: HTMLElement;
@@ -50,6 +49,17 @@ export function fit(layers: Layers): void {
     context.canvas.width = Math.max(1, Math.round(layers.width * layers.ratio));
     context.canvas.height = Math.max(1, Math.round(layers.height * layers.ratio));
     context.setTransform(layers.ratio, 0, 0, layers.ratio, 0, 0);
+  }
+}
+
+/** Draws each overlay onto its base: a browser that prints cuts what an overlay leaves empty out of what is beneath. */
+export function flatten(root: HTMLElement): void {
+  for (const overlay of root.querySelectorAll<HTMLCanvasElement>("canvas.overlay")) {
+    const base = (overlay.previousElementSibling as HTMLCanvasElement).getContext("2d")!;
+    base.save();
+    base.setTransform(1, 0, 0, 1, 0, 0);
+    base.drawImage(overlay, 0, 0);
+    base.restore();
   }
 }
 

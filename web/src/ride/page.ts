@@ -63,7 +63,7 @@ export class Page {
     view.id = "view";
     const canvas = element("canvas");
     canvas.setAttribute("aria-label", "What the robot's camera sees; drag to look around");
-    view.append(canvas, this.frame, this.seen, this.message);
+    view.append(element("h1", "unseen", document.title), canvas, this.frame, this.seen, this.message);
 
     const side = element("aside");
     side.id = "side";
@@ -146,6 +146,8 @@ export class Page {
     if (this.ride.blind || this.ride.criteria.length === 0) return null;
     const panel = element("section");
     panel.id = "rates";
+    panel.tabIndex = 0; // it may scroll
+    panel.setAttribute("aria-label", "Criteria along the way");
     panel.append(
       element("h2", "", "How criteria arise along the way"),
       element("p", "", "Rates as executed, the cursor is now; below each the cost of the whole plan."),
