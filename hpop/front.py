@@ -17,11 +17,14 @@ from hpop.errors import ModelError
 from hpop.frontier import FrontError, FrontFileError, storage
 from hpop.frontier.choices import Preferring
 from hpop.frontier.storage import checked_path
+from hpop.frontier.union import JOINT
 from hpop.html import facts_html, picture_html, table_html
 from hpop.models import files
 from hpop.motion_table import MotionTable
 from hpop.motions import Model
 from hpop.registry import GROUPS, make_model
+from hpop.status import Status
+from hpop.text import shown
 from hpop.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
 
@@ -63,6 +66,13 @@ class Front(frontier.Front[Trajectory]):
         ) -> Point: ...
         def nearest(self, wishes: Mapping[str, float]) -> Point: ...
         def reference_point(self, aspirations: Mapping[str, float]) -> Point: ...
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        unknown = set(self.status.split(JOINT)) - set(Status)
+        if unknown:  # a union has those of both
+            known = ", ".join(Status)
+            raise FrontError(f"status must be one of {known} (a member of hpop.Status), got {shown(self.status)}")
 
     @classmethod
     def _numbers(cls, n: int) -> Sequence[Trajectory]:

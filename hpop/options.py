@@ -115,7 +115,7 @@ def real(
         text = isinstance(value, str) and EXPONENT.fullmatch(value)
         hints = [hint, "YAML reads 1e-3 as text: write 0.001 or 1.0e-3" * bool(text)]
         said = "".join(f"; {one}" for one in hints if one)
-        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{said}")
+        raise error(f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{said}")
     return number if isinstance(number, int) else float(number)
 
 
@@ -139,7 +139,9 @@ def whole(
     """
     number: Any = python_value(value) if is_whole(value) else nan
     if not least <= number <= most:
-        raise error(f"{name} must be {kind} {_limits(least, most)}, got {shown(value)}{f'; {hint}' * bool(hint)}")
+        raise error(
+            f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{f'; {hint}' * bool(hint)}"
+        )
     return int(number)
 
 
@@ -209,9 +211,14 @@ def set_wholes(
         object.__setattr__(owner, name, whole(name, getattr(owner, name), least, most, kind, error=error))
 
 
-def _limits(least: float, most: float) -> str:
-    return f"of at least {_bound(least)}" if most >= MOST_COUNTED else f"from {_bound(least)} to {_bound(most)}"
+def _limits(least: float, most: float, beyond: bool) -> str:
+    """The bounds of a number; a greatest one that nobody comes near is told to those beyond it."""
+    return (
+        f"of at least {_bound(least)}"
+        if most >= MOST_COUNTED and not beyond
+        else f"from {_bound(least)} to {_bound(most)}"
+    )
 
 
 def _bound(bound: float) -> str:
-    return f"{bound:,.0f}" if bound == int(bound) else f"{bound:.6g}"
+    return f"{int(bound):,}" if bound == int(bound) else f"{bound:.6g}"

@@ -251,3 +251,11 @@ def test_notes_that_are_no_list_are_passed_over(front: hpop.Front, tmp_path: Pat
 def test_notes_that_several_runs_share_are_said_once(front: hpop.Front) -> None:
     assert front.notes == tuple(dict.fromkeys(front.runs[0]["notes"]))
     assert any("exposure" in note for note in front.notes)
+
+
+def test_a_front_ends_with_a_status_that_hpop_knows(front: hpop.Front, tmp_path: Path) -> None:
+    with pytest.raises(FrontError, match=r"status must be one of complete, no path, .*got 'proven by me'"):
+        hpop.Front.of(front.costs, front.trajectories, status="proven by me")
+    with pytest.raises(FrontError, match="status must be one of"):
+        hpop.Front.load(edited(front, tmp_path / "front.json", "status", "complete\u200b"))
+    assert hpop.Front.of(front.costs, front.trajectories, status="complete | time limit").status

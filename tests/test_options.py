@@ -75,3 +75,10 @@ def test_an_array_in_the_place_of_a_word_or_a_yes_is_refused() -> None:
     for planner in ("lattice", "weighted-sum"):
         with pytest.raises(OptionError, match="corner_cutting must be true or false, got array"):
             make_planner({planner: {"corner_cutting": np.zeros(2)}}, {})
+
+
+def test_a_number_beyond_the_greatest_is_told_the_greatest() -> None:
+    with pytest.raises(OptionError, match="seed must be a whole number from 0 to 9,223,372,036,854,775,807, got"):
+        make_planner({"rrt": {"seed": 2**64}}, {})
+    with pytest.raises(OptionError, match="seed must be a whole number of at least 0, got -1"):
+        make_planner({"rrt": {"seed": -1}}, {})

@@ -50,8 +50,9 @@ from pydantic import BaseModel
 from hpop import limits
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
-from hpop.errors import LimitError, StudyError, UnsupportedModel, did_you_mean
+from hpop.errors import LimitError, QueryError, StudyError, UnsupportedModel, did_you_mean
 from hpop.motions import Model
+from hpop.options import LEAST, MOST, real
 from hpop.planners.base import Planner
 from hpop.planners.needs import refuse_unsupported
 from hpop.planners.objectives import integral_of
@@ -159,6 +160,9 @@ def load_scenario(path: str | Path) -> Scenario:
         world = _with_notes(_furnished(bare, file.world, folder, content), tuple(faults.notes))
     read_seconds = spending.seconds()
     faults.raise_all()
+    with faults.collected(("horizon",)):
+        if file.horizon is not None:
+            real("horizon", file.horizon, LEAST, MOST, "a time in s", error=QueryError)
     with faults.collected(("people",)):
         bounded(world, file.horizon)
     faults.raise_all()

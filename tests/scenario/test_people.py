@@ -146,3 +146,10 @@ def test_what_is_mended_in_a_file_of_tracks_is_noted(made, tmp_path):
     (tmp_path / "tracks.txt").write_text(TRACKS + "9 5 0 0\n")
     (note,) = [note for note in load_scenario(path).problem.world.notes if "track file" in note]
     assert "has people at one time only, who are left out: 9" in note
+
+
+def test_a_horizon_that_is_none_is_told_at_its_key(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(HALL.replace("people:\n", "horizon: 1.0e+9\n"))
+    with pytest.raises(HpopError, match=r"line 6, horizon: .*must be a time in s from .*got 1000000000"):
+        load_scenario(path)
