@@ -18,6 +18,7 @@ from hpop.scalars import set_python_values
 from hpop.text import shown
 
 SELECTIVE = 0.3
+"""Share of people who care for some of the costs only."""
 SHARPNESS = 15.0
 """Median of the sharpness: over the whole range of its one cost a person errs once in 3 million times."""
 
