@@ -38,6 +38,8 @@ OF_EXTREMES = re.compile(
 """What errors say that come of values which are empty, huge, or no numbers."""
 LARGEST = 2**63
 """Numbers of at least this size overflow what is computed with."""
+EMPTY = "not empty"
+"""What is expected in the place of an empty collection or text."""
 LOOKED_AT = 20
 """Entries of a collection that are compared with a type."""
 WORDS: dict[Any, str] = {
@@ -153,6 +155,8 @@ def _explain(
         and (isinstance(error, OverflowError | MemoryError) or OF_EXTREMES.search(said))
     ]
     for raised, name, value, wrong in (*misfits, *extremes):
+        if wrong == EMPTY and isinstance(error, OverflowError | MemoryError):
+            continue  # what is empty neither overflows nor fills memory
         if wrong:
             if not ours and isinstance(error, TypeError | ValueError) and re.search(rf"\b{re.escape(name)}\b", said):
                 return
@@ -198,12 +202,12 @@ def extreme(value: Any) -> str:
         return "" if finite and abs(number) < LARGEST else "a finite number below 2^63 in size"
     if isinstance(value, np.ndarray):
         if not value.size:
-            return "not empty"
+            return EMPTY
         return "finite" if value.dtype.kind == "f" and not np.isfinite(value).all() else ""
     if isinstance(value, str | bytes) or not isinstance(value, Collection):
-        return "" if not isinstance(value, str) or value else "not empty"
+        return "" if not isinstance(value, str) or value else EMPTY
     if not len(value):
-        return "not empty"
+        return EMPTY
     entries = _first(value.values() if isinstance(value, Mapping) else value)
     return next((f"of entries that are each {wrong}" for wrong in map(extreme, entries) if wrong), "")
 

@@ -80,9 +80,9 @@ def test_a_search_that_a_limit_stopped_goes_on_to_the_same_front_and_its_file_go
 
 
 HELD = """\
-import os, signal
+import inspect, os, signal
 from hpop.search.machinery import checkpoint
-checkpoint.Checkpoint.__init__.__defaults__ = (0.0,)
+inspect.unwrap(checkpoint.Checkpoint.__init__).__defaults__ = (0.0,)
 checkpoint.SHARE = 0
 flush = os.fsync
 def flushed_once(file):

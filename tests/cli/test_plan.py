@@ -161,7 +161,7 @@ def test_a_broken_map_image(
 
 
 @pytest.mark.usefixtures("no_pictures")
-@pytest.mark.parametrize("resolution", [0, -1, float("nan"), float("inf"), "1e-3", True])
+@pytest.mark.parametrize("resolution", [0, -1, float("nan"), float("inf"), "fine", True])
 def test_a_map_without_a_usable_resolution(
     plan: Callable[..., Result],
     refused: Callable[..., None],

@@ -47,7 +47,7 @@ def lines(text: str) -> Iterator[str]:
 
 def test_a_front_full_of_control_characters_is_printed_without_them(front: Front, tmp_path: Path) -> None:
     runs = [{**run, "planner": f"{CLEAR}\nerror: forged", "notes": [f"{CLEAR}\nerror: forged"]} for run in front.runs]
-    replace(front, certificate=f"{CLEAR}\nerror: forged", status=CLEAR, runs=tuple(runs)).save(tmp_path / "front.json")
+    replace(front, certificate=f"{CLEAR}\nerror: forged", runs=tuple(runs)).save(tmp_path / "front.json")
     result = shown(tmp_path / "front.json")
     assert result.exit_code == 0, result.output
     assert not any(HARMFUL.search(line) for line in lines(result.output))
