@@ -131,6 +131,7 @@ del sys.argv[1]
 
 
 @pytest.mark.parametrize("closed", ["stdout", "stdin,stdout,stderr"])
+@pytest.mark.cases("stdin,stdout,stderr")
 def test_where_standard_streams_are_closed_all_is_written_as_ever(tmp_path: Path, warm: Warm, closed: str) -> None:
     """``hpop plan ... >&-``; what else is opened must not take the numbers of the streams that are closed."""
     (tmp_path / "room.yaml").write_text(SMALL)
