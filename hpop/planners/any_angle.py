@@ -79,13 +79,15 @@ class AnyAngle:
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def _lattice(self) -> Lattice:
-        return Lattice(
+        """The lattice whose paths give the corners; half of the time is left to the roadmap."""
+        lattice = Lattice(
             self.step,
             self.headings,
-            time_limit=None if self.time_limit is None else 0.5 * self.time_limit,
+            time_limit=self.time_limit,
             max_labels=self.max_labels,
             max_memory=self.max_memory,
         )
+        return lattice if lattice.time_limit is None else replace(lattice, time_limit=0.5 * lattice.time_limit)
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan on the lattice, then on the roadmap of its corners.

@@ -316,3 +316,8 @@ def test_the_same_question_has_the_same_answer():
     first, again = (AnyAngle(step=STEP).solve(cluttered(3, (*OFF_THE_LATTICE, None))) for _ in range(2))
     assert (first.planned == again.planned).all()
     assert [t.describe() for t in first.trajectories] == [t.describe() for t in again.trajectories]
+
+
+def test_a_time_limit_that_is_no_number_is_told_by_its_name() -> None:
+    with pytest.raises(OptionError, match="time_limit must be a positive number"):
+        AnyAngle(time_limit="soon")  # type: ignore[arg-type]
