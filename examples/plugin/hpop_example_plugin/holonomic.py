@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,6 @@ from hpop.math import hypot, smooth_abs
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import rest_to_rest
 from hpop.motions import Law, Leg, Phase, States, StateSpace
-from hpop.text import shown
 
 MAST_RADIUS = 0.05  # m
 STILL = 1e-9  # m: states no further apart are one
@@ -87,7 +87,7 @@ class Holonomic(PlanarModel):
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not (isinstance(value, int | float) and 0.0 < value < math.inf):
-                raise ModelError(f"{name} must be a positive number, got {shown(value)}")
+                raise ModelError(f"{name} must be a positive number, got {reprlib.repr(value)}")
 
     @cached_property
     def space(self) -> StateSpace:

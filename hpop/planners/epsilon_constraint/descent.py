@@ -2,8 +2,9 @@
 
 The program of :mod:`.program` knows fields, few samples and a regulariser, so its solutions only lie near a local
 optimum. From there the corners move by sequential quadratic programming within a trust region, with second-order
-corrections (Fletcher 1982, doi 10.1007/BFb0120945). Every step is judged as candidates are: by the costs that fronts
-report, and on the exact geometry.
+corrections (Fletcher 1982, doi 10.1007/BFb0120945). Slopes mislead where costs have kinks, so each corner is then
+polled along and across its segments (Kolda, Lewis and Torczon 2003, doi 10.1137/S003614450242889); a poll that gains
+goes on with steps. Every step is judged as candidates are: by the costs that fronts report, and on the exact geometry.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ GAIN = 2e-5  # of the cost that is minimised: a step that gains less is the last
 WORTH = 0.1  # share of what a step promises that it has to keep
 CORRECTIONS = 3  # programs that know what the step before met, before less is believed
 ROOM = (0.0, 1e-3, -1e-3, 4e-3, -4e-3)  # m, by which corners make room where one between them goes
+POLLED = (0.1, 0.03, 0.01, 0.003)  # m, by which a corner at rest is displaced to see whether that gains
 SPREAD = 1e-3  # weight of the bounded costs: no weakly efficient point is returned
 
 
@@ -103,7 +105,12 @@ class Descent:
                 if distance < LAST:
                     break
             if found is None:
-                return Descended(polyline, costs, steps, left if left > GAIN else 0.0)
+                found = self._polled(nearby, polyline, costs, bounds)
+                if found is None:
+                    return Descended(polyline, costs, steps, left if left > GAIN else 0.0)
+                polyline, costs = self._tidied(*found)
+                distance = FIRST
+                continue
             gain = self._merit(costs) - self._merit(found[1])
             multipliers = nearby.multipliers
             polyline, costs = self._tidied(*found)
@@ -131,6 +138,34 @@ class Descent:
             if not nearby.learn(step):
                 break
         return None, promised
+
+    def _polled(
+        self, nearby: Nearby, polyline: Polyline, costs: FloatArray, bounds: FloatArray
+    ) -> tuple[Polyline, FloatArray] | None:
+        """The first displacement of one corner that gains and keeps the bounds (k,); None where there is none.
+
+        What would turn a segment that keeps its heading, and so add a turn, is projected away.
+        """
+        vertices = polyline.vertices
+        ahead = np.diff(vertices, axis=0)
+        ahead /= np.maximum(np.hypot(*ahead.T), LAST)[:, None]
+        across = ahead[:, ::-1] * [-1.0, 1.0]
+        free = np.linalg.pinv(nearby.basis.reshape(-1, nearby.freedom)).reshape(nearby.freedom, -1, 2)
+        for size in POLLED:
+            for corner in range(1, len(vertices) - 1):
+                sides = [one for i in (corner - 1, corner) for one in (ahead[i], across[i])]
+                for side in [*sides, *(-one for one in sides)]:
+                    if self.is_late():
+                        return None
+                    trial = nearby.moved(free[:, corner] @ (size * side))
+                    judged = self.judge(trial)
+                    if (
+                        judged is not None
+                        and (judged <= bounds).all()
+                        and self._merit(judged) < self._merit(costs) - GAIN
+                    ):
+                        return trial, judged
+        return None
 
     def _merit(self, costs: FloatArray) -> float:
         return float(self.weights @ costs)
