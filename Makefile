@@ -73,19 +73,22 @@ lint: $(TOOLS)
 pythons:
 	tools/pythons.sh
 
-# What hpop needs, and no more; then the tools of its development. Both are in one environment, of the versions pinned.
-$(READY): pyproject.toml constraints.txt
-	$(call install,.)
+# What hpop needs, and no more; then the tools of its development. Both are in one environment, of the versions pinned:
+# wheels alone, each with its hash, so that no package runs code while it is installed; then hpop, built without isolation
+# by the setuptools that is locked too.
+$(READY): pyproject.toml requirements-lock.txt
+	$(call install,requirements-lock.txt)
 	touch $(READY)
 
-$(TOOLS): pyproject.toml constraints.txt
-	$(call install,.[dev])
+$(TOOLS): pyproject.toml requirements-lock-dev.txt
+	$(call install,requirements-lock-dev.txt)
 	touch $(READY) $(TOOLS)
 
 define install
 $(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "hpop needs Python 3.11 or later, this is " + sys.version'
 test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '$(1)'
+$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $(1)
+$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 endef
 
 clean:
