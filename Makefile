@@ -87,8 +87,9 @@ $(TOOLS): pyproject.toml requirements-lock-dev.txt
 define install
 $(PYTHON) -c 'import sys; assert sys.version_info >= (3, 11), "hpop needs Python 3.11 or later, this is " + sys.version'
 test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --only-binary :all: -r $(1)
+$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps --only-binary :all: -r $(1)
 $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+$(BIN)/python -m pip --quiet --disable-pip-version-check check
 endef
 
 clean:

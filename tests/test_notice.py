@@ -43,15 +43,30 @@ def test_each_command_that_listens_is_in_the_security_policy() -> None:
         assert f"`hpop {command}`" in policy
 
 
-def test_the_lock_has_a_hash_for_each_version_that_is_pinned_and_no_other_version() -> None:
+@pytest.mark.parametrize("name, extra", [("requirements-lock.txt", []), ("requirements-lock-dev.txt", EXTRAS)])
+def test_a_lock_has_a_hash_for_each_version_that_is_pinned_and_no_other_version(name: str, extra: list[str]) -> None:
     pinned = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().lower().split())
-    lock = (ROOT / "requirements-lock.txt").read_text().lower()
+    lock = (ROOT / name).read_text().lower()
     locked = re.findall(
         r"^([a-z0-9._-]+)==(\S+)[^\n]*((?:\n    --hash=sha256:[0-9a-f]{64}[ \\]*)+)", lock, re.MULTILINE
     )
-    assert len(locked) > 100
+    assert len(locked) == len(re.findall(r"^\S+==", lock, re.MULTILINE))
     plain = {name.replace("_", "-"): version for name, version in pinned.items()}
     for name, version, _ in locked:
         assert plain.get(name.replace("_", "-"), version) == version
-    needed = {one.lower() for one in (*NEEDED, *EXTRAS)}
+    needed = {one.lower() for one in (*NEEDED, *extra, "setuptools")}
     assert needed <= {name for name, _, _ in locked}
+
+
+def test_make_and_integration_install_nothing_without_a_hash_but_hpop_itself() -> None:
+    for name in ("Makefile", ".ci/run"):
+        for line in re.findall(r"^.*pip install.*$", (ROOT / name).read_text(), re.MULTILINE):
+            if not line.startswith("#"):
+                assert "--require-hashes" in line or line.endswith("--no-deps --no-build-isolation -e ."), line
+
+
+def test_the_policy_names_a_way_to_report_that_exists() -> None:
+    report = (ROOT / "SECURITY.md").read_text().partition("## Report")[2].partition("##")[0]
+    named = re.findall(r"\]\(([^)]+)\)", report)
+    assert named and all((ROOT / path).is_file() for path in named)
+    assert "Report a vulnerability" not in report  # a page of a host: no address of one is in the project
