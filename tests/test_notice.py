@@ -43,7 +43,7 @@ def test_each_command_that_listens_is_in_the_security_policy() -> None:
         assert f"`hpop {command}`" in policy
 
 
-@pytest.mark.parametrize("name, extra", [("requirements-lock.txt", []), ("requirements-lock-dev.txt", EXTRAS)])
+@pytest.mark.parametrize(("name", "extra"), [("requirements-lock.txt", []), ("requirements-lock-dev.txt", EXTRAS)])
 def test_a_lock_has_a_hash_for_each_version_that_is_pinned_and_no_other_version(name: str, extra: list[str]) -> None:
     pinned = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text().lower().split())
     lock = (ROOT / name).read_text().lower()
@@ -68,5 +68,6 @@ def test_make_and_integration_install_nothing_without_a_hash_but_hpop_itself() -
 def test_the_policy_names_a_way_to_report_that_exists() -> None:
     report = (ROOT / "SECURITY.md").read_text().partition("## Report")[2].partition("##")[0]
     named = re.findall(r"\]\(([^)]+)\)", report)
-    assert named and all((ROOT / path).is_file() for path in named)
+    assert named
+    assert all((ROOT / path).is_file() for path in named)
     assert "Report a vulnerability" not in report  # a page of a host: no address of one is in the project
