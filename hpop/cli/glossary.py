@@ -29,7 +29,7 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         _entry(
             "certificate",
             """What is claimed of a front, and of what: "exact on the lattice" says that no better trajectory exists on
-            that grid of poses; "local optima" or "supported points" claim less. Each planner writes its own, and a
+            that grid of poses, and nothing of paths off it; "local optima" or "supported points" claim less. Each planner writes its own, and a
             union of fronts keeps them all.""",
         ),
         _entry(

@@ -146,5 +146,5 @@ class WeightedSum:
         if not ended:
             return f"incomplete ({status}): every point is supported on {where}, others are missing"
         if self.divisions is None and self.weights is None:
-            return f"all extreme supported points of {where}, no unsupported ones, {ROUNDED}; {OFF}"
-        return f"supported points only: optima of the weights asked for, on {where}, {ROUNDED}; {OFF}"
+            return f"all extreme supported points of {where}, no unsupported ones; {OFF}; {ROUNDED}"
+        return f"supported points only: optima of the weights asked for, on {where}; {OFF}; {ROUNDED}"

@@ -53,14 +53,14 @@ def claimed(
         return f"incomplete ({ended}): {each} on {where}, others are missing{missing}"
     if factor:
         covered = f"every optimal cost vector on {where} is covered within {factor}"
-        return f"{covered}, {rounded}; points need not be optimal themselves, {OFF}"
-    return f"exact on {where}, {rounded}; {OFF}"
+        return f"{covered}; {OFF}, points need not be optimal themselves; {rounded}"
+    return f"exact on {where}; {OFF}; {rounded}"
 
 
 def claimed_with_known(paths: Ended, where: str, rounded: str = ROUNDED) -> str:
     """What is claimed of a search among ways that were known before, in words."""
     if paths.status.is_final:
-        return f"exact on {where}, {rounded}; {OFF}"
+        return f"exact on {where}; {OFF}; {rounded}"
     return (
         f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, others "
         f"are missing{how_far(paths.gap, {})}"

@@ -158,7 +158,7 @@ def exact_mean(
     if not len(shortest):
         claim = f"exact on {where}; {OFF}"
     elif paths.status.is_final:
-        claim = f"exact under {cap} on {where}, {ROUNDED}; nothing is claimed beyond the cap, {OFF}"
+        claim = f"exact under {cap} on {where}; {OFF}, and nothing is claimed beyond the cap; {ROUNDED}"
     else:
         claim = f"incomplete ({paths.status}): paths of {cap} on {where}; others are missing, and may be better"
     found = query.candidates(

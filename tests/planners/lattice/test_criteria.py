@@ -100,8 +100,8 @@ def test_the_certificate_claims_optimal_means_only_when_duration_is_minimised():
 
     plain = certificate("turns", "length")
     assert plain == (
-        "lattice: exact on the lattice of step 0.5 m, 8 headings, no corner cutting for (turns, length), "
-        "edge costs rounded to their quanta; paths off this graph may be better"
+        "lattice: exact on the lattice of step 0.5 m, 8 headings, no corner cutting for (turns, length); "
+        "paths off this graph may be better; edge costs rounded to their quanta"
     )
     without = certificate("obstruction", "turns", "length")
     assert "no corner cutting for (exposure, turns, length)" in without
