@@ -29,8 +29,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         _entry(
             "certificate",
             """What is claimed of a front, and of what: "exact on the lattice" says that no better trajectory exists on
-            that grid of poses, and nothing of paths off it; "local optima" or "supported points" claim less. Each planner writes its own, and a
-            union of fronts keeps them all.""",
+            that grid of poses, and nothing of paths off it; "local optima" or "supported points" claim less. Each
+            planner writes its own, and a union of fronts keeps them all.""",
         ),
         _entry(
             "status, complete, no path, unfinished, interrupted, time limit, label limit, memory limit, point limit, "

@@ -10,17 +10,19 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
 from hpop.arguments import checked_arguments
 from hpop.errors import OutputError, StudyError
+from hpop.following import followed
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
 from hpop.models.field_of_view import FieldOfView
 from hpop.options import real
 from hpop.problem import Problem
-from hpop.status import ProgressCallback
+from hpop.status import Progress, ProgressCallback
 from hpop.study.words import Words, words
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -83,13 +85,16 @@ def save_stimuli(
     """
     target, written = Path(folder), dict[str, Path]()
     said = words(language, study)
+    conditions = list(conditions)
+    videos = [condition.id for condition in conditions if condition.kind == "video"]
     for condition in conditions:
         name = condition.id
         if not LETTER.fullmatch(name) or name in written:
             raise StudyError(f"conditions are called by capital letters, each once, got {shown(name)}")
         trajectory = _ridden(front, condition, baselines or {})
         if condition.kind == "video":
-            written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", progress)
+            which = f"video {name}, {videos.index(name) + 1} of {len(videos)}:"
+            written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", which, progress)
             continue
         if condition.kind == "view":
             page = view_page(problem, trajectory, name, condition.duration, said=said)
@@ -118,9 +123,17 @@ def _ridden(front: Front, condition: Shown, baselines: Mapping[str, Trajectory])
     return front.trajectories[condition.row or 0]
 
 
-def _save_video(problem: Problem, trajectory: Trajectory, path: Path, progress: ProgressCallback | bool | None) -> Path:
-    """A video without the file beside it, which names the costs."""
-    save_video(problem, trajectory, path, progress=progress)
+def _save_video(
+    problem: Problem, trajectory: Trajectory, path: Path, which: str, progress: ProgressCallback | bool | None
+) -> Path:
+    """Write a video without the file beside it, which names the costs, and tell progress ``which`` video it is."""
+    with followed(progress) as told:
+
+        def tell(done: Progress) -> None:
+            if told is not None:
+                told(replace(done, detail=f"{which} {done.detail}"))
+
+        save_video(problem, trajectory, path, progress=tell)
     path.with_name(f"{path.name}.json").unlink()
     return path
 

@@ -13,6 +13,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import StudyError
+from hpop.status import Progress
 from hpop.study.page import rides_of, session_page
 from hpop.study.words import words
 from hpop.world.content import Landmark, Person
@@ -183,3 +184,21 @@ def test_the_stop_rule_is_said_in_the_language_of_the_page_unless_the_study_has_
     assert payload(session_page(public, tmp_path))["form"]["protocol"]["stop_rule"] == "Sie dürfen jederzeit aufhören."
     own = {**public, "protocol": {**public["protocol"], "stop_rule": "Say stop."}}
     assert payload(session_page(own, tmp_path))["form"]["protocol"]["stop_rule"] == "Say stop."
+
+
+@pytest.mark.proof  # frames are drawn at full size
+def test_of_videos_progress_names_which_of_how_many_it_draws(front: hpop.Front, tmp_path: Path) -> None:
+    pytest.importorskip("av")
+    videos = study.Design.of(front, [0, 1], participants=2, consent=CONSENT, forms=("comfort",), kind="video")
+    told: list[str] = []
+
+    def interrupt(progress: Progress) -> None:
+        told.append(f"{progress.stage} {progress.detail}")
+        raise KeyboardInterrupt
+
+    problem = hpop.Problem.from_description(front.problem or {})
+    with pytest.raises(KeyboardInterrupt):
+        study.save_stimuli(problem, front, videos.conditions, tmp_path / "s", progress=interrupt)
+    assert len(told) == 1
+    assert re.fullmatch(rf"drawing video {videos.conditions[0].id}, 1 of 2: frame 1 of [0-9,]+", told[0])
+    assert list(tmp_path.rglob("*.mp4*")) == []
