@@ -62,6 +62,7 @@ class Descent:
     most      (k,) bounds up to which they may be exceeded by what a step bends
     scale     (k,) positive: differences of costs that matter alike
     judge     from a polyline to its exact costs (k,), or None where it is not to be trusted
+    evaluate  from m polylines to their exact costs (m, k), NaN off the map; collisions are not looked for
     is_late   whether time is over
     """
 
@@ -72,6 +73,7 @@ class Descent:
     most: FloatArray
     scale: FloatArray
     judge: Callable[[Polyline], FloatArray | None]
+    evaluate: Callable[[Sequence[Polyline]], FloatArray]
     is_late: Callable[[], bool]
 
     @cached_property
@@ -151,20 +153,22 @@ class Descent:
         ahead /= np.maximum(np.hypot(*ahead.T), LAST)[:, None]
         across = ahead[:, ::-1] * [-1.0, 1.0]
         free = np.linalg.pinv(nearby.basis.reshape(-1, nearby.freedom)).reshape(nearby.freedom, -1, 2)
+        sides = [
+            free[:, corner] @ (sign * side)
+            for corner in range(1, len(vertices) - 1)
+            for sign in (1.0, -1.0)
+            for i in (corner - 1, corner)
+            for side in (ahead[i], across[i])
+        ]
         for size in POLLED:
-            for corner in range(1, len(vertices) - 1):
-                sides = [one for i in (corner - 1, corner) for one in (ahead[i], across[i])]
-                for side in [*sides, *(-one for one in sides)]:
-                    if self.is_late():
-                        return None
-                    trial = nearby.moved(free[:, corner] @ (size * side))
-                    judged = self.judge(trial)
-                    if (
-                        judged is not None
-                        and (judged <= bounds).all()
-                        and self._merit(judged) < self._merit(costs) - GAIN
-                    ):
-                        return trial, judged
+            if self.is_late():
+                return None
+            trials = [nearby.moved(size * side) for side in sides]
+            every = self.evaluate(trials)  # all at once: each call of a criterion costs more than a trial in it
+            gains = (every <= bounds).all(axis=1) & (every @ self.weights < self._merit(costs) - GAIN)
+            for place in np.flatnonzero(gains):
+                if (judged := self.judge(trials[place])) is not None:
+                    return trials[place], judged
         return None
 
     def _merit(self, costs: FloatArray) -> float:

@@ -5,19 +5,20 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.arrays import FloatArray
-from hpop.criteria.base import motion_costs
+from hpop.criteria.base import motion_costs, trajectory_costs
 from hpop.limits import LimitPassed, within
 from hpop.planners.epsilon_constraint.descent import Descent
 from hpop.planners.epsilon_constraint.grid import LOOSE, Cell, Found, Known, Roles
 from hpop.planners.epsilon_constraint.motions import Pieces
 from hpop.planners.epsilon_constraint.program import PolylineProgram, Solution
-from hpop.planners.judgement import accepted, exceeds, judge
+from hpop.planners.judgement import accepted, exceeds, judge, on_map
 from hpop.planners.polylines.polyline import PIECE, Polyline, PolylineStructure
 from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
@@ -223,6 +224,7 @@ class _Attempt:
             SHARE * accepted(self.cell.epsilon, roles.criteria)[smooth] + (1 - SHARE) * self.cell.epsilon[smooth],
             self._scale(found.known),
             self._costs_if_trusted,
+            self._costs_on_map,
             self.is_late,
         )
         rest = descent.run(found.known.polyline, found.known.costs[smooth])
@@ -237,6 +239,16 @@ class _Attempt:
     def _costs_if_trusted(self, polyline: Polyline) -> FloatArray | None:
         reason, costs = self._judged(polyline)
         return None if reason else costs[list(self.job.roles.smooth)]
+
+    def _costs_on_map(self, polylines: Sequence[Polyline]) -> FloatArray:
+        """Costs (m, k) of the smooth criteria, NaN of polylines that leave the map."""
+        problem, roles = self.job.problem, self.job.roles
+        trajectories = [polyline.trajectory(problem.model) for polyline in polylines]
+        inside = np.array([on_map(problem, trajectory.states).all() for trajectory in trajectories], dtype=bool)
+        costs = np.full((len(polylines), len(roles.smooth)), np.nan)
+        on = [trajectory for trajectory, is_on in zip(trajectories, inside, strict=True) if is_on]
+        costs[inside] = trajectory_costs([roles.criteria[j] for j in roles.smooth], on, problem.world)
+        return costs
 
     def _planned(self, known: Known) -> FloatArray:
         """Costs (k,) as they add up piece by piece."""
