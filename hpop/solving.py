@@ -22,17 +22,20 @@ from hpop.frontier.union import JOINT
 from hpop.motion_table import MotionTable
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
 from hpop.planners.goals import check_goal
+from hpop.planners.in_time import evaluable_in_time
 from hpop.planners.needs import refuse_unsupported
+from hpop.planners.spending import Limited, Spending
 from hpop.registry import GROUPS
 from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.sight import notes_on_targets
-from hpop.status import Progress, ProgressCallback, Status
+from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
 StageCallback = Callable[[Front], None]
+GRACE, MOST_GRACE = 0.03, 0.3  # of a time limit, and s, by which the evaluation of what was found may pass it
 SOME = 4_000  # points that are made, re-evaluated and saved within half a second
 SOME_WITH_MEMORY = 40  # where criteria look at each trajectory by itself, which takes some 8 ms each
 
@@ -56,6 +59,7 @@ def fronts(
         check_goal(problem, planner)
     before: Front | None = None
     for planner in made:
+        spending = _spending(problem, planner)
         stages: Candidates | None = None
         last: Candidates | None = None
         try:
@@ -65,7 +69,8 @@ def fronts(
                 if stage is not None and now.status is Status.UNFINISHED:
                     candidates = joined(stages, last)
                     if len(candidates.trajectories):
-                        stage(_union(before, front(problem, candidates)))
+                        with spending.paused():
+                            stage(_union(before, front(problem, candidates)))
         except KeyboardInterrupt:
             if last is not None:
                 last = replace(last, status=Status.INTERRUPTED)
@@ -76,6 +81,7 @@ def fronts(
                 raise
         assert last is not None  # a planner has at least one stage
         save = partial(_save_some, problem, before, stages, stage)
+        last = evaluable_in_time(last, partial(_until_limit, spending), partial(front, problem))
         before = _union(before, _evaluated(problem, stages, last, save, progress))
         log.info("%s: %s found, front of %d, %s", planner.name, len(last.trajectories), len(before), last.status)
         yield before
@@ -140,6 +146,22 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
     )
 
 
+def _spending(problem: Problem, planner: Planner) -> Spending:
+    """Return the time that a planner may spend, on what it finds as well.
+
+    Reading the map is part of it for a planner that says what it may spend on that.
+    """
+    if isinstance(planner, Limited):
+        return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
+    return Spending(Budget(getattr(planner, "time_limit", None)))
+
+
+def _until_limit(spending: Spending) -> float | None:
+    """Return the seconds until the limit, and a part of those by which it may be passed: none is worth few points."""
+    limit, until = spending.budget.time_limit, spending.until_limit()
+    return None if limit is None or until is None else until + min(GRACE * limit, MOST_GRACE)
+
+
 def _stages(
     problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
@@ -180,7 +202,10 @@ def _save_some(
     number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
     if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
         return False
-    stage(_union(before, front(problem, joined(stages, last.spread(number)))))
+    some = last.spread(number)
+    said = f"; {len(some.trajectories):,} of the {len(last.trajectories):,} points, before the others are re-evaluated"
+    some = replace(some, certificate=f"{some.certificate}{said}")
+    stage(_union(before, front(problem, joined(stages, some))))
     return True
 
 

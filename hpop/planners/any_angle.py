@@ -18,11 +18,13 @@ from hpop.options import set_wholes
 from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import goals_of, start_of
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED
+from hpop.planners.in_time import evaluable_in_time
 from hpop.planners.lattice import Lattice
 from hpop.planners.needs import in_plane, refuse_moving
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap.headings import StateRoadmap
-from hpop.planners.roadmap.planner import SAME, checked_ends, on_roadmap, pairs
+from hpop.planners.roadmap.planner import on_roadmap
+from hpop.planners.roadmap.positions import SAME, checked_ends, pairs
 from hpop.planners.spending import Spending
 from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status
@@ -99,23 +101,31 @@ class AnyAngle:
         refuse_moving(problem, "any-angle planner")
         spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
         first = _first_of(self._lattice(), problem, progress)
+        until = spending.until_limit()
+        if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:
+            longer = replace(self._lattice(), time_limit=problem.read_seconds + until)
+            first = _first_of(longer, problem, progress)
         if first.status is Status.INTERRUPTED or not first.trajectories:
             return _lattice_only(first)
         began = time.perf_counter()
-        problem = _on_headings(problem, first.trajectories)
         try:
-            roadmap, notes = self.roadmap(problem, first, spending)
+            some = _bent_in_time(problem, first, spending)
+            problem = _on_headings(problem, some.trajectories)
+            roadmap, notes = self.roadmap(problem, some, spending)
+            if some is not first:
+                notes += (_few_bent(len(some.trajectories), len(first.trajectories)),)
             found = on_roadmap("any-angle", problem, objectives, roadmap, progress, notes)
         except KeyboardInterrupt:
             return _lattice_only(replace(first, status=Status.INTERRUPTED))
         if not found.trajectories and not found.status.is_final:
-            return _lattice_only(replace(first, status=found.status, notes=(*first.notes, *found.notes)))
+            notes = tuple(dict.fromkeys((*first.notes, *found.notes)))
+            return _lattice_only(replace(first, status=found.status, notes=notes))
         # An interruption ends the plan, whatever came before it.
-        own = first.status.is_final or found.status is Status.INTERRUPTED
+        own = some.status.is_final or found.status is Status.INTERRUPTED
         return replace(
             found,
-            status=found.status if own else first.status,
-            stats={**found.stats, "lattice_points": len(first.trajectories), "lattice_seconds": began - begun},
+            status=found.status if own else some.status,
+            stats={**found.stats, "lattice_points": len(some.trajectories), "lattice_seconds": began - begun},
         )
 
     def roadmap(
@@ -157,6 +167,21 @@ def _lattice_only(first: Candidates) -> Candidates:
     """What the lattice gave, where no roadmap was searched."""
     what = "these are the lattice's own paths" if first.trajectories else "the lattice has no path to make one of"
     return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {what}"))
+
+
+def _bent_in_time(problem: Problem, first: Candidates, spending: Spending) -> Candidates:
+    """Return the lattice's paths whose bends can be found in a part of the time that is left."""
+
+    def left() -> float | None:
+        return None if (until := spending.until_limit()) is None else until / 5
+
+    ends = checked_ends(problem).positions
+    return evaluable_in_time(first, left, lambda some: _corners(problem, some.trajectories, ends))
+
+
+def _few_bent(some: int, all_: int) -> str:
+    """Return a note on how many of the lattice's paths gave corners."""
+    return f"any-angle: corners are those of {some:,} of the {all_:,} paths of the lattice, for lack of time"
 
 
 def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:

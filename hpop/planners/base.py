@@ -64,25 +64,17 @@ class Candidates:
     def spread(self, number: int) -> Candidates:
         """So many of them: the best in each planned cost, and of the others, in the order of these, every so many."""
         order = np.lexsort(self.planned.T[::-1])
-        every = order[np.linspace(0, order.size - 1, number - self.planned.shape[1]).astype(np.int64)]
-        rows = np.unique(np.concatenate([self.planned.argmin(axis=0), every]))
-        some = self.trajectories
-        return replace(
-            self,
-            trajectories=some.take(rows) if isinstance(some, Deferred) else [some[i] for i in rows],
-            planned=self.planned[rows],
-            tolerance=self.tolerance[rows],
-            provenance=tuple(self.provenance[i] for i in rows),
-            certificate=f"{self.certificate}; {rows.size:,} of the {order.size:,} points, before the others are "
-            "re-evaluated",
-        )
+        every = order[np.linspace(0, order.size - 1, max(0, number - self.planned.shape[1])).astype(np.int64)]
+        return self.some(np.unique(np.concatenate([self.planned.argmin(axis=0), every])))
 
     def some(self, places: Sequence[int] | IntArray) -> Candidates:
         """Those at some places, in the order given; what is claimed and noted of all stays."""
-        rows = [int(i) for i in places]
+        rows, several = [int(i) for i in places], self.trajectories
         return replace(
             self,
-            trajectories=tuple(self.trajectories[i] for i in rows),
+            trajectories=several.take(np.array(rows, dtype=np.int64))
+            if isinstance(several, Deferred)
+            else tuple(several[i] for i in rows),
             planned=self.planned[rows],
             tolerance=self.tolerance[rows],
             provenance=tuple(self.provenance[i] for i in rows),

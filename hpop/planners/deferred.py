@@ -36,6 +36,8 @@ class Deferred(Sequence[Trajectory]):
 
     def take(self, rows: IntArray) -> tuple[Trajectory, ...]:
         """Those of some rows, made without the others."""
+        if "_all" in vars(self):  # made already
+            return tuple(self._all[i] for i in rows.tolist())
         return self.make(rows)
 
     @cached_property

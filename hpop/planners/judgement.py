@@ -17,7 +17,8 @@ from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.goals import GoalSet
-from hpop.motions import States, free_along
+from hpop.motion_table import MotionTable
+from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -77,12 +78,21 @@ def judge(
     planned, tolerance : (n, k) costs as the planner added them up, and by how much they may be off
     """
     count = len(trajectories)
-    reasons = [_fault_of_ends(problem, trajectory) for trajectory in trajectories]
     costs = np.full((count, len(objectives)), np.nan)
-    on_map = [i for i in range(count) if not reasons[i]]
-    costs[on_map] = trajectory_costs(objectives, [trajectories[i] for i in on_map], problem.world)
-    for i in on_map:
-        if not is_free(problem, trajectories[i]):
+    if not count:
+        return Judgement(costs, ())
+    table = MotionTable.of(trajectories)
+    reasons = _faults_of_ends(problem, table)
+    usable = [i for i in range(count) if not reasons[i]]
+    costs[usable] = trajectory_costs(
+        objectives,
+        [trajectories[i] for i in usable],
+        problem.world,
+        table=table if len(usable) == count > 1 else None,
+    )
+    free = _free(problem, table, trajectories, usable)
+    for i in usable:
+        if not free[i]:
             reasons[i] = "collides"
         elif epsilon is not None and exceeds(costs[i], epsilon[i], objectives).any():
             names = [
@@ -97,7 +107,13 @@ def judge(
     return Judgement(costs, tuple(reasons))
 
 
-def trusted(candidates: Candidates, problem: Problem, planner: str, *, epsilon: FloatArray | None = None) -> Candidates:
+def trusted(
+    candidates: Candidates,
+    problem: Problem,
+    planner: str,
+    *,
+    epsilon: FloatArray | None = None,
+) -> Candidates:
     """Those candidates of a planner that are to be trusted; a note and the stats say what was dropped, and why.
 
     Ctrl-C while they are judged is told by the status: what was found is worth the time. A second one is obeyed.
@@ -138,14 +154,39 @@ def is_free(problem: Problem, trajectory: Trajectory) -> bool:
     return all(bool(free_along(collision, motions).all()) for _, motions in trajectory.batches(problem.world))
 
 
-def _fault_of_ends(problem: Problem, trajectory: Trajectory) -> str:
-    s, model = trajectory.states, problem.model
-    if not on_map(problem, s).all():
-        return "leaves the map"
-    for name, end, at in (("start", GoalSet((problem.start,)), [0]), ("goal", problem.target, [-1])):
-        if not end.reached(model, s.take(at)).all():
-            return f"misses the {name}"
-    return ""
+def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
+    """Return where each trajectory of a table leaves the map or misses an end, in words, or ""."""
+    model = problem.model
+    reasons = [""] * table.counts.size
+    first, last = table.states.take(table.first), table.states.take(table.last)
+    for fault, wrong in (
+        ("misses the goal", ~problem.target.reached(model, last)),
+        ("misses the start", ~GoalSet((problem.start,)).reached(model, first)),
+        ("leaves the map", table.through(~on_map(problem, table.states))),
+    ):
+        for i in np.flatnonzero(wrong):
+            reasons[i] = fault
+    return reasons
+
+
+def _free(problem: Problem, table: MotionTable, trajectories: Sequence[Trajectory], asked: Sequence[int]) -> BoolArray:
+    """Return whether each trajectory of a table is free; only those asked for are looked at one by one.
+
+    A motion that several trajectories share is checked once. Curves depend on their neighbours, and so are checked with
+    their trajectory, as is one that goes nowhere.
+    """
+    collision = problem.model.collision(problem.world)
+    colliding = np.zeros(len(table), dtype=bool)
+    alone = table.having(table.curved) | (table.counts == 0)
+    if not alone.all():
+        for index, motions in table.batches(problem.world):
+            if not is_curve(motions.law):
+                colliding[index] = ~free_along(collision, motions)
+    free: BoolArray = ~table.having(colliding)
+    for i in asked:
+        if alone[i]:
+            free[i] = is_free(problem, trajectories[i])
+    return free
 
 
 def on_map(problem: Problem, states: States) -> BoolArray:

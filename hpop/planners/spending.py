@@ -23,6 +23,7 @@ import numpy as np
 from hpop import limits
 from hpop.interrupts import interrupts_held
 from hpop.planners.base import Candidates
+from hpop.planners.in_time import RESERVED
 from hpop.planners.objectives import Objectives
 from hpop.status import Budget, Status
 
@@ -70,13 +71,17 @@ class Spending:
         """Seconds since planning started, without compiling."""
         return perf_counter() - self._began - (_compiling() - self._compiled)
 
+    def until_limit(self) -> float | None:
+        """Seconds until the time limit, negative after it; None without one."""
+        return None if self.budget.time_limit is None else self.budget.time_limit - self.seconds()
+
     def left(self) -> Budget:
         """What is left for a search; raises Exhausted where that is nothing."""
         self.check("the search was to begin")
         limit, most = self.budget.time_limit, self.budget.max_memory
         return replace(
             self.budget,
-            time_limit=None if limit is None else max(LEAST, limit - self.seconds()),
+            time_limit=None if limit is None else max(LEAST, (1.0 - RESERVED) * limit - self.seconds()),
             max_memory=None if most is None else max(1, most - self.memory),
         )
 
@@ -97,6 +102,7 @@ class Spending:
     def check(self, doing: str, memory: int = 0) -> None:
         """Raise Exhausted where a limit is passed, or would be with so many bytes more.
 
+        A part of the time limit stays for the evaluation of what is found.
         What is not counted shows in the size of the process, where the system tells it (Linux).
         """
         limit, most = self.budget.time_limit, self.budget.max_memory
@@ -107,7 +113,7 @@ class Spending:
             if grown > MORE * most + BESIDE:
                 what = f"{doing}, where the process had grown by {_megabytes(grown)}"
                 raise Exhausted(Status.MEMORY_LIMIT, what)
-        if limit is not None and self.seconds() >= limit:
+        if limit is not None and self.seconds() >= (1.0 - RESERVED) * limit:
             raise Exhausted(Status.TIME_LIMIT, doing)
 
     def hold(self, memory: int, doing: str) -> None:

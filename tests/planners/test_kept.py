@@ -66,6 +66,17 @@ def test_a_graph_that_is_not_costed_in_time_leaves_the_paths_of_a_part_of_it(
     assert verify(asked("watched", "turns"), front) == []
 
 
+def test_a_roadmap_that_is_not_costed_in_time_leaves_the_paths_of_one_of_fewer_samples(until, monkeypatch):
+    monkeypatch.setattr("hpop.planners.roadmap.growing.SMALLEST", 50)
+    monkeypatch.setattr("hpop.planners.graphs.arcs.BLOCK", 1000)
+    until(15_000)  # a roadmap of 50 samples has some 10,000 edges, one of 200 some 40,000
+    front = asked("watched", "turns").solve(Roadmap(samples=200, neighbours=6, time_limit=1000.0))
+    assert front.status == Status.TIME_LIMIT
+    assert len(front) > 0
+    assert "with the points of earlier stages (roadmap of 50 samples)" in front.certificate
+    assert verify(asked("watched", "turns"), front) == []
+
+
 @pytest.mark.parametrize("planner", [EpsilonConstraint, Smoothing, WeightedSumCorridor])
 def test_programs_that_are_not_solved_in_time_leave_the_paths_they_would_have_started_from(planner, monkeypatch):
     problem = asked("length", "turns")

@@ -16,6 +16,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from hpop import limits
 from hpop.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part
 from hpop.models.collision.words import reason
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 TOUCH = 1e-9  # m: a disc may touch
 TURN_SAMPLE = math.radians(5.0)  # rad: a turn is covered by hulls of outlines at most this far apart
+LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map lie in the box of each part
+TOGETHER = 4096  # hulls that are checked between two looks at the limits
 CURVE_MARGIN = 2e-3  # m: a curve is covered by hulls of outlines so near to each other that they are grown by this
 
 
@@ -81,7 +84,7 @@ class PlanarCollision:
             start, end = motions.start.take(at), motions.end.take(at)
             if turning and not part.on_axis:
                 return self._turns_free(part, start, end, moving=moving)
-            return self._hulls_free(part, np.concatenate([part.placed(start), part.placed(end)], axis=1), part.radius)
+            return self._straight_free(part, part.placed(start), part.placed(end))
 
         return self._every_part(free, len(motions))
 
@@ -108,7 +111,39 @@ class PlanarCollision:
         distance = space.clearance(centre[:, 0], centre[:, 1])
         free: BoolArray = distance >= margin + round_it + TOUCH
         open_ = np.flatnonzero(~free & (distance >= margin - TOUCH))
-        free[open_] = space.shapes_free(_hulls(corners[open_], straight=bool((round_it[open_] > 0).all())), margin)
+        straight = bool((round_it[open_] > 0).all())
+        for begin in range(0, open_.size, TOGETHER):
+            limits.check("motions were checked for collisions")
+            some = open_[begin : begin + TOGETHER]
+            free[some] = space.shapes_free(_hulls(corners[some], straight=straight), margin)
+        return free
+
+    def _straight_free(self, part: Part, start: FloatArray, end: FloatArray) -> BoolArray:
+        """Return whether a part is free on straight moves, from corners (N, c, 2) to others.
+
+        A long move is halved until its middle is found blocked, or its parts are short. What the parts sweep together
+        is what the move sweeps.
+        """
+        free, owner = np.ones(len(start), dtype=bool), np.arange(len(start))
+        while (long := np.hypot(*(end - start)[:, 0].T) > LONG).any():
+            limits.check("straight moves were checked for collisions")
+            middle = (start[long] + end[long]) / 2
+            centre = middle.mean(axis=1)
+            away = np.hypot(*(np.concatenate([start, end], axis=1)[long] - centre[:, None]).transpose(2, 0, 1))
+            distance = self._space(part).clearance(centre[:, 0], centre[:, 1])
+            free[owner[long][distance < part.radius - TOUCH]] = False
+            settled = np.zeros(len(start), dtype=bool)
+            settled[long] = distance >= part.radius + away.max(axis=1) + TOUCH
+            halved = ~settled[long]
+            start, end, owner = (
+                np.concatenate([start, middle[halved]]),
+                np.concatenate([end, end[long][halved]]),
+                np.concatenate([owner, owner[long][halved]]),
+            )
+            end[np.flatnonzero(long)] = middle
+            left = free[owner] & ~np.append(settled, np.zeros(halved.sum(), dtype=bool))
+            start, end, owner = start[left], end[left], owner[left]
+        np.logical_and.at(free, owner, self._hulls_free(part, np.concatenate([start, end], axis=1), part.radius))
         return free
 
     def _turns_free(self, part: Part, start: States, end: States, *, moving: bool) -> BoolArray:

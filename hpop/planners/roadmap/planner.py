@@ -6,31 +6,30 @@ import math
 from collections.abc import Iterator
 from dataclasses import InitVar, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.errors import CriterionError, OptionError, QueryError
+from hpop.errors import CriterionError, OptionError
 from hpop.goals import GoalSet
-from hpop.motions import States
 from hpop.options import set_wholes
 from hpop.planners.base import Candidates, joined, planner
-from hpop.planners.goals import End, goals_of, start_of
-from hpop.planners.graphs.arcs import blocks
+from hpop.planners.goals import start_of
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable
 from hpop.planners.graphs.shortest import shortest_path
+from hpop.planners.in_time import evaluable_in_time
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap, guide_roadmap
+from hpop.planners.roadmap.growing import growing, smaller
 from hpop.planners.roadmap.headings import StateRoadmap, nearest_links
+from hpop.planners.roadmap.positions import checked_ends, drawn_positions, pairs
 from hpop.planners.roadmap.survey import Survey, survey
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.timed.asked import Asked, needless, people_move
 from hpop.planners.timed.clock import HOLD, TimeOptions
-from hpop.planners.usable import elsewhere
 from hpop.randomness import MaybeRNG, set_seed
 from hpop.scalars import set_python_values
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
@@ -39,11 +38,10 @@ from hpop.status import Budget, Progress, ProgressCallback, Status
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-SAME = 1e-9  # m: two positions no further apart are one
-DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
 MOST_SAMPLES = 1_000_000
-SAMPLE = 64  # bytes that drawing a position takes
 MOST_TREES = 100
+QUICK = 0.1  # s, of a search on a smaller roadmap, at least
+SHARE = 0.4  # of the time that planning took until then, if that is more
 HEADED = frozenset({"plane", "turn-move", "rigid"})
 AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 
@@ -179,11 +177,48 @@ class Roadmap:
                     yield _unfinished(along)
                 if along.status is Status.INTERRUPTED:
                     return
+            elif known is None and not goes_on:
+                for first in self._first_answers("roadmap", problem, objectives, spending, progress):
+                    with spending.paused():
+                        yield first
+                    if first.status is Status.INTERRUPTED:
+                        return
             roadmap, notes = self._noted(self._made(problem, known, spending))
         except Exhausted as stop:
             yield stopped("roadmap", objectives, stop, spending)
             return
         yield on_roadmap("roadmap", problem, objectives, roadmap, progress, notes, self.checkpoint)
+
+    def _first_answers(
+        self,
+        name: str,
+        problem: Problem,
+        objectives: Objectives,
+        spending: Spending,
+        progress: ProgressCallback | None,
+    ) -> Iterator[Candidates]:
+        """Yield what the planner ``name`` finds on smaller roadmaps of positions, where there is a time limit."""
+
+        def search(roadmap: StateRoadmap) -> Candidates:
+            return on_roadmap(name, problem, objectives, roadmap, progress, (), soon=True)
+
+        def make(samples: int) -> StateRoadmap:
+            return replace(self, samples=samples)._of_positions(problem, spending)
+
+        yield from growing(smaller(self.samples, spending), make, search, spending)
+
+    def first_answer(
+        self,
+        name: str,
+        problem: Problem,
+        objectives: Objectives,
+        spending: Spending,
+        progress: ProgressCallback | None = None,
+    ) -> Candidates | None:
+        """What the planner ``name``, which searches this roadmap otherwise, keeps in case it is not built in time."""
+        if not _has_positions(problem):
+            return None
+        return next(iter(self._first_answers(name, problem, objectives, spending, progress)), None)
 
     def _among_people(
         self, problem: Problem, objectives: Objectives, progress: ProgressCallback | None
@@ -240,7 +275,7 @@ class Roadmap:
                 "far and trees are for roadmaps of configurations; for this robot it has positions; leave them out"
             )
         ends = checked_ends(problem)
-        positions = np.concatenate([ends.positions, self._drawn(problem, spending)])
+        positions = np.concatenate([ends.positions, drawn_positions(problem, self.samples, self.seed, spending)])
         drawn = len(positions) - len(ends.positions)
         count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
         return StateRoadmap(
@@ -255,28 +290,6 @@ class Roadmap:
             remedy="take more samples",
             spending=spending,
         )
-
-    def _drawn(self, problem: Problem, spending: Spending) -> FloatArray:
-        """Free positions (n, 2), m, drawn uniformly; fewer than samples where next to nothing is free.
-
-        A position is taken if the robot is free there at a random heading.
-        """
-        rng = np.random.default_rng(self.seed)
-        collision = problem.model.collision(problem.world)
-        x_min, y_min, x_max, y_max = problem.world.bounds
-        drawn = np.zeros((0, 2))
-        for _ in range(DRAWS):
-            spending.check("positions were drawn", self.samples * SAMPLE)
-            at = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (self.samples, 3))
-
-            def found(part: slice, at: FloatArray = at) -> FloatArray:
-                x, y, yaw = at[part].T
-                return at[part][collision.states_free(States(x=x, y=y, yaw=yaw)), :2]
-
-            drawn = np.concatenate([drawn, *spending.each(found, blocks(self.samples), "positions were drawn")])
-            if len(drawn) >= self.samples:
-                break
-        return drawn[: self.samples]
 
 
 def _has_positions(problem: Problem) -> bool:
@@ -294,47 +307,6 @@ def _unfinished(along: Candidates) -> Candidates:
     )
 
 
-class PositionedEnds(NamedTuple):
-    """Where a roadmap begins and may end.
-
-    positions  (E, 2)  m; the first is the start's
-    goals      position of each goal, and its yaw, rad, None where it is free
-    """
-
-    positions: FloatArray
-    goals: tuple[tuple[int, float | None], ...]
-
-
-def checked_ends(problem: Problem) -> PositionedEnds:
-    """Positions of the start and of the goals that are not blocked; QueryError where the start or all goals are."""
-    collision = in_plane(problem.model).collision(problem.world)
-
-    def refusal(what: str, end: End) -> str:
-        x, y, yaw = end
-        if yaw is None and collision.yaw_matters:  # some heading may do
-            return ""
-        state = States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0]))
-        reason = collision.why_blocked(state)
-        hint = reason and elsewhere(problem.model, problem.world, state)
-        return reason and f"the {what} ({x:.3f}, {y:.3f}) is not usable: {reason}.{hint}"
-
-    start, goals = start_of(problem), goals_of(problem)
-    refusals = [refusal(f"goal {i}" if len(goals) > 1 else "goal", goal) for i, goal in enumerate(goals)]
-    if refused := refusal("start", start) or (all(refusals) and " ".join(refusals)):
-        raise QueryError(refused)
-    positions, at = [start[:2]], list[tuple[int, float | None]]()
-    for x, y, yaw in (goal for goal, refused in zip(goals, refusals, strict=True) if not refused):
-        near = [i for i, position in enumerate(positions) if math.dist(position, (x, y)) <= SAME]
-        at.append((near[0] if near else len(positions), yaw))
-        positions += [] if near else [(x, y)]
-    return PositionedEnds(np.array(positions), tuple(at))
-
-
-def pairs(count: int) -> IntArray:
-    """All pairs (L, 2) of the first positions."""
-    return np.stack(np.triu_indices(count, 1), axis=1)
-
-
 def on_roadmap(
     name: str,
     problem: Problem,
@@ -343,9 +315,19 @@ def on_roadmap(
     progress: ProgressCallback | None,
     notes: tuple[str, ...],
     checkpoint: CheckpointSpec | None = None,
+    *,
+    soon: bool = False,
 ) -> Candidates:
-    """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged."""
+    """All non-dominated paths of a roadmap as the candidates of the planner ``name``, each of them judged.
+
+    ``soon``: what a share of the time left finds, as a stage before the last; raises Exhausted where it is not built.
+    """
     spending, first = roadmap.spending, None
+    if soon:
+        query = roadmap_query(objectives, roadmap, progress, notes)
+        query.break_ties()
+        share = spending.share(max(QUICK, SHARE * query.build_seconds))
+        return _judged(query.exact(name, share, progress, stage=True), problem, roadmap)
     try:
         first = _first_of(name, roadmap, objectives)
         query = roadmap_query(objectives, roadmap, progress, notes)
@@ -367,8 +349,14 @@ def _first_of(name: str, roadmap: AnyRoadmap, objectives: Objectives) -> Candida
 
 
 def _judged(found: Candidates, problem: Problem, roadmap: AnyRoadmap) -> Candidates:
-    """Those of the candidates that are to be trusted."""
-    kept = trusted(found, problem, str(found.stats["planner"]))
+    """Those of the candidates that can be judged in time, and are to be trusted."""
+    name = str(found.stats["planner"])
+
+    def left() -> float | None:  # as much again is for the evaluation of the front
+        return None if (until := roadmap.spending.until_limit()) is None else until / 2
+
+    found = evaluable_in_time(found, left, lambda some: trusted(some, problem, name))
+    kept = trusted(found, problem, name)
     dropped = len(found.trajectories) - len(kept.trajectories)
     return replace(
         kept,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import Executor
@@ -20,7 +21,7 @@ from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import on_wheels
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.roadmap.planner import checked_ends
+from hpop.planners.roadmap.positions import checked_ends
 from hpop.planners.rrt.query import Query
 from hpop.planners.rrt.run import LATE, TreeRun, load_ompl, run
 from hpop.randomness import MaybeRNG, set_seed
@@ -94,7 +95,7 @@ class RRT:
         finished = {i: one for i, one in results.items() if one.failure != LATE}
         if status is Status.COMPLETE and len(finished) < self.runs:
             status = Status.TIME_LIMIT
-        found = _Ended(self, problem, objectives, query, finished, status).candidates()
+        found = _Ended(self, problem, objectives, query, finished, tuple(results.values()), status).candidates()
         return replace(found, notes=(*found.notes, *sweep.notes), stats={**found.stats, "seconds": watch.seconds})
 
     def _seeds(self) -> list[int]:
@@ -130,6 +131,7 @@ class _Ended:
     objectives: Objectives
     query: Query
     finished: dict[int, TreeRun]
+    ended: tuple[TreeRun, ...]
     status: Status
 
     def candidates(self) -> Candidates:
@@ -192,14 +194,18 @@ class _Ended:
 
     def _said(self, sign_changes: FloatArray, failed: Counter[str]) -> tuple[str, ...]:
         """What became of the runs."""
-        runs = len(self.finished)
+        runs, least = len(self.finished), min((one.missed for one in self.ended if one.missed), default=math.inf)
         notes = [f"rrt: {count} of {runs} runs {failure}" for failure, count in sorted(failed.items())]
         if sign_changes.size:
             least, most = int(sign_changes.min()), int(sign_changes.max())
             times = f"{least}" if least == most else f"{least} to {most}"
             notes.append(f"rrt: curvature changes its sign {times} times on the {sign_changes.size} found")
-        elif runs:
-            notes.append("rrt found nothing, which does not mean that there is no path; take more runs or extensions")
         else:
-            notes.append("rrt: the time was up before a run was finished; give it more")
+            close = f" The nearest that a tree came to the goal is about {least:.1f} m." if math.isfinite(least) else ""
+            helps = "take more runs or max_extensions" if runs else "raise time_limit"
+            why = "" if runs else ": the time was up before a tree was at the goal"
+            notes.append(
+                f"rrt found nothing{why}, which does not mean that there is no path.{close} Trees reach goals "
+                f"some tens of metres away: {helps}, or plan with lattice or roadmap, which find longer ways"
+            )
         return tuple(notes)

@@ -19,7 +19,7 @@ import numpy as np
 from hpop.arrays import FloatArray
 from hpop.errors import OptionError
 from hpop.planners.rrt.close import close
-from hpop.planners.rrt.query import STEP, Base, Query, of_wheels
+from hpop.planners.rrt.query import NEAR, STEP, Base, Query, of_wheels
 
 MOST_STEPS = 5  # wheel accelerations are held for one to so many steps
 LATE = "were ended by the time limit"
@@ -34,11 +34,14 @@ class TreeRun(NamedTuple):
     controls    (n, 3)  accelerations, m/s² and rad/s², and duration, s, of each drive; none if it failed
     failure     why it failed, or ""
     extensions  of the tree, those that failed included
+    missed      m, from the goal to the nearest place at which the tree could stop; 0 if it is near enough, and infinite
+                if nothing is known
     """
 
     controls: FloatArray
     failure: str
     extensions: int
+    missed: float = 0.0
 
 
 def run(query: Query, seed: int) -> TreeRun:
@@ -46,10 +49,10 @@ def run(query: Query, seed: int) -> TreeRun:
     if query.arrived:
         return TreeRun(np.empty((0, 3)), "", 0)
     with _alone:
-        controls, extensions = grow(query, seed)
+        controls, extensions, missed = grow(query, seed)
     if controls is None:
         failure = "did not reach the goal" if extensions >= query.extensions else LATE
-        return TreeRun(np.empty((0, 3)), failure, extensions)
+        return TreeRun(np.empty((0, 3)), failure, extensions, missed)
     closed = close(query, controls)
     if closed is None:
         return TreeRun(np.empty((0, 3)), "ended near the goal, from where it could not be led to it", extensions)
@@ -66,8 +69,8 @@ def load_ompl() -> tuple[Any, Any, Any]:
         ) from None
 
 
-def grow(query: Query, seed: int) -> tuple[FloatArray | None, int]:
-    """Controls (n, 3) from the start to rest near the goal, or None, and the number of extensions."""
+def grow(query: Query, seed: int) -> tuple[FloatArray | None, int, float]:
+    """Controls (n, 3) from the start to rest near the goal, or None, the number of extensions, and the gap left, m."""
     ob, oc, util = load_ompl()
     level = util.getLogLevel()
     util.setLogLevel(util.LOG_NONE)
@@ -98,8 +101,9 @@ def grow(query: Query, seed: int) -> tuple[FloatArray | None, int]:
 
         tree.solve(ob.PlannerTerminationCondition(enough))
         if not definition.hasExactSolution():
-            return None, min(extensions, query.extensions)
-        return _controls(query, definition.getSolutionPath()), extensions
+            missed = NEAR * float(definition.getSolutionDifference()) if definition.hasSolution() else math.inf
+            return None, min(extensions, query.extensions), missed
+        return _controls(query, definition.getSolutionPath()), extensions, 0.0
     finally:
         util.setLogLevel(level)
 

@@ -7,8 +7,11 @@ import shapely.affinity
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hpop import limits
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
+from hpop.planners.spending import Spending
+from hpop.status import Budget
 from hpop.world import World
 
 L_SHAPE = ((0.5, 0.2), (-0.2, 0.2), (-0.2, -0.6), (0.1, -0.6), (0.1, -0.2), (0.5, -0.2))
@@ -282,3 +285,26 @@ def test_why_blocked_speaks_of_the_part_that_is_blocked():
     reason = wide.collision(world).why_blocked(state(4.1, 5.0))
     assert f"is {distance:.3f} m away and the robot reaches 0.450 m" in reason
     assert "inside an obstacle" in DifferentialDrive().collision(world).why_blocked(state(5.0, 5.0))
+
+
+def test_long_moves_are_free_where_what_they_sweep_is_free():
+    rng = np.random.default_rng(8)
+    boxes = [shapely.box(*corner, *(corner + rng.uniform(0.2, 2.0, 2))) for corner in rng.uniform(3, 57, (25, 2))]
+    world, robot = World.from_polygons(boxes, extent=shapely.box(0, 0, 60, 60)), DifferentialDrive(radius=0.3)
+    ends = rng.uniform(0.5, 59.5, (2, 200, 2))
+    yaw = np.arctan2(*(ends[1] - ends[0]).T[::-1])
+    start, end = (States(x=x, y=y, yaw=yaw) for x, y in (end.T for end in ends))
+    free = robot.collision(world).motions_free(Motions(world, robot, robot.laws["move"], start, end))
+    gap = shapely.distance(shapely.linestrings(ends.transpose(1, 0, 2)), shapely.unary_union(boxes))
+    assert (np.abs(gap - 0.3) > NEAR).all()
+    assert (free == (gap > 0.3)).all()
+    assert 20 < free.sum() < 180
+
+
+def test_a_check_of_many_moves_looks_at_the_limits():
+    world, robot = World.from_polygons([], extent=shapely.box(0, 0, 60, 60)), DifferentialDrive(radius=0.3)
+    start, end = (States(x=np.array([x]), y=np.array([1.0]), yaw=np.zeros(1)) for x in (1.0, 59.0))
+    motions = Motions(world, robot, robot.laws["move"], start, end)
+    assert robot.collision(world).motions_free(motions).all()
+    with limits.within(Spending(Budget(time_limit=1e-9))), pytest.raises(limits.LimitPassed):
+        robot.collision(world).motions_free(motions)
