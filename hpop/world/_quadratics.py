@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
+from hpop.limits import LimitPassed, check
 from hpop.world._spline import quadratics
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 class Quadratics(casadi.Callback):
     """From places (2, size) to second-order expansions (8, size), see :func:`hpop.world._spline.quadratics`.
 
+    Not a number where a limit is passed: CasADi would print an error, and solvers end at once where nothing is a number.
     CasADi holds no reference to it: whoever uses it in an expression keeps it.
     """
 
@@ -41,6 +43,12 @@ class Quadratics(casadi.Callback):
 
     def eval_buffer(self, arguments: Any, results: Any) -> int:
         places = np.frombuffer(arguments[0], dtype=np.float64).reshape(self._size, 2)
-        coefficients = self._field.coefficients_at(*places.T)
-        quadratics(coefficients, places, np.frombuffer(results[0], dtype=np.float64).reshape(self._size, 8))
+        found = np.frombuffer(results[0], dtype=np.float64).reshape(self._size, 8)
+        try:
+            check("a field was read")
+            coefficients = self._field.coefficients_at(*places.T)
+        except LimitPassed:
+            found[:] = np.nan
+        else:
+            quadratics(coefficients, places, found)
         return 0

@@ -108,7 +108,13 @@ class _Attempt:
         minimise = self.job.roles.minimise
         known, reason = self.start, ""
         for number in range(self.job.rounds):
-            again = self._solve(known, number)
+            try:
+                again = self._solve(known, number)
+            except LimitPassed:
+                if self.is_late():
+                    raise
+                self.counts[CUT_SHORT] = 1  # too large a program for the time that is left: corners move without it
+                break
             if isinstance(again, str):
                 reason = again
                 break
@@ -117,7 +123,7 @@ class _Attempt:
             gain, known, self.best = self._gain(known, again), again.known, again
             if gain <= GAIN * abs(known.costs[minimise]):
                 break
-        if self.best is None and not self.counts[CUT_SHORT]:
+        if self.best is None and not self.job.deadline.is_past:
             if exceeds(self.start.costs, self.cell.epsilon, self.job.roles.criteria).any():
                 return reason
             settled = self._settled(self._candidate(self.start, None, {"round": 0, "status": reason}))

@@ -25,7 +25,7 @@ from hpop.planners.epsilon_constraint.motions import Pieces, sparse
 from hpop.planners.goals import one_goal
 from hpop.planners.polylines.polyline import Polyline, PolylineStructure
 from hpop.planners.programs.criteria import on_symbols
-from hpop.planners.programs.deadline import BUILDING, Deadline
+from hpop.planners.programs.deadline import BUILDING, SOLVING, Deadline
 from hpop.planners.programs.hinges import unhinged
 from hpop.planners.programs.nlp import SparseWorld, moments, reaches, vector
 from hpop.text import shown
@@ -34,6 +34,7 @@ from hpop.world import World
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
+BUILDS = 6e-6  # s a variable and constraint, that CasADi takes to build a solver
 REGULAR = 0.15  # weight of n Σ (L_i / L)², which keeps vertices from sliding and collapsing
 SPREAD = 1e-3  # weight of the bounded costs in the objective: AUGMECON's slack term
 REGION = 1.0  # m: how far the program may take a coordinate from its warm start
@@ -199,6 +200,8 @@ class PolylineProgram:
             "f": objective,
             "g": casadi.vertcat(*(scaled[j] for j in summed), above, advance, *clearances),
         }
+        size = program["x"].numel() * program["g"].numel()
+        self.deadline.check(BUILDING, ahead=BUILDS * size)
         stopping = self.deadline.stopping(program["x"].numel(), program["g"].numel())
         solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS | stopping)
         honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # a slack may lie above the worst sample
@@ -233,7 +236,9 @@ class PolylineProgram:
     def _values(self, polyline: Polyline, corrections: FloatArray | None) -> list[FloatArray]:
         point = np.concatenate([self._free(polyline), np.zeros(len(self._places[1]))])
         parameters = self._parameters(polyline, np.ones(len(self.criteria)), corrections)
-        return [np.array(value) for value in self._built[1](point, parameters)]
+        found = [np.array(value) for value in self._built[1](point, parameters)]
+        self.deadline.check(SOLVING)  # fields that were read later are not numbers
+        return found
 
     def costs(self, polyline: Polyline, corrections: FloatArray | None = None) -> FloatArray:
         """Costs (k,) as the program adds them up; not a number where nothing is free."""
@@ -313,7 +318,7 @@ class PolylineProgram:
             scale = np.where(np.isfinite(epsilon) & (epsilon > 0), epsilon, 1.0)
         if not self.freedom:
             return Solution(warm, self.costs(warm), True, "nothing is free", 0)
-        solver, values, above, _ = self._built
+        solver, values, above, stopping = self._built
         summed, worst = self._places
         parameters = self._parameters(warm, scale, corrections)
         bounded = np.concatenate(self.bounds(warm) if bounds is None else list(bounds))
@@ -325,6 +330,8 @@ class PolylineProgram:
         most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
         tops = self.costs(warm, corrections)[worst]
         floor = np.minimum(epsilon[worst], 0.0)  # no cost is negative: a slack below 0 would be paid for with others
+        for stop in stopping.values():
+            stop.begin()
         with interrupts_held():
             found = solver(
                 x0=np.concatenate([free, tops]),
@@ -341,6 +348,7 @@ class PolylineProgram:
                 ),
             )
         stats = solver.stats()
+        self.deadline.check_solver(str(stats["return_status"]))
         vertices, costs, _ = (np.array(value) for value in values(found["x"], parameters))
         vertices[0], vertices[-1] = warm.vertices[0], warm.vertices[-1]
         return Solution(
@@ -354,6 +362,7 @@ class PolylineProgram:
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
+    "show_eval_warnings": False,  # where time is over, fields are not numbers
     "ipopt.print_level": 0,
     "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
     "ipopt.mu_init": 0.01,

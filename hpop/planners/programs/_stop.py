@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any
 
 import casadi
@@ -11,13 +12,20 @@ if TYPE_CHECKING:
 
 
 class Stop(casadi.Callback):
-    """Stops a solver whose time is over. CasADi holds no reference to it: whoever has the solver keeps it."""
+    """Stops a solver whose time is over, or would be after an iteration as long as the last one.
+
+    CasADi holds no reference to it: whoever has the solver keeps it.
+    """
 
     def __init__(self, deadline: Deadline, variables: int, constraints: int) -> None:
         casadi.Callback.__init__(self)
-        self._deadline = deadline
+        self._deadline, self.last = deadline, time.time()
         self._sizes = {"f": 1, "x": variables, "lam_x": variables, "g": constraints, "lam_g": constraints}
         self.construct("stop", {})
+
+    def begin(self) -> None:
+        """Say that a solver begins: its first iteration counts from now."""
+        self.last = time.time()
 
     def get_n_in(self) -> int:
         return int(casadi.nlpsol_n_out())
@@ -29,4 +37,6 @@ class Stop(casadi.Callback):
         return casadi.Sparsity.dense(self._sizes.get(casadi.nlpsol_out(i), 0), 1)
 
     def eval(self, arguments: Any) -> list[int]:
-        return [int(self._deadline.is_past)]
+        now, until = time.time(), self._deadline.at
+        lasts, self.last = now - self.last, now
+        return [int(until is not None and now + lasts >= until)]

@@ -10,6 +10,8 @@ from typing import Any
 from hpop.limits import LimitPassed
 
 BUILDING = "a program was built"
+SOLVING = "a program was solved"
+STOPPED = "User_Requested_Stop"  # IPOPT's word
 CUT_SHORT = "cut short"  # what jobs count that did not end by themselves
 
 
@@ -40,6 +42,12 @@ class Deadline:
     def hold(self, memory: int, doing: str) -> None:
         """Look at the time; memory is not counted."""
         self.check(doing)
+
+    def check_solver(self, status: str) -> None:
+        """Raise LimitPassed where a solver ended with a status that says that it was stopped, or the time is over."""
+        if status == STOPPED:
+            raise LimitPassed(f"the time was over while {SOLVING}")
+        self.check(SOLVING)
 
     def stopping(self, variables: int, constraints: int) -> dict[str, Any]:
         """Options of a CasADi solver of programs of this size, so that IPOPT ends with the iteration at work."""

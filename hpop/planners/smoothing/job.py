@@ -18,7 +18,7 @@ from hpop.models.differential_drive.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.programs.deadline import CUT_SHORT, Deadline
+from hpop.planners.programs.deadline import CUT_SHORT, SOLVING, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
 from hpop.planners.smoothing.guess import clearances, first_guess, structure_of
 from hpop.planners.smoothing.homotopy import homotopic
@@ -130,11 +130,10 @@ class SmoothingJob:
         guess = first_guess(polyline, program.structure, model)
 
         def solve() -> Driven:
-            self.deadline.check("a program was solved")
+            self.deadline.check(SOLVING)
             for exact in (True, False) if not counts["saved by quasi-Newton"] else (False,):
                 counts["programs"] += 1
                 found = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
-                self.deadline.check("a program was solved")
                 if found.trajectory is not None:
                     counts["saved by quasi-Newton"] += not exact
                     break

@@ -276,9 +276,12 @@ class DrivenProgram:
             np.concatenate([lowest, least / counts, below, 0.0 * self._hinges]),
             np.concatenate([highest, LONGEST / counts, more, free]),
         )
+        for stop in self._formulas.stopping.values():
+            stop.begin()
         with interrupts_held():
             found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=lbg, ubg=ubg)
         stats = solver.stats()
+        self.deadline.check_solver(str(stats["return_status"]))
         status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
         trajectory = None
         if status in SUCCESS:
@@ -380,6 +383,7 @@ class DrivenProgram:
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
+    "show_eval_warnings": False,  # where time is over, fields are not numbers
     "ipopt.print_level": 0,
     "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
     "ipopt.sb": "yes",

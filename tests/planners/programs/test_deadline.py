@@ -2,39 +2,58 @@
 
 import time
 
+import casadi
 import numpy as np
 import pytest
 import shapely
 
 import hpop
-from hpop.limits import LimitPassed
+from hpop.limits import LimitPassed, within
 from hpop.planners import EpsilonConstraint, Smoothing, WeightedSumCorridor
 from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.programs._stop import Stop
 from hpop.planners.programs.deadline import Deadline
 from hpop.planners.smoothing.separable import Separable
 from hpop.status import Status
+from hpop.world.looks import quadratics
 
 WORLD = hpop.World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
 PROBLEM = hpop.Problem(WORLD, hpop.DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ["turns", "length"])
 OVER = Deadline(0.0)
 
 
-def test_a_solver_whose_time_is_over_stops_with_its_first_iteration():
+def test_a_solver_whose_time_is_over_stops_and_says_nothing_else(capfd):
     line = Polyline(np.array([(1, 2), (3, 4), (5, 2)], float), 0.0, 0.0)
     length = tuple(c for c in PROBLEM.criteria if c.name == "length")
-    free, stopped = (
-        PolylineProgram(PROBLEM, length, 0, line.structure, deadline).solve(line, np.array([np.inf]))
-        for deadline in (Deadline(), OVER)
-    )
-    assert free.converged
-    assert free.iterations > 1
-    assert not stopped.converged
-    assert stopped.iterations <= 1
+    assert PolylineProgram(PROBLEM, length, 0, line.structure).solve(line, np.array([np.inf])).iterations > 1
+    deadline = Deadline.after(3600.0)
+    program = PolylineProgram(PROBLEM, length, 0, line.structure, deadline).build()
+    object.__setattr__(deadline, "at", 0.0)
+    with pytest.raises(LimitPassed, match="a program was solved"), within(deadline):
+        program.solve(line, np.array([np.inf]))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_solver_is_stopped_before_an_iteration_that_would_end_too_late():
+    now = time.time()
+    sizes = [casadi.DM(casadi.nlpsol_out(i) == "f", 1) for i in range(casadi.nlpsol_n_out())]
+    for left, stops in ((3000.0, 0), (1000.0, 1)):
+        stop = Stop(Deadline(now + left), 0, 0)
+        stop.last = now - 2000.0  # an iteration as long as that
+        assert int(stop(*sizes)) == stops
+        assert int(Stop(Deadline(now + left), 0, 0)(*sizes)) == 0
+
+
+def test_a_field_that_is_read_too_late_is_no_number():
+    field = WORLD.clearance_field()
+    read = quadratics(field, 1)
+    assert np.isfinite(read([3.0, 4.0]).full()).all()
+    with within(OVER):
+        assert np.isnan(read([3.0, 4.0]).full()).all()
 
 
 def test_a_program_is_not_built_further_once_the_time_is_over():
-    casadi = pytest.importorskip("casadi")
     x, p = casadi.MX.sym("x", 4), casadi.MX.sym("p", 2, 1)
     where = np.arange(4).reshape(2, 2)
     with pytest.raises(LimitPassed, match="a program was built"):
