@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class Quadratics(casadi.Callback):
     """From places (2, size) to second-order expansions (8, size), see :func:`hpop.world._spline.quadratics`.
 
-    Not a number where a limit is passed: CasADi would print an error, and solvers end at once where nothing is a number.
+    Not a number where a limit is passed: CasADi would print an error, and solvers end where nothing is a number.
     CasADi holds no reference to it: whoever uses it in an expression keeps it.
     """
 
