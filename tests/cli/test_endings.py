@@ -16,7 +16,7 @@ from hpop.cli.results import check_writable
 from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.interrupts import ENDING, endings_interrupt
-from tests.warm import COMMAND, DRAWN, UNDRAWN, Warm
+from tests.warm import DRAWN, UNDRAWN, Warm
 
 INTERRUPTED_IMPORT = """\
 import signal, sys
@@ -141,15 +141,6 @@ def test_where_standard_streams_are_closed_all_is_written_as_ever(tmp_path: Path
     assert Front.load(tmp_path / "out" / "front.json").status == "complete"
     for words in (["show", "out"], ["pick", "out", "--knee"], ["export", "out"], ["explain", "knee"]):
         assert warm.run(closed, *words, cwd=tmp_path, code=CLOSED + UNDRAWN).returncode == 0
-
-
-def test_pictures_are_drawn_whatever_a_desktop_draws_with(tmp_path: Path) -> None:
-    (tmp_path / "room.yaml").write_text(SMALL)
-    command = [sys.executable, "-c", COMMAND, "look", "room.yaml", "--out", "look.png"]
-    environment = {**os.environ, "MPLBACKEND": "no such backend"}
-    run = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
-    assert (run.returncode, run.stderr) == (0, "")
-    assert (tmp_path / "look.png").exists()
 
 
 def test_output_that_a_full_disk_does_not_take_is_one_message(tmp_path: Path, warm: Warm) -> None:

@@ -20,15 +20,12 @@ LONG = hpop.DifferentialDrive(footprint=((0.5, 0.25), (-0.5, 0.25), (-0.5, -0.25
 
 
 def gaps(trajectory, person, robot):
-    """Between the surfaces, m, every 5 ms: the robot's outline is put where it is, by shapely."""
+    """Between the surfaces, m, every 5 ms: the person is put where the robot's frame has it, by shapely."""
     outline = shapely.Point(0, 0).buffer(0.3, quad_segs=720) if robot is ROUND else shapely.Polygon(robot.footprint)
-    times = np.arange(0.0, trajectory.duration, 0.005)
-    s, here = trajectory.at(times), shapely.Point(person.x, person.y)
-    found = []
-    for x, y, yaw in zip(s.x, s.y, s.yaw, strict=True):
-        turned = shapely.affinity.rotate(outline, yaw, origin=(0, 0), use_radians=True)
-        found.append(shapely.distance(shapely.affinity.translate(turned, x, y), here) - person.radius)
-    return np.array(found)
+    shapely.prepare(outline)
+    s = trajectory.at(np.arange(0.0, trajectory.duration, 0.005))
+    dx, dy, cos, sin = person.x - s.x, person.y - s.y, np.cos(s.yaw), np.sin(s.yaw)
+    return shapely.distance(outline, shapely.points(cos * dx + sin * dy, cos * dy - sin * dx)) - person.radius
 
 
 @pytest.mark.parametrize("planner", [{"lattice": {"step": 0.5}}, {"roadmap": {"samples": 120}}, "any-angle"], ids=str)

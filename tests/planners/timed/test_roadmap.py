@@ -43,7 +43,7 @@ def test_plans_cost_what_they_were_planned_to():
 WALKER = Person(5.0, 1.2, velocity=(-0.8, 0.3), until=5.0)
 
 
-@pytest.mark.parametrize("seed", [0, 2, 3])
+@pytest.mark.seeds(1, of=[0, 2, 3])
 def test_positions_that_no_free_link_reaches_leave_no_gap_among_the_places(seed):
     problem = through_the_doors(WALKER, criteria=("hall_zones", "length"))
     planner = Roadmap(samples=30, neighbours=1, seed=seed)
