@@ -29,7 +29,8 @@ from hpop.status import Budget, Status
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
-MORE, BESIDE = 1.25, 250_000_000  # of max_memory, and bytes of libraries, that the process may grow by, all in all
+MORE = 1.25  # of max_memory that the process may grow by, all in all
+BESIDE, LATER = 250_000_000, 100_000_000  # bytes of libraries beside, until kernels are loaded and from then on
 EVERY = 0.02  # s between two looks at how large the process is
 
 A = TypeVar("A")
@@ -65,6 +66,7 @@ class Spending:
         self.memory = memory
         self._began = perf_counter() - spent
         self._compiled = _compiling()
+        self._beside = LATER if "hpop.compiled" in sys.modules else BESIDE
         self._resident, self._looked = _resident() if self.budget.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
@@ -110,7 +112,7 @@ class Spending:
             raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {_megabytes(self.memory + memory)}")
         if most is not None and perf_counter() - self._looked > EVERY:
             grown, self._looked = _resident() - self._resident, perf_counter()
-            if grown > MORE * most + BESIDE:
+            if grown > MORE * most + self._beside:
                 what = f"{doing}, where the process had grown by {_megabytes(grown)}"
                 raise Exhausted(Status.MEMORY_LIMIT, what)
         if limit is not None and self.seconds() >= (1.0 - RESERVED) * limit:

@@ -161,9 +161,12 @@ class _ParetoRun:
     def _prepare(self, clock: Clock) -> Search | Status:
         """Set up the search with tables of its own, so that the bounds can be freed, or say why not."""
         from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
-        from hpop.search.machinery.turns import Groups
+        from hpop.search.machinery.turns import Groups, NoRoom
 
-        groups = Groups.of(self.graph, clock)
+        try:
+            groups = Groups.of(self.graph, clock)
+        except NoRoom:
+            return Status.MEMORY_LIMIT
         h, samples, status = lower_bounds(self.graph, self.source, self.targets, clock, groups)
         self.after_bounds = clock.seconds()
         if status is not None:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from hpop.search import ParetoPaths
 from hpop.status import Status
+
+if TYPE_CHECKING:
+    from hpop.search.timed.paths import TimedPaths
 
 ROUNDED = "edge costs rounded to their quanta"
 OFF = "paths off this graph may be better"
@@ -102,7 +105,7 @@ def _percent(gap: float) -> str:
     return f"{percent:,.0f}" if percent >= 10 else f"{percent:.2g}"
 
 
-def at_memory_limit(paths: ParetoPaths) -> list[str]:
+def at_memory_limit(paths: ParetoPaths | TimedPaths) -> list[str]:
     """A note on how far a search came that ran out of memory: no user can see how much more it would take."""
     if paths.status is not Status.MEMORY_LIMIT:
         return []

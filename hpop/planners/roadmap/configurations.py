@@ -33,6 +33,7 @@ from hpop.search import Graph
 ARC = 16  # bytes of an arc beside its costs
 ORDERED = 40  # and while it is looked which of them go there and back
 PIECES = 64  # to look whether a chain is free is as much work as so many arcs of one motion
+WORKED = 60_000  # bytes that costing a chain takes for a while, at most
 COSTED = 2, 8  # and so are its costs, of a small roadmap: in larger blocks less time goes between operations
 SHARED = 8  # blocks of costs are wanted at least, so that every core has some
 NEAREST, FAR = 8, 8  # of a robot beyond the plane: neighbours, far links
@@ -151,6 +152,8 @@ class ConfigurationRoadmap(TrajectoryGraph):
             return places, self._chains(tails[places], heads[places]).costs(criteria)
 
         each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
+        if (most := self.spending.budget.max_memory) is not None:  # so that all cores together keep it
+            each = max(each, int(WORKED * BLOCK * self.spending.cores // max(1, most)))
         for places, counts in self.spending.each(paid, blocks(size, each), doing):
             costs[places] = counts
         costs.setflags(write=False)

@@ -185,12 +185,12 @@ class StateRoadmap(StateGraph):
         at = self._state[0]
         first = np.searchsorted(at, at)
         others = np.searchsorted(at, at, side="right") - first - 1
+        self.spending.check(self._doing, int(others.sum()) * TURN)
         if others.sum() > MAX_EDGES:
             raise OptionError(
                 f"{self.words} has {self.size:,} states and {others.sum():,} turns between them, more than "
                 f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
             )
-        self.spending.check(self._doing, int(others.sum()) * TURN)
         before = np.concatenate([[0], np.cumsum(others)])
 
         def found(part: slice) -> tuple[IntArray, IntArray]:

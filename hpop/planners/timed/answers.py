@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from hpop import limits
 from hpop.errors import QueryError
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
@@ -87,6 +88,9 @@ def _query(
     space, start, goals = ends
     if not isinstance(space, StateGraph | JoinedEnds):
         raise QueryError(f"{space.words} has no clock")
-    timed = timed_graph(space, objectives.optimised, start, goals, asked.options, problem.quanta, attention=attention)
+    with limits.within(space.spending):
+        timed = timed_graph(
+            space, objectives.optimised, start, goals, asked.options, problem.quanta, attention=attention
+        )
     seconds = time.perf_counter() - began
     return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)

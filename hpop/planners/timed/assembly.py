@@ -34,6 +34,7 @@ from hpop.search import Graph
 from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
 
 NEVER = 2**31 - 1
+MOTION = 110  # bytes of a motion of an arc, with what is known of the arc
 
 
 def timed_graph(
@@ -242,6 +243,8 @@ class _Assembly:
             self.safety.refuse_contact()
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
         rows = np.flatnonzero(~self.stays)
+        motions = rows.size * MOTION
+        self.space.spending.hold(motions, "the motions of its edges were listed")
         legs, tails = arcs.legs(rows), arcs.tails[rows]
         first = int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size))
         ends = np.isin(self.plain.heads[rows], self.goals)
@@ -286,6 +289,7 @@ class _Assembly:
             hold=None if self.hold is None else max(1, self.clock.up_to(self.hold)),
             arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
         )
+        self.space.spending.release(motions)
         overlooked = np.zeros(len(self.criteria))
         overlooked[self.timed] = self.attention.notices.overlooked
         pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began

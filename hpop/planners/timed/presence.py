@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hpop import limits
 from hpop.arrays import FloatArray, IntArray
 from hpop.planners.timed.clock import Clock
 from hpop.planners.timed.company import Company
@@ -18,6 +19,7 @@ from hpop.world import World
 
 TOLD_APART = 62  # people; of more, each pair is evaluated among all
 ALONE = 2048  # pairs: fewer are evaluated among all people, which is as quick as to make a world for them
+NOTICED = "it was reckoned where people who move are noticed"
 
 Masks = NDArray[np.unsignedinteger[Any]]  # bit i for the i-th of those who move, the last one for all others
 
@@ -55,6 +57,8 @@ class Presence:
     def _beyond(self) -> list[NDArray[np.float32]]:
         """For each of those who move, how far (P, H), m, places are beyond where it is noticed."""
         times = self.clock.seconds(np.arange(self.horizon))
+        distances = self.x.size * self.horizon * np.dtype(np.float32).itemsize
+        limits.hold(NOTICED, len(self.notices.of) * distances, 2 * distances)
         if not self.notices.overlooked.size:
             return [np.full((self.x.size, self.horizon), np.inf, np.float32) for _ in self.notices.of]
         each = ([one.beyond(self.x, self.y, times) for one in some] for some in self.notices.of)
@@ -64,7 +68,9 @@ class Presence:
         """Who (P, H) is noticed within some metres of each place, from each tick on for some seconds."""
         if (way, lasts) not in self._masks:
             people = self.company.people
-            masks = np.zeros((self.x.size, self.horizon), np.min_scalar_type(1 << min(len(people), TOLD_APART)))
+            kind = np.dtype(np.min_scalar_type(1 << min(len(people), TOLD_APART)))
+            limits.hold(NOTICED, self.x.size * self.horizon * kind.itemsize, self.x.size * self.horizon)
+            masks = np.zeros((self.x.size, self.horizon), kind)
             for i, (person, beyond) in enumerate(zip(people, self._beyond, strict=True)):
                 near = beyond <= np.float32(way + person.speed * lasts)
                 masks |= near.astype(masks.dtype) << masks.dtype.type(min(i, TOLD_APART))

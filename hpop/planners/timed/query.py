@@ -13,7 +13,7 @@ from hpop.arrays import BoolArray, IntArray
 from hpop.contacts import contact
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
-from hpop.planners.graphs.claims import ROUNDED, claimed
+from hpop.planners.graphs.claims import ROUNDED, at_memory_limit, claimed
 from hpop.planners.graphs.query import tolerance_counts
 from hpop.planners.objectives import Objectives
 from hpop.planners.timed.clock import SLACK, TimeOptions
@@ -179,7 +179,7 @@ class TimedQuery:
             provenance=tuple(
                 {**common, "edges": steps - holds, "holds": holds, "drift": round(off, 6)} for steps, holds, off in own
             ),
-            notes=(*self.objectives.notes, *self._touching, *self._what_blocks(paths)),
+            notes=(*self.objectives.notes, *self._touching, *self._what_blocks(paths), *at_memory_limit(paths)),
             filters=self.objectives.filters,
             stats={
                 "planner": name,

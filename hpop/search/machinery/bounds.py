@@ -21,7 +21,7 @@ from hpop.arrays import IntArray
 from hpop.compiled import lean
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
-from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
+from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups, NoRoom
 from hpop.status import Status
 
 UNREACHABLE = np.int64(2**62)
@@ -212,9 +212,12 @@ def lower_bounds(
     """
     n, k = graph.nodes, graph.criteria
     clock.report("bounds")
-    groups = groups or Groups.of(graph, clock)
+    try:
+        groups = groups or Groups.of(graph, clock)
+    except NoRoom:
+        return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), Status.MEMORY_LIMIT
     m = len(groups.heads)
-    memory = m * (ARC + COST * k) + n * (NODE + NODE_COST * k)
+    memory = m * (ARC + COST * k) + n * (NODE + NODE_COST * k) + groups.nbytes
     status = clock.exceeded(0, memory)
     if status is not None:
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status

@@ -31,9 +31,15 @@ from hpop.arrays import IntArray
 from hpop.compiled import kernel, lean
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import PARTS, Clock
+from hpop.status import Status
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
+NODE, ARC = 24, 8  # bytes of a node in groups, as of one while they are looked for, and of an arc that is no turn
+
+
+class NoRoom(Exception):
+    """Groups would take more memory than the budget of the search has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +71,18 @@ class Groups:
     heads: NDArray[np.int32]
     origin: NDArray[np.int32]
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the arrays."""
+        arrays = (self.nodes, self.place, self.rows, self.dearest, self.turns, self.start, self.heads, self.origin)
+        return sum(array.nbytes for array in arrays)
+
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
-        """The groups that turns make, counted in the sum that single arcs raise least; none where they make none."""
+        """The groups that turns make, counted in the sum that single arcs raise least; none where they make none.
+
+        Raises NoRoom, before memory is taken, where the clock's budget has less.
+        """
         most = graph.largest.tolist()
         sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
         column = min(sums, key=lambda j: most[j], default=-1)
@@ -76,6 +91,7 @@ class Groups:
     @classmethod
     def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """The groups that the turns of a column make; None where they make none."""
+        _check_room(clock, graph.nodes * NODE)
         group = np.full(graph.nodes, -1)
         entered = np.zeros(graph.nodes, np.bool_)
         entered[graph.heads] = True
@@ -104,6 +120,8 @@ class Groups:
     def _with_arcs(
         cls, graph: Graph, column: int, step: int, nodes: IntArray, rows: IntArray, plain: int, clock: Clock
     ) -> Self:
+        most = graph.nodes * NODE + rows.nbytes + plain * ARC
+        _check_room(clock, most)
         place = np.empty(graph.nodes, np.int64)
         place[nodes] = np.arange(graph.nodes)
         start = np.empty(graph.nodes + 1, np.int64)
@@ -114,9 +132,16 @@ class Groups:
         m = clock.call(part_arcs, *tables, start, heads, origin, dearest, alike)
         turns = np.zeros((graph.criteria, 0), np.int64)
         if not alike.all():
-            turns = np.zeros((graph.criteria, int((rows[:, SIZE] ** 2).sum())), np.int64)
+            pairs = int((rows[:, SIZE] ** 2).sum())
+            _check_room(clock, most + graph.criteria * pairs * dearest.itemsize)
+            turns = np.zeros((graph.criteria, pairs), np.int64)
             clock.call_all(tell_turns, [(*tables[:-1], part, turns) for part in _parts(rows)])
         return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
+
+
+def _check_room(clock: Clock, memory: int) -> None:
+    if clock.exceeded(0, memory, record=False) is Status.MEMORY_LIMIT:
+        raise NoRoom
 
 
 def _parts(rows: IntArray) -> list[IntArray]:

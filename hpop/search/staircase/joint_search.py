@@ -19,7 +19,7 @@ from hpop.search.machinery.approximation import ANYTHING, Precision, thinned
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.covered import least_covered
 from hpop.search.machinery.slices import N_EXPANDED, N_FRONT, N_GENERATED, Clock
-from hpop.search.machinery.turns import Groups
+from hpop.search.machinery.turns import Groups, NoRoom
 from hpop.search.staircase.bucket_search import BucketSearch
 from hpop.search.staircase.corners import Corners
 from hpop.search.staircase.tables import H_FIRST, H_REST
@@ -117,7 +117,10 @@ class JointSearch(BucketSearch):
         targets = np.flatnonzero(self.is_target[self.groups.place[nodes]])
         memory = self.memory()
         silent = clock.silent(int(self.counters[N_GENERATED]), memory)
-        groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
+        try:
+            groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
+        except NoRoom:
+            return np.zeros((0, 3), np.int64), []
         h, _, _ = lower_bounds(part, source, targets, silent, groups)
         if not h.size or h[0, source] >= UNREACHABLE:  # no room, or steps are too coarse to tell ways apart
             return np.zeros((0, 3), np.int64), []

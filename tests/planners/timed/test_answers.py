@@ -39,6 +39,13 @@ def test_limits_end_it_and_are_told(limit, status):
     assert "incomplete" in found.certificate
 
 
+@pytest.mark.parametrize("most", [50_000, 100_000, 400_000, 700_000, 1_000_000])
+def test_whatever_runs_out_of_memory_says_what_helps(most):
+    found = Lattice(step=0.5, max_memory=most).solve(PASSING)
+    assert found.status is Status.MEMORY_LIMIT
+    assert any("raise max_memory" in note for note in found.notes)
+
+
 def test_a_search_goes_on_from_its_checkpoint_to_the_same_front(tmp_path):
     whole = Lattice(step=0.5).solve(PASSING)
     kept = str(tmp_path / "search.checkpoint")

@@ -85,7 +85,7 @@ def test_memory_is_counted_before_it_is_taken_scratch_included():
     bounded = Clock(Budget(max_memory=clock.peak - 1), None)
     assert lower_bounds(graph, 0, np.array([1]), bounded, groups)[2] is Status.MEMORY_LIMIT
     tracemalloc.start()
-    lower_bounds(graph, 0, np.array([1]), clock, groups)
+    lower_bounds(graph, 0, np.array([1]), clock)
     arrays = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert 0.8 * clock.peak <= arrays <= clock.peak + 20_000  # the objects of a pool of threads

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from hpop.search import Graph
+from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
-from hpop.search.machinery.turns import OFFSET, SIZE, Groups
-from hpop.status import Budget
+from hpop.search.machinery.turns import OFFSET, SIZE, Groups, NoRoom
+from hpop.status import Budget, Status
 
 
 def groups_of(graph: Graph) -> Groups | None:
@@ -87,3 +90,16 @@ def test_turns_that_differ_are_told_pair_by_pair():
     assert groups.alike.tolist() == [False, True, True]
     assert groups.turns[0, :9].reshape(3, 3).tolist() == [[0, 2, 1], [1, 0, 1], [1, 1, 0]]
     assert groups.dearest[0].tolist() == [2, 1, 0]
+
+
+def test_groups_that_do_not_fit_the_memory_are_refused_before_it_is_taken():
+    graph = Graph.from_arcs(50_000, np.arange(49_999), np.arange(1, 50_000), np.ones((49_999, 2), int))
+    tight = Clock(Budget(max_memory=100_000), None)
+    tracemalloc.start()
+    with pytest.raises(NoRoom):
+        Groups.none(graph, tight)
+    _, _, status = lower_bounds(graph, 0, np.array([49_999]), tight)
+    taken = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert status is Status.MEMORY_LIMIT
+    assert taken < 50_000 * 40  # what numbers the groups; bounds would take 80 bytes a node more
