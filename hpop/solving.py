@@ -30,6 +30,7 @@ from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.sight import notes_on_targets
 from hpop.status import Budget, Progress, ProgressCallback, Status
 from hpop.text import shown
+from hpop.world.files import by_names
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -116,6 +117,13 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
     if off.any():
         names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
         certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+    notes = [
+        *candidates.notes,
+        *_empty_groups(problem.criteria),
+        *getattr(problem.model, "notes", ()),
+        *problem.notes,
+        *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
+    ]
     return Front.of(
         costs,
         trajectories,
@@ -132,13 +140,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         problem=problem.describe(),
         runs=[
             {
-                "notes": [
-                    *candidates.notes,
-                    *_empty_groups(problem.criteria),
-                    *getattr(problem.model, "notes", ()),
-                    *problem.notes,
-                    *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
-                ],
+                "notes": [by_names(note) for note in notes],
                 "evaluated": [c.name for c in candidates.filters],
                 **candidates.stats,
             }

@@ -20,7 +20,7 @@ from hpop.errors import MapError
 from hpop.registry import readers
 from hpop.text import shown
 from hpop.world.content import Content
-from hpop.world.files import place_seen_from, places_found_from
+from hpop.world.files import by_names, place_seen_from, places_found_from
 from hpop.world.ground import Ground, Heights
 from hpop.world.shapes import Obstacle, Raster, check_size
 from hpop.world.solids import Solid
@@ -42,7 +42,7 @@ def describe(world: World) -> dict[str, Any]:
         "keep_out": _geometry(world.keep_out),
         "extent": _geometry(world.extent),
         "outside_is_obstacle": world.outside_is_obstacle,
-        "notes": list(world.notes),
+        "notes": [by_names(note) for note in world.notes],
         **content,
     }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import hashlib
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,9 @@ MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
 PROBE = 1_000
 """Bytes on either side of one that is no UTF-8 by which text is told from other files."""
+
+
+_BEGINS, _ENDS = re.compile(r"(?<![^\s'\"(\[])/"), re.compile(r"(?=[\s'\":;,)\]])|\.?$")
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
@@ -122,6 +126,23 @@ def place_seen_from(folder: str, path: str) -> str:
         return Path(os.path.relpath(path, folder)).as_posix()
     except ValueError:
         return os.path.basename(path)
+
+
+def by_names(note: str) -> str:
+    """Return a note in which whole paths of files are their names: fronts and pages that are given away hold it.
+
+    A path begins after a space, a quote or a bracket, ends before one, a colon or a comma, and leads to a file.
+    """
+    kept, done = [], 0
+    for begin in _BEGINS.finditer(note):
+        if begin.start() < done:
+            continue
+        ends = [begin.start() + end.start() for end in _ENDS.finditer(note[begin.start() :])][::-1]
+        end = next((end for end in ends if os.path.isfile(note[begin.start() : end])), None)
+        if end is not None:
+            kept += [note[done : begin.start()], os.path.basename(note[begin.start() : end])]
+            done = end
+    return "".join([*kept, note[done:]])
 
 
 def places_found_from(folder: str, seen: str) -> list[str]:

@@ -24,6 +24,7 @@ from hpop.view.explorer.corners import MILLIMETRES, corners
 from hpop.view.explorer.packed import Packer
 from hpop.view.paths import Heights
 from hpop.view.style import marks, quantities
+from hpop.world.files import by_names
 
 SCHEMA = "hpop-page"
 VERSION = 1
@@ -68,7 +69,7 @@ def payload(
         "status": printable(front.status),
         "complete": front.status == Status.COMPLETE,
         "certificate": [printable(claim) for claim in front.certificate.split(JOINT)],
-        "notes": [printable(note) for note in dict.fromkeys((*front.notes, *problem.world.notes, *left_out))],
+        "notes": [printable(by_names(note)) for note in dict.fromkeys((*front.notes, *problem.world.notes, *left_out))],
         "count": len(front),
         "columns": _columns(front, criteria, packer),
         "marks": [

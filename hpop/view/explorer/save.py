@@ -13,6 +13,7 @@ from hpop.frontier.choices import Preferring
 from hpop.problem import Problem
 from hpop.view.explorer.payload import SCRIPT, payload
 from hpop.view.single_page import page_file, single_page
+from hpop.world.files import place_seen_from
 
 
 @checked_arguments
@@ -41,7 +42,8 @@ def save_explorer(
     title : str, optional
         What the page is called; by default which costs are traded.
     saved : path, optional
-        The file that holds the front, for the Python code that the page writes of a choice.
+        The file that holds the front, for the Python code that the page writes of a choice: as it is given, but a whole
+        path, which tells a user's name, as the page's folder sees it.
     preference : Preference, optional
         Of a person: the trajectory that is best for them is marked "for you".
 
@@ -54,6 +56,8 @@ def save_explorer(
     """
     target = page_file(path)
     place = None if saved is None else os.fspath(saved)
+    if place is not None and os.path.isabs(place):
+        place = place_seen_from(str(target.parent.absolute()), place)
     given = payload(problem, front, title=title, saved=place, preference=preference)
     page = single_page(SCRIPT, given["title"], given).encode(errors="backslashreplace")
     try:
