@@ -17,6 +17,7 @@ from shapely.geometry import LineString, Polygon
 from hpop.errors import MapError, OptionError
 from hpop.world import Ground, Obstacle, Raster, World
 from hpop.world.description import unpack_cells
+from hpop.world.files import by_names
 from hpop.world.obstruction import polygon_obstruction
 
 EXTENT = shapely.box(0, 0, 10, 10)
@@ -273,7 +274,8 @@ def same(a, b):
     assert [(o.polygon, o.heights) for o in a.obstacles] == [(o.polygon, o.heights) for o in b.obstacles]
     assert a.extent == b.extent
     assert a.keep_out.equals(b.keep_out)
-    assert (a.outside_is_obstacle, a.notes) == (b.outside_is_obstacle, b.notes)
+    assert a.outside_is_obstacle == b.outside_is_obstacle
+    assert [*map(by_names, a.notes)] == [*map(by_names, b.notes)]  # a description names no folder
     assert (a.raster is None) == (b.raster is None)
     if a.raster is not None:
         assert (a.raster.cells == b.raster.cells).all()
