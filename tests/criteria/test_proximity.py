@@ -53,6 +53,18 @@ def test_among_boxes_it_is_near_the_sum_over_exact_distances():
     assert cost([(1, 4.8, 0), (9, 4.6, 0)], world=world) == pytest.approx(exact, rel=0.02)
 
 
+def test_straight_ways_anywhere_are_near_a_dense_sum_over_the_field():
+    boxes = [shapely.box(4, 1, 5, 4), shapely.box(7, 5, 8, 9), shapely.box(2, 7, 3, 8)]
+    world = World.from_polygons(boxes, extent=shapely.box(0, 0, 10, 10))
+    rng, share = np.random.default_rng(0), (np.arange(50_000) + 0.5) / 50_000
+    for _ in range(20):  # some of them through boxes
+        (ax, ay), (bx, by) = rng.uniform(0.3, 9.7, (2, 2))
+        yaw = np.arctan2(by - ay, bx - ax)
+        distances = world.clearance_field()(ax + share * (bx - ax), ay + share * (by - ay))
+        dense = np.mean(1 / np.maximum(distances, 0.1)) * np.hypot(bx - ax, by - ay)
+        assert cost([(ax, ay, yaw), (bx, by, yaw)], world=world) == pytest.approx(dense, rel=1e-3)
+
+
 @pytest.mark.parametrize("least", [0.0, -1.0, np.inf, np.nan])
 def test_least_must_be_a_length(least):
     with pytest.raises(CriterionError, match="least must be a positive distance"):

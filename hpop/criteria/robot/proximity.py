@@ -25,7 +25,9 @@ class Proximity:
 
     Deviations: d is capped from below at ``least``, so that the cost stays finite; and d is read from the world's
     clearance field, on numbers as on symbols, which is within 0.82 of a field cell of the exact distance (see
-    ``clearance``).
+    ``clearance``): among boxes the cost is within 1 % of that of exact distances. The quadrature, whose panels are no
+    longer than half of ``least`` (but no shorter than an eighth of a field cell), adds 1e-3 at most where a way runs
+    into an obstacle, at the edge of the cap.
     """
 
     least: float = 0.1  # m
@@ -42,4 +44,4 @@ class Proximity:
         def rate(s: Instants) -> Column:
             return smooth_abs(s.speed) / np.maximum(clearance(s.base.x, s.base.y), self.least)
 
-        return m.integrate(rate)
+        return m.integrate(rate, detail=self.least)
