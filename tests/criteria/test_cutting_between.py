@@ -124,3 +124,26 @@ def test_two_at_one_place_have_nothing_between_them():
 @pytest.mark.seeds(1, of=[1, 2])
 def test_it_is_a_good_criterion_in_other_worlds_too(seed):
     check_criterion(CuttingBetween(), rng=seed)
+
+
+def test_between_people_who_walk_apart_crossings_are_those_of_a_dense_path():
+    rng, model = np.random.default_rng(2), DifferentialDrive()
+    for _ in range(12):
+        velocities = rng.uniform(-0.3, 0.3, (3, 2))
+        people = [Person(*rng.uniform(3, 7, 2), velocity=tuple(velocity)) for velocity in velocities]
+        world = World.from_polygons([], extent=shapely.box(-5, -5, 15, 15)).with_content(
+            people=people, groups=[(0, 1, 2)]
+        )
+        corners, poses = rng.uniform(2, 8, (4, 2)), []
+        for (ax, ay), (bx, by) in pairwise(corners):
+            poses += [(ax, ay, np.arctan2(by - ay, bx - ax)), (bx, by, np.arctan2(by - ay, bx - ax))]
+        way = Trajectory.from_poses(model, poses)
+        times = np.linspace(0, way.duration, 20_001)
+        states, expected = way.at(times), 0
+        for one, other in combinations(people, 2):
+            ax, ay = one.x + one.velocity[0] * times, one.y + one.velocity[1] * times
+            dx, dy = other.x + other.velocity[0] * times - ax, other.y + other.velocity[1] * times - ay
+            along = ((states.x - ax) * dx + (states.y - ay) * dy) / (dx**2 + dy**2)
+            left = (states.y - ay) * dx - (states.x - ax) * dy >= 0
+            expected += ((left[1:] != left[:-1]) & (along[1:] >= 0) & (along[1:] <= 1)).sum()
+        assert trajectory_cost(CuttingBetween(), way, world) == expected

@@ -18,7 +18,7 @@ from hpop.world.content import Person
 from hpop.world.proxemics import any_moves, position
 
 CHORDS = 8  # straight pieces that stand for a curve
-STEP = 0.25  # m: nobody who follows a track walks farther in a piece
+STEP = 0.25  # m: nobody who follows a track, or walks another way than the others, walks farther in a piece
 MOST_CHORDS = 512
 
 
@@ -34,9 +34,9 @@ class CuttingBetween:
     segment and turns back has crossed it twice; one that does so from the left, not at all.
 
     Each motion is taken as straight from start to end, a curve as straight between eight moments, and so is the way of
-    people who walk meanwhile: exact for straight moves, and for two who walk side by side. Of those who follow a track
-    the way is taken as straight for a quarter of a metre, or a 512th of the motion. Two have a conversation while both
-    are there.
+    people who walk meanwhile: exact for straight moves, and for people who walk side by side. Where people follow
+    tracks, or walk apart, so that the line between them turns, ways are taken as straight for a quarter of a metre that
+    somebody walks, or a 512th of the motion. Two have a conversation while both are there.
 
     How often a way is crossed does not follow from where people may be at each moment: of uncertain places, and of
     several futures, it is refused.
@@ -79,8 +79,8 @@ def _seen_from(one: Person, other: Person, x: Column, y: Column, t: Column | Non
 def _pieces(m: Motions, people: list[Person]) -> int:
     """Straight pieces that stand for each phase of the motions and the ways of people meanwhile."""
     chords = CHORDS if isinstance(m.law, Curve) else 1
-    if not any(person.track for person in people):
-        return chords
+    if not any(person.track for person in people) and len({person.velocity for person in people}) < 2:
+        return chords  # nobody walks, or all walk side by side: what is straight stays so beside them
     farthest = float(np.max(m.duration)) * max(person.speed for person in people)
     return int(np.clip(np.ceil(farthest / STEP), chords, MOST_CHORDS))
 
