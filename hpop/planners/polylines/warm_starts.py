@@ -118,7 +118,15 @@ def warm_starts(
         refuse_moving(problem, f"warm start by {planner.name}")
         known = _last(known_trajectories(starting, problem, progress, executor))
     straight, curves = straightened(known.trajectories, problem)
-    return known._replace(trajectories=straight, notes=(*known.notes, *curves))
+    return known._replace(trajectories=straight, notes=(*known.notes, *curves, *_contact(problem)))
+
+
+def _contact(problem: Problem) -> list[str]:
+    """A note where the robot starts in contact with people: what is free of them is judged, not programmed."""
+    content = problem.world.content
+    who = ", ".join(content.people[i].name or f"number {i}" for i in content.left)
+    note = f"programs do not see {who}, with whom the robot starts in contact: what would touch them again is dropped"
+    return [note] if who else []
 
 
 def _last(stages: Generator[Candidates, None, WarmStarts]) -> WarmStarts:

@@ -115,6 +115,14 @@ class RRT:
         collision = model.collision(problem.world)
         for what, (x, y, _) in (("start", start), ("goal", goal)):
             if not collision.clear(np.array([x]), np.array([y]))[0]:
+                content = problem.world.content
+                if what == "start" and content.left:
+                    who = " and ".join(content.people[i].name or f"number {i}" for i in content.left)
+                    raise QueryError(
+                        f"the robot starts in contact with {who}, which rrt cannot leave. The planners lattice, "
+                        "roadmap, any-angle, epsilon-constraint, weighted-sum-corridor and smoothing can: take one, or "
+                        "move the start."
+                    )
                 raise QueryError(
                     f"the {what} ({x:.3f}, {y:.3f}) leaves rrt no room: it plans for the circle that the robot sweeps "
                     "in turning, and that meets an obstacle there. Move it, or use another planner."

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
@@ -58,5 +59,10 @@ def made_feasible(
         active |= off != 0.0
         across = slopes[np.flatnonzero(active)]
         normal = across @ diags_array(room) @ across.T + LEAST * eye_array(across.shape[0])
-        point = np.clip(point - room * (across.T @ spsolve(normal.tocsc(), off[active])), *box)
+        with catch_warnings():
+            simplefilter("ignore")  # a matrix that is singular shows in what comes of it
+            moved = spsolve(normal.tocsc(), off[active])
+        if not np.isfinite(moved).all():
+            return None
+        point = np.clip(point - room * (across.T @ moved), *box)
     return None

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,9 @@ from hpop.planners.programs.deadline import CUT_SHORT, SOLVING, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
 from hpop.planners.smoothing.guess import clearances, first_guess, structure_of
 from hpop.planners.smoothing.homotopy import homotopic
-from hpop.planners.smoothing.phases import Phases
-from hpop.planners.smoothing.program import Driven, DrivenProgram
+from hpop.planners.smoothing.phases import Guess, Phases
+from hpop.planners.smoothing.program import Asked, Driven, DrivenProgram
+from hpop.planners.smoothing.settling import Settled, Settling
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -35,7 +37,17 @@ REPAIRS = 5  # solves with higher clearances after a solution that collides
 SPREAD = 1e-2  # weight of the costs that are not minimised
 OVERSHOOT = 1.2  # times its excess: by how much the bound of a worst moment is lowered inside the program
 LEAST_LEFT = 0.4  # of what it is there: more may be out of reach
+UNSETTLED = "not settled"  # what jobs count where time ended during the last steps
 POINTS = 20  # of each interval, by which its way is compared with the polyline
+
+
+class _Solved(NamedTuple):
+    """A solution that is trusted, of which program and from where."""
+
+    driven: Driven
+    program: DrivenProgram
+    guess: Guess
+    asked: Asked
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +103,24 @@ class SmoothingJob:
             return self._straight(reference, epsilon)
         program = self._program(structure, seconds)
         solved = self._solve(program, polyline, epsilon, counts)
-        return solved if isinstance(solved, str) else self._checked(*solved, structure, whole, epsilon, counts)
+        if isinstance(solved, str):
+            return solved
+        found = self._checked(solved.driven, structure, whole, epsilon, counts)
+        if isinstance(found, str):
+            return found
+
+        def checked(driven: Driven) -> Improved | str:
+            better = self._checked(driven, structure, whole, epsilon, counts)
+            if isinstance(better, Improved) and better.provenance["turns"] > turns:
+                return "raises the number of turns"
+            return better
+
+        turns = found.provenance["turns"]
+        settled = self._settled(solved, epsilon, checked, counts)
+        better = checked(settled.driven)
+        found = found if isinstance(better, str) else better
+        left = {"left": settled.left} if math.isfinite(settled.left) else {}
+        return replace(found, provenance={**found.provenance, "steps": settled.steps, **left})
 
     def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Improved | str:
         """Without turns nothing is free but the speeds: as fast as they may be."""
@@ -118,7 +147,7 @@ class SmoothingJob:
 
     def _solve(
         self, program: DrivenProgram, polyline: Polyline, epsilon: FloatArray, counts: Counter[str]
-    ) -> tuple[Driven, Trajectory] | str:
+    ) -> _Solved | str:
         """A solution that neither collides nor has too bad a moment on exact geometry, or why there is none."""
         smooth, model = self.smooth, on_wheels(self.problem.model)
         worst = np.array([self.criteria[j].aggregate == "max" for j in smooth])
@@ -126,14 +155,14 @@ class SmoothingJob:
         if self.minimise is not None:
             weights = np.where(np.array(smooth) == self.minimise, 1.0, SPREAD)
         bounds, aim = clearances(polyline, program), epsilon[smooth]
-        scale = np.where(aim > 1e-3, aim, 1.0)
+        asked = Asked(weights, aim, np.where(aim > 1e-3, aim, 1.0))
         guess = first_guess(polyline, program.structure, model)
 
         def solve() -> Driven:
             self.deadline.check(SOLVING)
             for exact in (True, False) if not counts["saved by quasi-Newton"] else (False,):
                 counts["programs"] += 1
-                found = program.solve(guess, weights=weights, epsilon=aim, scale=scale, clearances=bounds, exact=exact)
+                found = program.solve(guess, asked, bounds, exact=exact)
                 if found.trajectory is not None:
                     counts["saved by quasi-Newton"] += not exact
                     break
@@ -145,7 +174,7 @@ class SmoothingJob:
             excess = np.where(worst, judged.costs[0][smooth] - epsilon[smooth], 0.0)
             reason = judged.reasons[0]
             if not reason or (reason != "collides" and not (excess > 0).any()):
-                return solution, solution.trajectory
+                return _Solved(solution, program, guess, asked)
             if counts["repairs"] == REPAIRS:
                 return reason
             repaired = f"{reason}; "
@@ -153,21 +182,49 @@ class SmoothingJob:
             if reason == "collides":
                 bounds = program.raised(bounds, solution.trajectory)
             lower = np.maximum(solution.costs - OVERSHOOT * excess, LEAST_LEFT * solution.costs)
-            aim = np.where(excess > 0, lower, aim)
+            asked = replace(asked, epsilon=np.where(excess > 0, lower, asked.epsilon))
             guess = program.again(guess, solution.trajectory)
             solution = solve()
         return f"{repaired}not converged ({solution.status})"
 
+    def _settled(
+        self, solved: _Solved, epsilon: FloatArray, checked: Callable[[Driven], Improved | str], counts: Counter[str]
+    ) -> Settled:
+        """The solution after its controls came to rest by exact costs; where time ends, as far as they came."""
+        weights = solved.asked.weights / solved.asked.scale
+        worst = np.array([self.criteria[j].aggregate == "max" for j in self.smooth])
+
+        def costs(driven: Driven) -> FloatArray:
+            found = trajectory_costs(self.criteria, [driven.goes], self.problem.world)[0][self.smooth]
+            return np.asarray(found, dtype=np.float64)
+
+        def merit(driven: Driven) -> float | None:
+            return None if isinstance(checked(driven), str) else float(weights @ costs(driven))
+
+        def asked(driven: Driven) -> Asked:
+            # The program sees worst moments in samples and fields: what it is off is added to their bounds.
+            drift = np.where(worst, driven.costs - costs(driven), 0.0)
+            return replace(solved.asked, epsilon=epsilon[self.smooth] + drift)
+
+        def is_late() -> bool:
+            if self.deadline.is_past:
+                counts[UNSETTLED] = 1
+            return self.deadline.is_past
+
+        settled = Settling(solved.program, solved.guess, asked, merit, is_late).run(solved.driven)
+        counts["steps"] += settled.steps
+        return settled
+
     def _checked(
         self,
         solution: Driven,
-        goes: Trajectory,
         structure: Phases,
         polyline: Polyline,
         epsilon: FloatArray,
         counts: Counter[str],
     ) -> Improved | str:
         """A candidate that keeps its bounds, its turns and its way, or which of these it does not."""
+        goes = solution.goes
         judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
         if judged.reasons[0]:
             return judged.reasons[0]

@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from hpop.motions import States
 from hpop.planners.needs import on_wheels
 from hpop.planners.programs.deadline import Deadline
 from hpop.planners.programs.nlp import reaches
-from hpop.planners.smoothing.feasible import made_feasible
+from hpop.planners.smoothing.feasible import Bounds, made_feasible
 from hpop.planners.smoothing.interval import NODES, Interval
 from hpop.planners.smoothing.phases import Guess, Phases
 from hpop.planners.smoothing.separable import Separable
@@ -46,6 +46,8 @@ STILL = 1e-6  # rad/s: a smaller yaw rate is none
 SAMPLES = 240  # places at which the clearance is bounded, at least
 DENSE = 0.03  # m: distance of the places at which a solution's clearance is checked
 SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
+DURATION = 2.0  # times its share of a duration a step may be
+TURNING = 0.01  # rad/s: yaw rate inside turns, at least
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
 FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
@@ -56,16 +58,38 @@ SUCCESS = ("Solve_Succeeded", FLAT)
 class Driven:
     """What the solver returned.
 
+    point       variables of the program
     trajectory  keeps the program's limits within KEPT; None if the solver did not converge
     costs       (k,) as the program adds them up
     status      the solver's own word, or Limits_Not_Kept where what it left could not be settled
     iterations  of the solver
     """
 
+    point: FloatArray
     trajectory: Trajectory | None
     costs: FloatArray
     status: str
     iterations: int
+
+    @property
+    def goes(self) -> Trajectory:
+        """The trajectory of a solver that converged."""
+        assert self.trajectory is not None
+        return self.trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the costs of a program shall be.
+
+    weights  (k,) of the scaled costs in the objective
+    epsilon  (k,) upper bounds; inf bounds nothing
+    scale    (k,) positive: differences of costs that matter alike
+    """
+
+    weights: FloatArray
+    epsilon: FloatArray
+    scale: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +175,9 @@ class DrivenProgram:
         moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
         of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
         weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
-        signs, usual = casadi.MX.sym("signs", n), casadi.MX.sym("usual")
+        signs, regular = casadi.MX.sym("signs", n), casadi.MX.sym("regular", 2)
         variables = casadi.vertcat(moving, slack, of_hinges)
-        parameters = casadi.vertcat(weights, scale, signs, usual)
+        parameters = casadi.vertcat(weights, scale, signs, regular)
         intervals = self._intervals(variables, signs)
         defects, effort, *others = intervals.symbols
         nodes = {name: variables[places.tolist()] for name, places in zip(NODES, of_nodes, strict=True)}
@@ -169,7 +193,7 @@ class DrivenProgram:
                 costs.append(casadi.sum1(values))
                 honest.append(costs[-1])
         objective = casadi.dot(weights, casadi.vertcat(*costs) / scale)
-        objective += (HASTE * casadi.sum1(h) + EFFORT * casadi.sum1(effort)) / usual
+        objective += regular[0] * casadi.sum1(h) + regular[1] * casadi.sum1(effort)
         half = 0.5 * model.wheel_base
         turns, inner = self.structure.turning_intervals.tolist(), self.structure.turning_nodes.tolist()
         gain, bend = (casadi.diff(nodes[name]) / h for name in ("speed", "turn_rate"))
@@ -229,36 +253,107 @@ class DrivenProgram:
         """The solver that learns second derivatives on the way: slower, but not misled by kinks of costs."""
         return self._formulas.solver(_QUASI_NEWTON)
 
-    def solve(
-        self,
-        guess: Guess,
-        *,
-        weights: FloatArray,
-        epsilon: FloatArray,
-        scale: FloatArray,
-        clearances: Sequence[FloatArray],
-        exact: bool = True,
-    ) -> Driven:
+    def solve(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], *, exact: bool = True) -> Driven:
         """The local optimum near a guess.
 
         Parameters
         ----------
         guess : of this structure
-        weights : (k,) of the scaled costs in the objective
-        epsilon : (k,) upper bounds of the costs; inf bounds nothing
-        scale : (k,) positive: differences of costs that matter alike
+        asked : weights, bounds and scales
         clearances : least field values (S,) at the samples, one array a height range
         exact : whether second derivatives are the exact ones
         """
-        values, sizes = self._formulas.values, self._formulas.sizes
         solver = self._newton if exact else self._quasi_newton
+        x0, parameters = self._point(guess, asked)
+        box, bounds = self._limits(guess, asked, clearances)
+        for stop in self._formulas.stopping.values():
+            stop.begin()
+        with interrupts_held():
+            found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=bounds[0], ubg=bounds[1])
+        stats = solver.stats()
+        self.deadline.check_solver(str(stats["return_status"]))
+        status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
+        trajectory = None
+        if status in SUCCESS:
+            kept = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, bounds)
+            if kept is None:
+                status = "Limits_Not_Kept"
+            else:
+                point, trajectory = kept, self._trajectory(guess, kept)
+        return Driven(point, trajectory, self._costs(point, parameters), status, int(stats["iter_count"]))
+
+    def step(
+        self, driven: Driven, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], distance: float
+    ) -> tuple[Driven | None, float]:
+        """A step from a solution, along tangents, made feasible; and by how much the tangent of the objective falls.
+
+        Time and effort do not count. None where no program has a solution, or nothing feasible is near it.
+
+        Parameters
+        ----------
+        driven : a solution for the same guess
+        clearances : least field values (S,) at the samples; what the solution has already is enough
+        distance : of each variable, at most; durations by DURATION times that share of what they are
+        """
+        from scipy.optimize import linprog  # on first use
+        from scipy.sparse import vstack
+
+        point, parameters = driven.point, self._parameters(guess, asked, regular=0.0)
+        box, (low, high) = self._limits(guess, asked, clearances)
+        values, slopes = self._formulas.limits(point, parameters)
+        gradient = np.array(self._formulas.derivatives["grad_f"](point, parameters)[1]).ravel()
+        reach, lasts = np.full(point.size, distance), np.unique(self.structure.places[1])
+        reach[lasts] *= DURATION * point[lasts]
+        reach[lasts[-1] + 1 :] = np.inf  # slacks
+        rates = self.structure.places[0][4, self.structure.turning_nodes]  # that do not stop, or a turn became two
+        box[0][rates] = np.where(box[1][rates] > 0, np.minimum(TURNING, point[rates]), box[0][rates])
+        box[1][rates] = np.where(box[1][rates] > 0, box[1][rates], np.maximum(-TURNING, point[rates]))
+        back, ahead = (np.clip(room, 0.0, reach) for room in (point - box[0], box[1] - point))
+        same = low == high
+        below, above = np.isfinite(low) & ~same, np.isfinite(high) & ~same
+        among = [np.flatnonzero(which) for which in (above, below, same)]
+        inequalities: Any = vstack([slopes[among[0]], -slopes[among[1]]])
+        found: Any = linprog(
+            gradient,
+            A_ub=inequalities,
+            b_ub=np.maximum(np.concatenate([(high - values)[above], (values - low)[below]]), 0.0),
+            A_eq=cast(Any, slopes[among[2]]),
+            b_eq=(high - values)[same],
+            bounds=cast(Any, np.stack([-back, ahead], axis=1)),
+            method="highs",
+        )
+        if found.status:
+            return None, 0.0
+        bounds = (np.minimum(low, values), np.maximum(high, values))
+        bounds[0][same], bounds[1][same] = low[same], high[same]
+        moved = np.clip(point + found.x, *box)
+        kept = made_feasible(lambda x: self._formulas.limits(x, parameters), moved, box, bounds)
+        promised = -float(gradient @ found.x)
+        if kept is None:
+            return None, promised
+        costs = self._costs(kept, parameters)
+        return replace(driven, point=kept, trajectory=self._trajectory(guess, kept), costs=costs), promised
+
+    def distances(self, driven: Driven, spare: float) -> list[FloatArray]:
+        """Least field values (S,) at the samples that leave the robot ``spare`` metres, by exact distances."""
+        owner, share = self.samples
+        trajectory = driven.goes
+        here = trajectory.at(trajectory.times[owner] + share * trajectory.durations[owner])
+        world, found = self.problem.world, []
+        for z, reach in self.spaces:
+            exact = world.free_space(z).signed_clearance(here.x, here.y)
+            found.append(world.clearance_field(z=z)(here.x, here.y) - (exact - reach) + spare)
+        return found
+
+    def _limits(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
+        """Lowest and highest variables, and constraints."""
+        epsilon, scale, sizes = asked.epsilon, asked.scale, self._formulas.sizes
         model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
         lowest, highest = self._of_variables(*self._node_bounds(guess))
         least = np.full(len(guess.lasts), SHORT)  # s, of each phase
         for p in range(1, len(least) - 1):
             if not self.structure.turning[p] and guess.signs[p - 1] == guess.signs[p + 1]:
                 least[p] = STRAIGHT
-        x0, parameters = self._point(guess, weights, scale)
         below, more = np.full(len(self._worst), -np.inf), epsilon[self._worst]
         spread = np.concatenate(list(clearances))
         wheel, bend = model.wheel_acceleration, model.turn_acceleration
@@ -276,22 +371,11 @@ class DrivenProgram:
             np.concatenate([lowest, least / counts, below, 0.0 * self._hinges]),
             np.concatenate([highest, LONGEST / counts, more, free]),
         )
-        for stop in self._formulas.stopping.values():
-            stop.begin()
-        with interrupts_held():
-            found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=lbg, ubg=ubg)
-        stats = solver.stats()
-        self.deadline.check_solver(str(stats["return_status"]))
-        status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
-        trajectory = None
-        if status in SUCCESS:
-            kept = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, (lbg, ubg))
-            if kept is None:
-                status = "Limits_Not_Kept"
-            else:
-                point, trajectory = kept, self._trajectory(guess, kept)
-        costs = np.array(values(self._on_hinges(point, parameters), parameters)).ravel()
-        return Driven(trajectory, costs, status, int(stats["iter_count"]))
+        return box, (lbg, ubg)
+
+    def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Costs (k,) as the program adds them up."""
+        return np.array(self._formulas.values(self._on_hinges(point, parameters), parameters)).ravel()
 
     def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
         """A guess that begins at a solution."""
@@ -299,8 +383,11 @@ class DrivenProgram:
         ends = np.cumsum([0, *self.structure.counts])
         return replace(guess, nodes=np.stack([getattr(s, name) for name in NODES]), lasts=np.diff(s.clock[ends]))
 
-    def raised(self, bounds: Sequence[FloatArray], trajectory: Trajectory) -> list[FloatArray]:
-        """Bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it."""
+    def raised(self, bounds: Sequence[FloatArray], trajectory: Trajectory, spare: float = SPARE) -> list[FloatArray]:
+        """Bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it.
+
+        They are raised by ``spare`` metres more than what was lacking.
+        """
         owner, share = self.samples
         sampled = trajectory.times[owner] + share * trajectory.durations[owner]
         times = np.linspace(
@@ -315,7 +402,7 @@ class DrivenProgram:
             lacking = reach - self.problem.world.free_space(z).signed_clearance(at.x, at.y)
             more = np.zeros(len(bound))
             for side in (nearest - 1, nearest):
-                np.maximum.at(more, side, np.where(lacking > -SPARE, lacking + SPARE, 0.0))
+                np.maximum.at(more, side, np.where(lacking > -spare, lacking + spare, 0.0))
             field = self.problem.world.clearance_field(z=z)(here.x, here.y)
             out.append(np.where(more > 0, np.maximum(bound, field + more), bound))
         return out
@@ -346,12 +433,17 @@ class DrivenProgram:
         np.minimum.at(above, places, highest)
         return below, above
 
-    def _point(self, guess: Guess, weights: FloatArray, scale: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _parameters(self, guess: Guess, asked: Asked, regular: float = 1.0) -> FloatArray:
+        """Parameters of the program, ``regular`` times HASTE and EFFORT among them."""
+        regulariser = regular * np.array([HASTE, EFFORT]) / guess.lasts.sum()
+        return np.concatenate([asked.weights, asked.scale, guess.signs[self.structure.phase], regulariser])
+
+    def _point(self, guess: Guess, asked: Asked) -> tuple[FloatArray, FloatArray]:
         """Variables and parameters of a guess."""
         of_nodes, of_lasts = self.structure.places
         point = np.empty(of_lasts[-1] + 1)
         point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
-        parameters = np.concatenate([weights, scale, guess.signs[self.structure.phase], [guess.lasts.sum()]])
+        parameters = self._parameters(guess, asked)
         count = len(point)
         point = np.concatenate([point, np.zeros(len(self._worst) + len(self._hinges))])
         point = self._on_hinges(point, parameters)

@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop.errors import QueryError
 from hpop.models.collision.leaving import Leaving, alone, touched
 from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
@@ -28,7 +29,16 @@ def gaps(trajectory, person, robot):
     return shapely.distance(outline, shapely.points(cos * dx + sin * dy, cos * dy - sin * dx)) - person.radius
 
 
-@pytest.mark.parametrize("planner", [{"lattice": {"step": 0.5}}, {"roadmap": {"samples": 120}}, "any-angle"], ids=str)
+PROGRAMS = ["smoothing", "epsilon-constraint", "weighted-sum-corridor"]
+PLANNERS = [
+    {"lattice": {"step": 0.5}},
+    {"roadmap": {"samples": 120}},
+    "any-angle",
+    *({p: {"step": 0.5}} for p in PROGRAMS),
+]
+
+
+@pytest.mark.parametrize("planner", PLANNERS, ids=str)
 @pytest.mark.parametrize("robot", [ROUND, LONG], ids=["round", "long"])
 @pytest.mark.cases("long-{'lattice': {'step': 0.5}}", "round-any-angle")
 def test_a_robot_plans_out_of_contact_and_the_gap_never_shrinks(robot, planner):
@@ -45,6 +55,24 @@ def test_a_robot_plans_out_of_contact_and_the_gap_never_shrinks(robot, planner):
         assert free > 0
         assert (np.diff(gap[:free]) >= -1e-6).all()
         assert gap[free:].min() >= -1e-6
+
+
+@pytest.mark.parametrize("planner", PROGRAMS)
+@pytest.mark.cases("weighted-sum-corridor")
+def test_programs_say_that_what_touches_somebody_again_is_dropped(planner):
+    ahead = Person(2.0 + 0.53 * math.cos(0.35), 3.0 + 0.53 * math.sin(0.35), name="Ann")  # of the straight way
+    problem = hpop.Problem(HALL.with_content(people=[ahead]), ROUND, (2, 3, 0), (7, 4, None), ["length", "turns"])
+    front = problem.solve({planner: {"step": 0.5}})
+    assert any("programs do not see Ann" in note for note in front.notes)
+    assert not verify(problem, front)
+    assert len(front) or any("collides" in note for note in front.notes)
+
+
+def test_rrt_refuses_a_start_in_contact_and_says_which_planners_do_not():
+    person = Person(2.0, 3.53, name="Ann")
+    problem = hpop.Problem(HALL.with_content(people=[person]), ROUND, (2, 3, 0), (7, 4, None), ["length"])
+    with pytest.raises(QueryError, match=r"in contact with Ann.*lattice, roadmap, any-angle"):
+        problem.solve({"rrt": {"time_limit": 1.0}})
 
 
 def test_a_move_towards_somebody_in_contact_is_not_free_and_one_along_the_tangent_is():
