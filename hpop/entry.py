@@ -25,12 +25,21 @@ def main() -> None:
         _open_streams()
         os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever a desktop or a notebook draws with
         sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
+        _refuse_epoch()
         from hpop.cli import main as command  # click takes a tenth of a second
 
         command(prog_name="hpop")  # also where it is run as python -m hpop
     except KeyboardInterrupt:
         sys.stderr.write("error: interrupted\n")
         sys.exit(INTERRUPTED)
+
+
+def _refuse_epoch() -> None:
+    """Leave out a SOURCE_DATE_EPOCH that is no whole number, with a note: NumPy and Matplotlib end with a traceback."""
+    epoch = os.environ.get("SOURCE_DATE_EPOCH")
+    if epoch is not None and not (epoch.isascii() and epoch.isdigit()):
+        del os.environ["SOURCE_DATE_EPOCH"]
+        sys.stderr.write(f"note: SOURCE_DATE_EPOCH is a whole number of seconds, got {epoch!a:.40}; it is left out\n")
 
 
 def _open_streams() -> None:

@@ -44,10 +44,11 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
     ----------
     say : called now and then with what is being checked and how far that is
     """
-    lost = lost_trajectories(problem, front)
-    if lost or not len(front):
-        return lost or [*_declared_faults(problem, front)]
+    if not len(front):
+        return [*_declared_faults(problem, front)]
     table = MotionTable.of(front.trajectories)
+    if lost := _lost(problem, table):
+        return lost
     faults = [*_declared_faults(problem, front), *_cost_faults(problem, front, table, say)]
     for i in np.flatnonzero(_suspects(problem, table)).tolist():
         trajectory = front.trajectories[i]
@@ -83,13 +84,15 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
 
 def lost_trajectories(problem: Problem, front: Front) -> list[str]:
     """The trajectories that leave the map, where nothing of them can be evaluated, or turn without end."""
-    return [f"trajectory {i} leaves the map" for i, t in enumerate(front.trajectories) if not _inside(problem, t)]
+    return _lost(problem, MotionTable.of(front.trajectories)) if len(front) else []
 
 
-def _inside(problem: Problem, trajectory: Trajectory) -> bool:
-    s = trajectory.states
-    turned = [np.abs(getattr(s, name)).max() for name in problem.model.space.turning]
-    return bool(on_map(problem, s).all()) and max(turned, default=0.0) <= MOST_TURNED
+def _lost(problem: Problem, table: MotionTable) -> list[str]:
+    """The same of a table; states that trajectories share are looked at once."""
+    lost = ~on_map(problem, table.states)
+    for name in problem.model.space.turning:
+        lost |= ~(np.abs(getattr(table.states, name)) <= MOST_TURNED)
+    return [f"trajectory {i} leaves the map" for i in np.flatnonzero(table.through(lost)).tolist()]
 
 
 def _known(problem: Problem, front: Front) -> dict[str, Criterion]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -257,3 +258,11 @@ def test_python_dash_m_is_the_command_and_runs_nothing_of_the_current_folder(tmp
     ]
     assert done[0].stdout == done[1].stdout
     assert done[0].stdout.startswith("Usage: hpop plan [OPTIONS] SCENARIO")
+
+
+@pytest.mark.parametrize(("epoch", "noted"), [("abc", True), ("", True), ("1700000000", False)])
+def test_an_epoch_that_is_no_number_is_left_out_with_a_note(epoch, noted):
+    code = "import sys; sys.argv = ['hpop', '--version']; from hpop.entry import main; main()"
+    environment = {**os.environ, "SOURCE_DATE_EPOCH": epoch}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert ("SOURCE_DATE_EPOCH is a whole number of seconds" in done.stderr) == noted

@@ -104,14 +104,28 @@ class SolidCollision:
         blocked = (part for part in self.parts if not SolidCollision((part,), self.world).states_free(state)[0])
         return reason(self.world, next(blocked), float(state.x[0]), float(state.y[0]))
 
+    @cached_property
+    def _plan(self) -> shapely.Geometry:
+        """What any prism covers, seen from above."""
+        plan = shapely.union_all([polygon for polygon, _, _ in self._prisms()])
+        shapely.prepare(plan)
+        return plan
+
+    def _in_the_open(self, places: FloatArray) -> BoolArray:
+        """Whether places (N, 3) are farther from every prism, seen from above, than any part of the robot reaches."""
+        reach = max(part.reach for part in self.parts)
+        near = shapely.dwithin(self._plan, shapely.points(places[:, :2]), reach + MARGIN)
+        return ~np.asarray(near, dtype=bool)
+
     def _rows_free(self, rows: FloatArray) -> BoolArray:
         """Whether the robot is free at each place and heading (N, 3)."""
         import fcl
 
-        places = np.round(np.column_stack([rows[:, :2], rows[:, 2] % (2 * np.pi)]), 9)
+        yaw = np.zeros(len(rows)) if all(part.on_axis for part in self.parts) else rows[:, 2] % (2 * np.pi)
+        places = np.round(np.column_stack([rows[:, :2], yaw]), 9)  # a disc on the axis is the same at every yaw
         places, inverse = np.unique(places, axis=0, return_inverse=True)
         free = np.asarray(shapely.intersects_xy(self.world.extent, places[:, 0], places[:, 1]))
-        for i in np.flatnonzero(free):
+        for i in np.flatnonzero(free & ~self._in_the_open(places)):
             place = places[i].tolist()
             for part, body in self._robot:
                 body.setTransform(_placed(part, *place))
