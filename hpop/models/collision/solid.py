@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.parts import Part
@@ -111,7 +112,7 @@ class SolidCollision:
         shapely.prepare(plan)
         return plan
 
-    def _in_the_open(self, places: FloatArray) -> BoolArray:
+    def _in_the_open(self, places: NDArray[np.floating[Any]]) -> BoolArray:
         """Whether places (N, 3) are farther from every prism, seen from above, than any part of the robot reaches."""
         reach = max(part.reach for part in self.parts)
         near = shapely.dwithin(self._plan, shapely.points(places[:, :2]), reach + MARGIN)
