@@ -21,8 +21,8 @@ import museums
 
 import hpop
 from hpop.planners import Lattice
-from hpop.planners.graphs.exact_mean import DURATION, INTEGRAL, OTHERS, mean_objectives
 from hpop.planners.objectives import edge_objectives
+from hpop.planners.searches.mean import DURATION, INTEGRAL, OTHERS, mean_objectives
 from hpop.search import MeanPaths, capped_mean_paths, pareto_paths
 
 RUNS = 3

@@ -115,6 +115,7 @@ RECIPES = [
             "drive": "A drive: what could be chosen after each event",
         },
     ),
+    example("08_many_queries", {}),
     Recipe(
         "paper_figure",
         "python examples/paper_figure/paper_figure.py",

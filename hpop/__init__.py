@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from hpop.models.base import model
     from hpop.motions import Motions
     from hpop.planners import Lattice
+    from hpop.planning import Planning
     from hpop.problem import Problem
     from hpop.status import Status
     from hpop.trajectory import Trajectory
@@ -42,6 +43,7 @@ _HOMES = {
     "Motions": "hpop.motions",
     "PanTilt": "hpop.models",
     "Person": "hpop.world",
+    "Planning": "hpop.planning",
     "Problem": "hpop.problem",
     "SerialArm": "hpop.models",
     "Status": "hpop.status",
@@ -75,6 +77,7 @@ __all__ = [
     "Motions",
     "PanTilt",
     "Person",
+    "Planning",
     "Problem",
     "SerialArm",
     "Status",

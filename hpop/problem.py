@@ -184,7 +184,7 @@ class Problem:
         Parameters
         ----------
         stage : called with the front so far after each stage of a planner but its last
-            (:class:`hpop.planners.base.StagedPlanner`); the front that follows has nothing worse. After an interruption
+            (:meth:`hpop.planners.base.Planner.stages`); the front that follows has nothing worse. After an interruption
             that leaves many points also with some of them, before all are re-evaluated: a second one then ends at once
         """
         return solving.fronts(self, planners, options, progress=progress, executor=executor, stage=stage)

@@ -57,7 +57,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def add(self, name: str, item: T) -> None:
         """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
-        if name not in self._types and not item.__module__.startswith(f"{self._module}."):
+        if name not in self._types and not item.__module__.startswith("hpop."):
             self._load_home(name)
         taken = self._types.get(name)
         if taken is not None and _origin(taken) != _origin(item):
@@ -94,11 +94,14 @@ class Registry(Mapping[str, T], Generic[T]):
         return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
 
     def _load_home(self, name: str) -> None:
-        """Import the one type at home that is called so, if there is one: "o_space" is ``OSpace``."""
+        """Import the type at home of this name, if there is one.
+
+        "o_space" is ``OSpace``, a graph called "lattice" is ``LatticeGraph``.
+        """
         package = import_module(self._module)
         letters = str(name).replace("-", "").replace("_", "")
         for public in getattr(package, "__all__", ()):
-            if public.lower() == letters:
+            if public.lower() in (letters, f"{letters}{self.kind}"):
                 getattr(package, public)  # a package may import what it names on first use
 
     def _load(self) -> None:
@@ -125,7 +128,8 @@ def _origin(item: Any) -> str:
 
 
 criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
-planners: Registry[type] = Registry("planner", "hpop.planners", "hpop.planners", OptionError, parameter="option")
+planners: Registry[type[Any]] = Registry("planner", "hpop.planners", "hpop.planners", OptionError, parameter="option")
+graphs: Registry[type[Any]] = Registry("graph", "hpop.planners.graphs", "hpop.graphs", OptionError, parameter="option")
 goals: Registry[type] = Registry("goal", "hpop.goals", "hpop.goals", QueryError)
 models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
 readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers", "hpop.readers", MapError)

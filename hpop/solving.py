@@ -90,6 +90,23 @@ def fronts(
             return
 
 
+def last_answer(problem: Problem, planner: Planner) -> Front:
+    """Return the front of a planner's last answer, without the stages before it.
+
+    Raises as :meth:`hpop.Problem.solve` does.
+    """
+    refuse_unsupported(planner, problem.model)
+    check_goal(problem, planner)
+    spending = _spending(problem, planner)
+    try:
+        found = planner.solve(problem)
+    except QueryError as error:
+        _note_map(error, problem)
+        raise
+    found = replace(found, stats={"planner": planner.name, **found.stats})
+    return front(problem, evaluable_in_time(found, partial(_until_limit, spending), partial(front, problem)))
+
+
 def front(problem: Problem, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
     """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; of many, say how far that is.
 
@@ -155,7 +172,7 @@ def _spending(problem: Problem, planner: Planner) -> Spending:
     """
     if isinstance(planner, Limited):
         return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
-    return Spending(Budget(getattr(planner, "time_limit", None)))
+    return Spending(Budget(planner.time_limit))
 
 
 def _until_limit(spending: Spending) -> float | None:
@@ -171,9 +188,14 @@ def _stages(
     try:
         yield from stages_of(planner, problem, progress, executor)
     except QueryError as error:
-        for note in problem.world.notes:
-            error.add_note(f"{NOTE}{note}")
+        _note_map(error, problem)
         raise
+
+
+def _note_map(error: QueryError, problem: Problem) -> None:
+    """Add the map's notes, which may say why an end cannot be used."""
+    for note in problem.world.notes:
+        error.add_note(f"{NOTE}{note}")
 
 
 def _evaluated(
@@ -218,7 +240,7 @@ def _union(before: Front | None, found: Front) -> Front:
 
 def _check_joinable(planners: Iterable[Planner]) -> None:
     """Raise OptionError where some planners minimise a mean and others its integral."""
-    if len({getattr(planner, "max_detour", None) is not None for planner in planners}) > 1:
+    if len({planner.max_detour is not None for planner in planners}) > 1:
         raise OptionError(
             "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
             "joined. Give max_detour to all planners or to none, or plan them one at a time"
@@ -242,8 +264,8 @@ def _check_checkpoints(planners: Iterable[Planner]) -> None:
 
 def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
     """Yield the checkpoints of a planner and of the planner that gives its warm start, with their names."""
-    warm: Any = getattr(planner, "warm_start", None)
-    searches = [(planner.name, getattr(planner, "checkpoint", None))]
+    warm = planner.warm_start
+    searches = [(planner.name, planner.checkpoint)]
     for name, options in warm.items() if isinstance(warm, Mapping) else ():
         searches.append((str(name), options.get("checkpoint") if isinstance(options, Mapping) else None))
     yield from ((name, Checkpoint.of(file)) for name, file in searches if file is not None)

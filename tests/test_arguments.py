@@ -82,6 +82,8 @@ RESULTS = [
 LONG = [
     "hpop.Problem.solve",
     "hpop.Problem.fronts",
+    "hpop.Planning.solve",
+    "hpop.Planning.front",
     "hpop.ros.Bridge.run",
     "hpop.study.prepare",
     "hpop.study.simulate",
@@ -238,6 +240,7 @@ def right(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Right]:
         "hpop.Front": front, "hpop.Trajectory": way, "hpop.Problem": problem, "hpop.World": world,
         "hpop.Motions": moves,
         "hpop.DifferentialDrive": robot, "hpop.Lattice": planner, "hpop.Person": Person(1, 1, 0, velocity=(1, 0)),
+        "hpop.Planning": hpop.Planning(world, robot, ["turns", "length"]),
         "hpop.Track": track, "hpop.drive.Execution": driven,
         "hpop.drive.Options": options, "hpop.search.Graph": graph, "hpop.search.ParetoPaths": types["ParetoPaths"],
         "hpop.preference.Preference": person, "hpop.preference.Prior": preference.Prior(),

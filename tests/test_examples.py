@@ -230,6 +230,12 @@ def assert_looked_at(problem: hpop.Problem, front: hpop.Front) -> None:
         assert abs(pose.roll[0]) <= math.radians(1.0) + 1e-9
 
 
+def test_many_queries_on_one_map_are_answered(capsys):
+    fronts = example("08_many_queries.py").main(step=1.0, queries=4)
+    assert [front.status for front in fronts] == ["complete"] * 4
+    assert "4 queries, " in capsys.readouterr().out
+
+
 @pytest.mark.proof
 def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     plan = example("07_drive.py").main(tmp_path, step=1.0)

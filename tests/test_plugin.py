@@ -100,6 +100,12 @@ def test_its_robot_passes_the_conformance_checks(hpop, fresh, tmp_path):
     assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
 
 
+def test_its_planner_passes_the_conformance_checks(hpop, fresh, tmp_path):
+    done = hpop("check", "lexicographic", fresh=fresh, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
+
+
 def test_a_scenario_is_planned_on_the_world_that_its_reader_reads(hpop, fresh, plan):
     out = plan.parent / "out"
     done = hpop("plan", plan, "--out", out, fresh=fresh, cwd=plan.parent)
@@ -149,7 +155,8 @@ def test_its_robot_is_planned_for_by_planners_that_serve_any(hpop, fresh, tmp_pa
         (
             {"holonomic": {}},
             9,
-            "holonomic does not provide (it has base, camera, plane, rigid). Planners that can: roadmap",
+            "holonomic does not provide (it has base, camera, plane, rigid). "
+            "Planners that can: exact, lexicographic, roadmap",
         ),
     ],
 )

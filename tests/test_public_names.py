@@ -34,6 +34,8 @@ hpop.errors.HpopError
 hpop.errors.MapError
 hpop.errors.ModelError
 hpop.errors.OptionError
+hpop.errors.QueryError
+hpop.errors.UnsupportedCriterion
 hpop.examples.copied
 hpop.examples.museum
 hpop.examples.path
@@ -82,6 +84,7 @@ hpop.options
 hpop.planners.AnyAngle
 hpop.planners.Candidates
 hpop.planners.EpsilonConstraint
+hpop.planners.Exact
 hpop.planners.Lattice
 hpop.planners.Planner
 hpop.planners.RRT
@@ -91,7 +94,13 @@ hpop.planners.Spline
 hpop.planners.WeightedSum
 hpop.planners.WeightedSumCorridor
 hpop.planners.base.edge_objectives
-hpop.planners.graphs.graph_planner
+hpop.planners.graphs.BuiltGraph
+hpop.planners.graphs.CornersGraph
+hpop.planners.graphs.GraphFamily
+hpop.planners.graphs.LatticeGraph
+hpop.planners.graphs.OnGraph
+hpop.planners.graphs.RoadmapGraph
+hpop.planners.graphs.graph_family
 hpop.planners.judgement.judge
 hpop.planners.lattice.Lattice
 hpop.planners.planner

@@ -106,7 +106,7 @@ def plan(
     garbage.seldom()
     from hpop.cli import preferred, report, user_code
     from hpop.planners.base import sweeps
-    from hpop.planners.lattice.stages import kernels_beside
+    from hpop.planners.searches.exact import kernels_beside
     from hpop.scenario import load_scenario
     from hpop.search.machinery.beside import Onset
     from hpop.status import Status

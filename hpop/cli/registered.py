@@ -13,7 +13,6 @@ from rich.text import Text
 
 from hpop import registry
 from hpop.errors import HpopError
-from hpop.planners.needs import needs_of
 from hpop.registry import GROUPS
 
 
@@ -60,7 +59,7 @@ def print_planners(console: Console | None = None) -> None:
     console = console or Console()
     console.print("Planners: name, options with their defaults, what they need of a model")
     for name, cls in registry.planners.items():
-        needs = ", ".join(sorted(needs_of(cls)))
+        needs = ", ".join(sorted(cls.needs))
         _print_entry(console, name, _fields(cls), f"{_first_line(cls)} Needs {needs or 'nothing: any model will do'}.")
 
 

@@ -24,8 +24,6 @@ from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.arcs import MOVE
 from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.lattice.graph import StateLattice
-from hpop.planners.lattice.grid import passed_cells
 from hpop.text import shown
 from hpop.world import World
 from hpop.world.content import Zone
@@ -202,27 +200,9 @@ def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: fl
         own = np.flatnonzero(kinds == number)
         if own.size:
             closed[own] = ~collision.motions_free(graph.motions(kind, tails[own], heads[own]))
-    if isinstance(graph, StateLattice) and not graph.corner_cutting:
-        closed |= _cut_corners(graph, tails, kinds, near[~collision.states_free(states.take(near))])
+    closed |= graph.cut_corners(tails, kinds, near[~collision.states_free(states.take(near))])
     found: IntArray = places[closed]
     return found
-
-
-def _cut_corners(lattice: StateLattice, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
-    """Which arcs (N,) are steps that pass a blocked state: without corner cutting they are none."""
-    count = lattice.stations.headings.size
-    is_blocked = np.zeros(lattice.size + 1, dtype=np.bool_)  # the last for what is not free anyway
-    is_blocked[blocked] = True
-    position, station = np.divmod(tails, count)
-    rows, columns = (axis[position] for axis in lattice.cells)
-    heading = np.where(kinds == MOVE, lattice.stations.headings[station], -1)
-    cut = np.zeros(tails.size, dtype=np.bool_)
-    for number, step in enumerate(lattice.headings.steps):
-        own = np.flatnonzero(heading == number)
-        for across, up in passed_cells(step):
-            passed = lattice.number[rows[own] + up, columns[own] + across]
-            cut[own] |= is_blocked[np.where(passed >= 0, passed * count + station[own], -1)]
-    return cut
 
 
 def chains_closed(chains: Chains, closing: Closing) -> BoolArray:

@@ -90,9 +90,7 @@ class Execution(Telling):
         self._network = Network(problem, planner, ways, self.begin)
         self._plan = Plan(choice)
         self._lag = float(self.begin)  # s of the drive at which the plan began, by where the robot was seen last
-        self._stretches = [
-            Stretch(Surroundings.of(problem, self._lag, getattr(planner, "margin", 0.0)), 0.0, self._lag)
-        ]
+        self._stretches = [Stretch(Surroundings.of(problem, self._lag, planner.margin), 0.0, self._lag)]
         self._latest: Options | None = None
         self.ready(self.begin)  # ahead of the first question
 
@@ -393,7 +391,7 @@ class Execution(Telling):
         everybody = surroundings.at(self._plan.announced.at(t), then).world.content.people
         told = surroundings.people  # who has stopped meanwhile is no closing
         people = [one for one, before in zip(everybody, told, strict=True) if before.moves]
-        margin = getattr(self.planner, "margin", 0.0)
+        margin = self.planner.margin
         among = partial(cut_of, closings=surroundings.closed, people=people, margin=margin)
         cut, way = among(self._plan, t), self._plan.announced
         if cut.stops == t and t not in way.times:

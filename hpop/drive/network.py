@@ -22,9 +22,7 @@ from hpop.drive.ways import Ways
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap import Roadmap
 from hpop.planners.spending import CORES, Spending
 from hpop.planners.timed.clock import GOLDEN, TimeOptions
 from hpop.planners.timed.reading import reading_time
@@ -148,7 +146,7 @@ class Network:
         def enough() -> bool:
             return time.perf_counter() >= until and time.thread_time() >= least
 
-        options: TimeOptions = self.planner.time_options  # type: ignore[attr-defined]
+        options: TimeOptions = self.planner.time_options
         latest = None if options.arrive_by is None else options.arrive_by - (commit.time - self._began)
         known = (*self._driven, *self._given)
         spread = sorted(range(len(known)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are much alike
@@ -213,7 +211,7 @@ class Network:
         if node < 0:
             ways = ways.from_beside(now.at(commit.state, commit.time))
             node = ways.query.start
-        options = self.planner.time_options  # type: ignore[attr-defined]
+        options = self.planner.time_options
         if options.arrive_by is not None:  # since the robot left
             left = options.arrive_by - (now.since - self._began)
             options = replace(options, arrive_by=max(left, options.tick))
@@ -288,12 +286,9 @@ class Network:
 
     def _inner(self, now: Surroundings) -> StateGraph:
         """The planner's graph of states, in the bare world."""
-        made: Any = None
-        if isinstance(self.planner, Lattice):
-            made = self.planner.lattice(self.problem)
-        elif isinstance(self.planner, Roadmap):
-            made = self.planner.roadmap(self.problem)
-        if not isinstance(made, StateGraph):
+        family = self.planner.graph_of_drives
+        made = None if family is None else family.states(self.problem)
+        if made is None:
             raise DriveError(
                 f"a drive is followed on a lattice, or on a roadmap of positions; {self.planner.name!r} has neither "
                 "for this robot: give planner='lattice'"

@@ -88,11 +88,11 @@ def _point(front: Front, choice: Any) -> Point:
 def _planner_of(origin: Mapping[str, Any]) -> Planner:
     """The planner that found a point, with the options that make its graph and those of time; no other options."""
     name = origin.get("planner")
-    options = getattr(planners[name], "graph_options", None) if isinstance(name, str) and name in planners else None
-    if options is None:
+    options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
+    if not options:
         raise DriveError(
             f"{shown(name)} has no graph on which other ways can be looked for; plan with lattice or roadmap, or in "
             "Python give one of them, planner='lattice'"
         )
-    given = {option: origin[option] for option in (*cast(tuple[str, ...], options), *OF_TIME) if option in origin}
+    given = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
     return make_planner({cast(str, name): given})

@@ -26,8 +26,6 @@ from hpop.planners.graphs.claims import claimed_with_known
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, JoinedEnds, with_ends
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.lattice.graph import StateLattice
-from hpop.planners.lattice.planner import REACH
 from hpop.planners.objectives import Objectives
 from hpop.search import Graph, ParetoPaths, SearchStats
 from hpop.search.prepared import Prepared
@@ -42,7 +40,6 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 ASKED = 200  # arcs nearest to a change that tell which criteria's costs it changes
-BESIDE = 12  # positions to which a robot that stands beside a roadmap is joined, at least
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # what a criterion of theirs requires
 
 
@@ -85,7 +82,7 @@ class Ways:
         Raises QueryError where the start or the goal cannot be joined to it.
         """
         began = time.perf_counter()
-        space, start, goals = with_ends(inner, problem, _reach(inner, problem))
+        space, start, goals = with_ends(inner, problem, inner.reach(problem))
         assert isinstance(space, StateGraph | JoinedEnds)
         costed = space if inner.world is problem.world else space.costed_in(problem.world)
         graph = costed.graph(objectives.optimised)
@@ -345,12 +342,3 @@ def _points(graph: StateGraph, states: States) -> FloatArray:
         column = getattr(states, name)
         columns += [np.cos(column), np.sin(column)] if name in graph.model.space.turning else [column]
     return np.stack(columns, axis=1)
-
-
-def _reach(inner: StateGraph, problem: Problem) -> float:
-    """How far, m, a start or goal beside a graph is joined to its states."""
-    if isinstance(inner, StateLattice):
-        return REACH * inner.step
-    start, states = problem.model.space.state(problem.start), inner.states(np.arange(inner.size))
-    apart = np.unique(np.hypot(states.x - start.x, states.y - start.y))
-    return float(apart[min(BESIDE, apart.size) - 1]) + UNMOVED

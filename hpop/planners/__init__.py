@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hpop.planners.lattice import Lattice
     from hpop.planners.roadmap.planner import Roadmap
     from hpop.planners.rrt.planner import RRT
+    from hpop.planners.searches.exact import Exact
     from hpop.planners.smoothing.planner import Smoothing
     from hpop.planners.spline.planner import Spline
     from hpop.planners.weighted_sum import WeightedSum
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "AnyAngle": "hpop.planners.any_angle",
     "EpsilonConstraint": "hpop.planners.epsilon_constraint.planner",
+    "Exact": "hpop.planners.searches.exact",
     "Lattice": "hpop.planners.lattice.planner",
     "RRT": "hpop.planners.rrt.planner",
     "Roadmap": "hpop.planners.roadmap.planner",
@@ -38,6 +40,7 @@ __all__ = [
     "AnyAngle",
     "Candidates",
     "EpsilonConstraint",
+    "Exact",
     "Lattice",
     "Planner",
     "Roadmap",

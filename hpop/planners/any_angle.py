@@ -13,19 +13,20 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.goals import checked_goal
 from hpop.math import wrap
-from hpop.motions import Motions, States
-from hpop.options import set_wholes
+from hpop.motions import HOLD, Motions, States
+from hpop.options import LEAST, set_wholes
 from hpop.planners.base import Candidates, joined, planner
 from hpop.planners.goals import goals_of, start_of
-from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED
+from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, graph_family
+from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, Ends
 from hpop.planners.in_time import evaluable_in_time
-from hpop.planners.lattice import Lattice
-from hpop.planners.needs import in_plane, refuse_moving
-from hpop.planners.objectives import edge_objectives
+from hpop.planners.lattice.planner import Lattice, LatticeGraph
+from hpop.planners.needs import in_plane
+from hpop.planners.objectives import Objectives
 from hpop.planners.roadmap.headings import StateRoadmap
-from hpop.planners.roadmap.planner import on_roadmap
 from hpop.planners.roadmap.positions import SAME, checked_ends, pairs
-from hpop.planners.spending import Spending
+from hpop.planners.searches.exact import ExactSearch
+from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.trajectory import Trajectory
@@ -34,99 +35,69 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 
-@planner("any-angle")
+@graph_family("corners")
 @dataclass(frozen=True)
-class AnyAngle:
-    """All non-dominated paths, at any angles, between the corners of the lattice's non-dominated paths.
+class CornersGraph(GraphFamily):
+    """The visibility roadmap between the corners of a lattice's non-dominated paths.
 
     step           m      of the lattice
     headings       4, 8 or 16 of the lattice
     max_positions  count  corners that are taken, those that most of the lattice's paths share; None takes all
-    time_limit     s      of both searches, half of it of the lattice's; what is found until then is returned and called
-                          incomplete
-    max_labels     count  partial paths kept by each search
-    max_memory     bytes  allocated by each search
 
-    Becerra et al. 2020 (arXiv 2002.10696) leave angles other than multiples of 45 degrees open. Here the positions at
-    which the lattice's non-dominated paths turn, and those at which they bend when pulled taut, with start and goal,
-    become a roadmap: two are linked wherever the robot can go straight, as in a visibility graph (Lozano-Perez and
-    Wesley 1979, doi 10.1145/359156.359164), and the exact search runs on it. Each lattice path is a path of this
-    roadmap, pulled taut too, and so is everything that recombines them.
-
-    Accepts what the lattice accepts. Guarantees that no path of the roadmap is better in one cost and no worse in the
-    others, costs rounded to the criteria's quanta edge by edge. So if all corners are taken and start and goal are on
-    the lattice, nothing on the lattice is better by more than that; elsewhere the lattice's path may turn by less than
-    a degree on its way to the goal, as no roadmap does. Corners are positions of the lattice, so a smaller step still
-    gives shorter paths. Costs a state for each heading of each link, and a turn for each two headings of a position:
-    the square of what it sees.
+    The lattice is searched exactly, within half of the time limit; among people who move with a clock of 1/20 s and no
+    margin, whatever the search of the corners has. Positions where its paths turn, hold, or bend when
+    pulled taut are linked wherever the robot can go straight.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
-    goal_sets: ClassVar[bool] = True
+    is_remade: ClassVar[bool] = False  # other paths of the lattice make other corners
 
     step: float = 0.25
     headings: int = 8
     max_positions: int | None = 200
-    time_limit: float | None = None
-    max_labels: int | None = None
-    max_memory: int | None = None
 
     def __post_init__(self) -> None:
         set_python_values(self)
-        self._lattice()
+        LatticeGraph(self.step, self.headings)
         set_wholes(self, "max_positions", least=0, optional=True)
 
-    def budget(self) -> Budget:
-        """The limits: the time is that of both searches and of reading the map, all else that of each search."""
-        return Budget(self.time_limit, self.max_labels, self.max_memory)
+    def has_clock(self, problem: Problem) -> bool:
+        """Return True: a roadmap of positions can be put on a clock."""
+        return True
 
-    def _lattice(self) -> Lattice:
-        """The lattice whose paths give the corners; half of the time is left to the roadmap."""
-        lattice = Lattice(
-            self.step,
-            self.headings,
-            time_limit=self.time_limit,
-            max_labels=self.max_labels,
-            max_memory=self.max_memory,
-        )
-        return lattice if lattice.time_limit is None else replace(lattice, time_limit=0.5 * lattice.time_limit)
-
-    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
-        """Plan on the lattice, then on the roadmap of its corners.
-
-        Raises as :meth:`Lattice.solve` does.
-        """
-        objectives = edge_objectives(problem.criteria, "any-angle")
+    def build(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> BuiltGraph:
+        """Search the lattice, then link the corners of its paths."""
         begun = time.perf_counter()
-        refuse_moving(problem, "any-angle planner")
-        spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
-        first = _first_of(self._lattice(), problem, progress)
-        until = spending.until_limit()
+        lattice = self._lattice(spending.budget)
+        first, until = _first_of(lattice, problem, progress), spending.until_limit()
         if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:
-            longer = replace(self._lattice(), time_limit=problem.read_seconds + until)
-            first = _first_of(longer, problem, progress)
+            first = _first_of(replace(lattice, time_limit=problem.read_seconds + until), problem, progress)
         if first.status is Status.INTERRUPTED or not first.trajectories:
-            return _lattice_only(first)
-        began = time.perf_counter()
+            raise NotBuilt(_lattice_only(first))
+        seconds = time.perf_counter() - begun
         try:
             some = _bent_in_time(problem, first, spending)
             problem = _on_headings(problem, some.trajectories)
             roadmap, notes = self.roadmap(problem, some, spending)
-            if some is not first:
-                notes += (_few_bent(len(some.trajectories), len(first.trajectories)),)
-            found = on_roadmap("any-angle", problem, objectives, roadmap, progress, notes)
+            ends = Ends(roadmap, roadmap.start, roadmap.goals)
         except KeyboardInterrupt:
-            return _lattice_only(replace(first, status=Status.INTERRUPTED))
-        if not found.trajectories and not found.status.is_final:
-            notes = tuple(dict.fromkeys((*first.notes, *found.notes)))
-            return _lattice_only(replace(first, status=found.status, notes=notes))
-        # An interruption ends the plan, whatever came before it.
-        own = some.status.is_final or found.status is Status.INTERRUPTED
-        return replace(
-            found,
-            status=found.status if own else some.status,
-            stats={**found.stats, "lattice_points": len(some.trajectories), "lattice_seconds": began - begun},
-        )
+            raise NotBuilt(_lattice_only(replace(first, status=Status.INTERRUPTED))) from None
+        except Exhausted as stop:
+            told = stopped("any-angle", objectives, stop, spending)
+            notes = tuple(dict.fromkeys((*first.notes, *told.notes)))
+            raise NotBuilt(_lattice_only(replace(first, status=stop.status, notes=notes))) from None
+        if some is not first:
+            notes += (_few_bent(len(some.trajectories), len(first.trajectories)),)
+        stats = {"lattice_points": len(some.trajectories), "lattice_seconds": seconds}
+        return BuiltGraph(ends, problem, notes, status=some.status, stats=stats, first=_lattice_only(first))
+
+    def _lattice(self, budget: Budget) -> Lattice:
+        """The planner whose paths give the corners; half of the time is left to the roadmap."""
+        limit = None if budget.time_limit is None else max(LEAST, 0.5 * budget.time_limit)
+        memory = budget.max_memory
+        return Lattice(self.step, self.headings, time_limit=limit, max_labels=budget.max_labels, max_memory=memory)
 
     def roadmap(
         self, problem: Problem, first: Candidates, spending: Spending | None = None
@@ -145,13 +116,54 @@ class AnyAngle:
             start_of(problem)[2],
             ends.goals,
             name=f"the visibility roadmap of {count} corners of the {incomplete}front of "
-            f"{self._lattice().lattice(problem).words}",
+            f"{LatticeGraph(self.step, self.headings).lattice(problem).words}",
             chosen={"step": self.step, "headings": self.headings, "corners": count},
             remedy="take a smaller step, or more max_positions",
             spending=spending or Spending(),
         )
         few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
         return roadmap, (few,) if count < len(corners) else ()
+
+
+@planner("any-angle")
+@dataclass(frozen=True)
+class AnyAngle(ExactSearch, CornersGraph):
+    """All non-dominated paths, at any angles, between the corners of the lattice's non-dominated paths.
+
+    step           m      of the lattice
+    headings       4, 8 or 16 of the lattice
+    max_positions  count  corners that are taken, those that most of the lattice's paths share; None takes all
+    max_detour     longest duration over the least of any path, as the planner "lattice" takes it
+    max_turns      count  paths with more turns are left out; needs the criterion turns
+    eps            every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
+    tolerance      or within these amounts, by the name of a cost: ``{"length": 0.1}``
+    time_limit     s      of both searches, half of it of the lattice's; what is found until then is returned and called
+                          incomplete
+    max_labels     count  partial paths kept by each search
+    max_memory     bytes  allocated by each search
+    checkpoint     file in which the search of the roadmap keeps its state, and from which it goes on if it is there
+    clock          s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
+    hold           s  that the robot stands at least when it waits for people who move; None: it never waits
+    arrive_by      s  at the latest, among people who move; None: whenever
+    margin         m  to be kept from people, those who stand as well
+
+    Becerra et al. 2020 (arXiv 2002.10696) leave angles other than multiples of 45 degrees open. Here the positions at
+    which the lattice's non-dominated paths turn, and those at which they bend when pulled taut, with start and goal,
+    become a roadmap: two are linked wherever the robot can go straight, as in a visibility graph (Lozano-Perez and
+    Wesley 1979, doi 10.1145/359156.359164), and the exact search runs on it. Each lattice path is a path of this
+    roadmap, pulled taut too, and so is everything that recombines them.
+
+    Accepts what the lattice accepts. Guarantees that no path of the roadmap is better in one cost and no worse in the
+    others, costs rounded to the criteria's quanta edge by edge. So if all corners are taken and start and goal are on
+    the lattice, nothing on the lattice is better by more than that; elsewhere the lattice's path may turn by less than
+    a degree on its way to the goal, as no roadmap does. Corners are positions of the lattice, so a smaller step still
+    gives shorter paths. Costs a state for each heading of each link, and a turn for each two headings of a position:
+    the square of what it sees.
+    """
+
+    def __post_init__(self) -> None:
+        CornersGraph.__post_init__(self)
+        ExactSearch.__post_init__(self)
 
 
 def _first_of(lattice: Lattice, problem: Problem, progress: ProgressCallback | None) -> Candidates:
@@ -209,7 +221,7 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
     for t in trajectories:
         at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
         points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
-        marked.append([i == len(t) or (i > 0 and t.kinds[i - 1] == "turn") for i in at])
+        marked.append([i == len(t) or (i > 0 and t.kinds[i - 1] in ("turn", HOLD.kind)) for i in at])
     path = np.repeat(np.arange(len(points)), [len(p) for p in points])
     along = np.concatenate(points)
     corner = np.concatenate(marked) | _bends(problem, along, path)

@@ -23,6 +23,7 @@ from hpop.text import shown
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.planners.graphs.family import GraphFamily
     from hpop.problem import Problem
 
 T = TypeVar("T", bound=type)
@@ -85,11 +86,29 @@ class Candidates:
         return f"<Candidates: {len(self.trajectories):,} by {names}; {self.status}; {self.certificate}>"
 
 
+UNDECLARED = frozenset({"plane", "turn-move", "rigid", "wheels"})
+"""What a planner that does not declare its needs is taken to need: it was written when all robots had these."""
+
+
 class Planner(Protocol):
     """Problem in, candidate trajectories out. A frozen dataclass; its fields are its options.
 
-    A planner that cannot serve any model says what it needs of one as ``needs: ClassVar[frozenset[str]]``, of what
-    :attr:`hpop.motions.Model.provides` lists; one that can has an empty set (:mod:`hpop.planners.needs`).
+    Only ``name`` and ``solve`` must be there: :func:`planner` sets the name, and the rest have these defaults.
+
+    needs              what it needs of a model, of what :attr:`hpop.motions.Model.provides` lists; an empty set for any
+                       model (:mod:`hpop.planners.needs`)
+    goal_sets          whether the goal may be a list of states, of which any will do
+    any_goal           whether the goal may be of any kind (:class:`hpop.goals.Goal`)
+    margin             m  that it keeps from people
+    max_detour         not None where it minimises a time-mean itself, so that its front joins no other
+    time_limit         s  after which it returns what it has, or None
+    checkpoint         file in which its search is kept, or None
+    warm_start         planner whose trajectories it starts from, as ``{name: options}``, or None
+    answers_in_stages  whether a first answer may come before the last one, from ``stages``
+    needs_kernels      whether it takes the kernels of the exact search, which are compiled beside a first answer
+    graph_options      options that make its graph, where fronts may be driven on; () for a planner without a graph
+    graph_of_drives    the graph family on which a drive looks for other paths, or None
+    time_options       options of planning among people who move, where it has some, or None
     """
 
     @property
@@ -97,6 +116,62 @@ class Planner(Protocol):
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Plan; raises QueryError, UnsupportedCriterion or OptionError where the question is wrong."""
+
+    def stages(
+        self, problem: Problem, progress: ProgressCallback | None = None, **on_executor: Any
+    ) -> Iterator[Candidates]:
+        """Yield a first answer soon and better ones later; by default the only one.
+
+        Those before the last are UNFINISHED. The last one is what ``solve`` finds; it may keep the ones before where it
+        did not find all. After Ctrl-C in a stage its candidates are INTERRUPTED and no other stage follows. A planner
+        that sweeps takes its executor here as well.
+        """
+        return _solved(self, problem, progress, **on_executor)
+
+    def anchored(self) -> Planner:
+        """Return a planner with the same options whose graph does not depend on the start; itself by default."""
+        return self
+
+    if TYPE_CHECKING:  # the defaults are set by `_completed`, so that a dataclass may have a field of each name
+
+        @property
+        def needs(self) -> frozenset[str]: ...
+
+        @property
+        def goal_sets(self) -> bool: ...
+
+        @property
+        def any_goal(self) -> bool: ...
+
+        @property
+        def margin(self) -> float: ...
+
+        @property
+        def max_detour(self) -> Any: ...
+
+        @property
+        def time_limit(self) -> float | None: ...
+
+        @property
+        def checkpoint(self) -> Any: ...
+
+        @property
+        def warm_start(self) -> Any: ...
+
+        @property
+        def answers_in_stages(self) -> bool: ...
+
+        @property
+        def needs_kernels(self) -> bool: ...
+
+        @property
+        def graph_options(self) -> tuple[str, ...]: ...
+
+        @property
+        def graph_of_drives(self) -> GraphFamily | None: ...
+
+        @property
+        def time_options(self) -> Any: ...
 
 
 PlannerSpec = str | Planner | Mapping[str, Mapping[str, Any] | None]
@@ -110,33 +185,43 @@ class SweepingPlanner(Planner, Protocol):
     ) -> Candidates: ...
 
 
-class StagedPlanner(Planner, Protocol):
-    """A planner that has a first answer soon and better ones later.
-
-    ``stages`` gives the candidates of each stage in turn. Those before the last are UNFINISHED; the last are what
-    ``solve`` finds, which may keep those before where it found not all. After Ctrl-C in a stage its candidates are
-    INTERRUPTED and no other stage follows. Stages of a planner that sweeps take its executor as well.
-    """
-
-    def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]: ...
-
-
-def staged(planner: Planner) -> TypeGuard[StagedPlanner]:
-    """Whether a planner has stages."""
-    return callable(getattr(planner, "stages", None))
-
-
 def stages_of(
     planner: Planner, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """What a planner finds, in stages if it has any, on an executor if it takes one."""
-    in_stages = staged(planner)
-    plan: Callable[..., Any] = planner.stages if in_stages else planner.solve  # type: ignore[attr-defined]
-    on_executor = {"executor": executor} if executor is not None and _takes_executor(plan) else {}
-    if in_stages:
-        yield from plan(problem, progress, **on_executor)
-    else:
-        yield plan(problem, progress, **on_executor)
+    """Yield the stages of a planner, on an executor if it takes one."""
+    taken = inspect.signature(planner.stages).parameters.values()
+    takes_executor = any(one.name == "executor" or one.kind is one.VAR_KEYWORD for one in taken) and (
+        sweeps(planner) or planner.answers_in_stages
+    )
+    on_executor = {"executor": executor} if executor is not None and takes_executor else {}
+    yield from planner.stages(problem, progress, **on_executor)
+
+
+def _solved(
+    self: Planner, problem: Problem, progress: ProgressCallback | None = None, **on_executor: Any
+) -> Iterator[Candidates]:
+    """What a planner without stages has as its only one."""
+    yield self.solve(problem, progress, **on_executor)
+
+
+_DEFAULTS: dict[str, Any] = {
+    "needs": UNDECLARED,
+    "goal_sets": False,
+    "any_goal": False,
+    "margin": 0.0,
+    "max_detour": None,
+    "checkpoint": None,
+    "time_limit": None,
+    "warm_start": None,
+    "answers_in_stages": False,
+    "needs_kernels": False,
+    "graph_options": (),
+    "graph_of_drives": None,
+    "time_options": None,
+    "stages": _solved,
+    "anchored": lambda planner: planner,
+}
+"""What a planner's class has of the contract without saying so."""
 
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
@@ -175,12 +260,8 @@ def _driven(trajectory: Trajectory) -> tuple[Any, ...]:
 
 
 def sweeps(planner: Planner) -> TypeGuard[SweepingPlanner]:
-    """Whether a planner takes an executor."""
-    return _takes_executor(planner.solve)
-
-
-def _takes_executor(plan: Callable[..., Any]) -> bool:
-    return "executor" in inspect.signature(plan).parameters
+    """Return whether a planner takes an executor."""
+    return "executor" in inspect.signature(planner.solve).parameters
 
 
 @checked_arguments
@@ -191,10 +272,20 @@ def planner(name: str) -> Callable[[T], T]:
         if not dataclasses.is_dataclass(cls) or not callable(getattr(cls, "solve", None)):
             raise OptionError(f"planner {name!r} must be a dataclass with a method solve(problem, progress)")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
-        planners.add(name, cls)
+        planners.add(name, _completed(cls))
         return checked_arguments(cls)
 
     return declare
+
+
+def _completed(cls: Any) -> Any:
+    """Give a class of planners the defaults of the contract that it does not have."""
+    for attribute, value in _DEFAULTS.items():
+        if not hasattr(cls, attribute):
+            setattr(cls, attribute, value)
+    if not isinstance(cls.needs, frozenset | property):
+        cls.needs = frozenset(cls.needs)
+    return cls
 
 
 @checked_arguments
@@ -214,4 +305,6 @@ def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) ->
             f"a planner is a name, one name with its options such as {{'lattice': {{'step': 0.5}}}}, or an object with "
             f"solve(problem), got {shown(spec)}"
         )
+    if not all(hasattr(spec, attribute) for attribute in _DEFAULTS):
+        _completed(type(spec))
     return spec

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 from hpop.errors import QueryError
 from hpop.goals import GoalSet
-from hpop.planners.needs import needs_of
 from hpop.registry import planners
 
 if TYPE_CHECKING:
@@ -33,36 +31,27 @@ def one_goal(problem: Problem, what: str) -> End:
     """Where it ends; QueryError, which names the planners that can, where ``what`` is given a set of states."""
     goals = goals_of(problem)
     if len(goals) > 1:
-        able = _able(problem, takes_sets)
+        able = _able(problem, "goal_sets")
         raise QueryError(f"{what} takes one goal, got a set of {len(goals)}; planners that take a set are {able}")
     return goals[0]
 
 
 def check_goal(problem: Problem, planner: Planner) -> None:
     """Raise QueryError where the problem's goal is none that the planner takes; it names planners that do."""
-    if isinstance(problem.goal, GoalSet) and not takes_sets(planner):
+    if isinstance(problem.goal, GoalSet) and not planner.goal_sets:
         one_goal(problem, planner.name)
-    if not isinstance(problem.target, GoalSet) and not takes_any(planner):
+    if not isinstance(problem.target, GoalSet) and not planner.any_goal:
         raise QueryError(
             f"{planner.name} needs a goal that is a state, or a list of states, got {problem.target}; planners that "
-            f"take any goal are {_able(problem, takes_any)}"
+            f"take any goal are {_able(problem, 'any_goal')}"
         )
 
 
-def takes_sets(planner: object) -> bool:
-    """Whether a planner, or a class of planners, says that its goal may be a set of states."""
-    return bool(getattr(planner, "goal_sets", False))
-
-
-def takes_any(planner: object) -> bool:
-    """Whether a planner, or a class of planners, says that it takes any goal, of which it asks for states."""
-    return bool(getattr(planner, "any_goal", False))
-
-
-def _able(problem: Problem, takes: Callable[[object], bool]) -> str:
-    """Planners that take such goals, and the problem's model."""
+def _able(problem: Problem, kind: Literal["goal_sets", "any_goal"]) -> str:
+    """Names of the planners that take goals of a kind, and the problem's model."""
     provided = problem.model.provides
-    return ", ".join(name for name, one in planners.items() if takes(one) and needs_of(one) <= provided)
+    able = [name for name, one in planners.items() if one.needs <= provided]
+    return ", ".join(name for name in able if getattr(planners[name], kind))
 
 
 def _in_plane(problem: Problem, values: Values) -> End:

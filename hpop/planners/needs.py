@@ -2,42 +2,43 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, cast
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, cast
 
 from hpop.errors import QueryError, UnsupportedModel
 from hpop.models import DifferentialDrive
 from hpop.models.base import PlanarModel
 from hpop.motions import Model
-from hpop.registry import planners
+from hpop.planners.base import UNDECLARED, Planner
+from hpop.registry import graphs, planners
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-UNDECLARED = frozenset({"plane", "turn-move", "rigid", "wheels"})
-"""What a planner that says nothing of its needs is taken to need: it was written when all robots had these."""
 
-
-def needs_of(planner: Any) -> frozenset[str]:
-    """What a planner, or a class of planners, needs of a model: its ``needs``, none for any model."""
-    return frozenset(getattr(planner, "needs", UNDECLARED))
-
-
-def refuse_unsupported(planner: Any, model: Model) -> None:
+def refuse_unsupported(planner: Planner, model: Model) -> None:
     """Raise UnsupportedModel where a planner needs what a model does not provide; names planners that can."""
-    lacking = needs_of(planner) - model.provides
+    lacking = planner.needs - model.provides
     if not lacking:
         return
-    able = [name for name, known in planners.items() if needs_of(known) <= model.provides]
+    able = [name for name, known in planners.items() if known.needs <= model.provides]
     undeclared = (
-        "" if hasattr(planner, "needs") else " It does not say what it needs; give it needs = frozenset() if it can."
+        ""
+        if planner.needs is not UNDECLARED
+        else " It does not say what it needs; give it needs = frozenset() if it can."
     )
-    graphs = [name for name in able if hasattr(planners[name], "graph_query")]
-    on = f" On the graph of another it can: {{{planner.name}: {{on: {graphs[0]}}}}}." if graphs else ""
+    families = [name for name, family in graphs.items() if family.needs <= model.provides]
+    on = f" On another graph it can: {{{planner.name}: {{on: {families[0]}}}}}." if families else ""
+    hints = f"{undeclared}{on if takes_graphs(planner) else ''}"
     raise UnsupportedModel(
         f"{planner.name} needs a model with {', '.join(sorted(lacking))}, which {_called(model)} does not provide (it "
-        f"has {', '.join(sorted(model.provides))}).{undeclared}{on * hasattr(planner, 'on')} Planners that can: "
-        f"{', '.join(able)}."
+        f"has {', '.join(sorted(model.provides))}).{hints} Planners that can: {', '.join(able)}."
     )
+
+
+def takes_graphs(planner: Planner) -> bool:
+    """Return whether a planner has an option ``on`` that takes any graph family."""
+    return any(field.name == "on" for field in fields(planner)) if is_dataclass(planner) else False
 
 
 def refuse_moving(problem: Problem, what: str) -> None:
@@ -46,10 +47,10 @@ def refuse_moving(problem: Problem, what: str) -> None:
     moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
     if moving:
         raise QueryError(
-            f"the {what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. "
-            "The planners lattice and roadmap themselves have a clock, for a robot that moves in the plane. Else give "
-            "people no velocity to plan round where they are now, or leave them out and evaluate the criteria on the "
-            "front's trajectories, in the world with them."
+            f"{what} has no time, so it cannot tell where people who move will be: {', '.join(moving)}. "
+            "The planners exact, lattice, roadmap and any-angle have a clock, for a robot that moves in the plane. Or "
+            "give people no velocity to plan round where they are now, or leave them out and evaluate the criteria on "
+            "the front's trajectories, in the world with them."
         )
 
 

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import time
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
-from hpop.planners.goals import takes_any, takes_sets
 from hpop.planners.graphs.claims import OFF, ROUNDED
-from hpop.planners.graphs.graph_planner import GraphPlanner, GraphSpec, first_of, graph_planner
-from hpop.planners.graphs.query import GraphQuery
-from hpop.planners.lattice import Lattice
-from hpop.planners.needs import needs_of
+from hpop.planners.graphs.family import GraphFamily, GraphSpec, NotBuilt, make_family
+from hpop.planners.graphs.query import GraphQuery, built_query, refuse_unanswerable
+from hpop.planners.lattice.planner import LatticeGraph
 from hpop.planners.objectives import edge_objectives
+from hpop.planners.searches.exact import QUICK, SHARE
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.planners.weights import Weights, asked_weights, check_count
 from hpop.scalars import set_python_values
@@ -38,7 +39,7 @@ class WeightedSum:
                     neither they are adaptive
     time_limit      s      to read the map, build the graph and sweep, not to compile; what is found until then is
                            returned and called incomplete
-    on              a planner whose graph is searched in place of the lattice: ``{"roadmap": {"samples": 300}}``
+    on              a graph family that is searched in place of the lattice: ``{"roadmap": {"samples": 300}}``
 
     A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
     normalised from ideal to nadir, which are in the stats; each trajectory carries the weights that gave it. Zero
@@ -66,25 +67,30 @@ class WeightedSum:
 
     def __post_init__(self) -> None:
         set_python_values(self)
-        planner = self._planner()
-        object.__setattr__(self, "needs", needs_of(planner))
-        object.__setattr__(self, "goal_sets", takes_sets(planner))
-        object.__setattr__(self, "any_goal", takes_any(planner))
+        for attribute in ("needs", "goal_sets", "any_goal"):
+            object.__setattr__(self, attribute, getattr(self.family, attribute))
         self.budget()
         object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
 
     def budget(self) -> Budget:
-        """The planner's limits, which reading the map, building and searching share."""
+        """Return the limits, which reading the map, building and searching share."""
         return Budget(self.time_limit)
 
-    def _planner(self) -> GraphPlanner:
-        """The planner whose graph is searched."""
-        lattice = Lattice(self.step, self.headings, self.corner_cutting)
+    def anchored(self) -> WeightedSum:
+        """Return the planner on a graph that does not depend on the start, if its family has such a one."""
+        return WeightedSum(
+            divisions=self.divisions, weights=self.weights, time_limit=self.time_limit, on=self.family.anchored().spec
+        )
+
+    @cached_property
+    def family(self) -> GraphFamily:
+        """The graph family that is searched."""
+        lattice = LatticeGraph(self.step, self.headings, self.corner_cutting)
         if self.on is None:
-            return cast(GraphPlanner, lattice)
-        if lattice != Lattice():
+            return lattice
+        if lattice != LatticeGraph():
             raise OptionError("give on, or step, headings and corner_cutting, which are those of the lattice, not both")
-        return graph_planner(self.on, "on")
+        return make_family(self.on)
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -94,22 +100,37 @@ class WeightedSum:
         Raises as :meth:`Lattice.solve` does, or that of the planner given, UnsupportedCriterion also for a worst edge
         (max), OptionError for weights that are not one a cost.
         """
-        objectives, planner = edge_objectives(problem.criteria, "weighted-sum"), self._planner()
+        objectives, family = edge_objectives(problem.criteria, "weighted-sum"), self.family
         worst = [criterion.name for criterion in objectives.optimised if criterion.aggregate == "max"]
         if worst:
             raise UnsupportedCriterion(
                 f"weighted-sum needs criteria that add up along edges; {', '.join(worst)} takes the worst edge "
-                f"(aggregate 'max'). Leave it out, or use planner {planner.name!r}."
+                f"(aggregate 'max'). Leave it out, or use planner {family.name!r}."
             )
         check_count(self.weights, objectives.optimised)
+        refuse_unanswerable(problem, objectives, "weighted-sum")
         spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
         first: Candidates | None = None
+        began = time.perf_counter()
         try:
-            first = first_of(planner, "weighted-sum", problem, objectives, spending, progress)
-            query = planner.graph_query(problem, objectives, spending, progress)
+            in_stages = spending.budget.time_limit is not None
+            for built in family.graphs(problem, objectives, spending, progress, in_stages=in_stages):
+                if in_stages and not built.part and (first is None or not first.trajectories):
+                    first = family.first_answer("weighted-sum", built, objectives)
+                query = built_query(built, objectives, began, progress=progress)
+                if built.part:
+                    share = spending.share(max(QUICK, SHARE * query.build_seconds))
+                    found = query.first_answer("weighted-sum", share, progress)
+                    query.drop_ties()
+                    first = found if found.trajectories or first is None else first
+                    if found.status is Status.INTERRUPTED:
+                        return found
             budget = spending.left()
         except Exhausted as stop:
             return stopped("weighted-sum", objectives, stop, spending, first)
+        except NotBuilt as stop:
+            note = "weighted-sum: the paths from which the graph is built are left out, they need not be supported"
+            return replace(stop.candidates.some([]), notes=(*stop.candidates.notes, note))
         paths = supported_paths(
             query.graph,
             query.start,
@@ -131,7 +152,7 @@ class WeightedSum:
             "weights_solved": paths.solved,
             "supported_points": len(paths),
         }
-        return query.candidates(
+        found = query.candidates(
             "weighted-sum",
             paths,
             self._claim(paths.status.is_final, str(paths.status), query) + query.looked_at(paths),
@@ -139,6 +160,7 @@ class WeightedSum:
             notes=paths.notes,
             stats=stats,
         )
+        return found if built.status.is_final else replace(found, status=built.status)
 
     def _claim(self, ended: bool, status: str, query: GraphQuery) -> str:
         """What is claimed, in words."""

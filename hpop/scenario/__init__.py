@@ -126,7 +126,7 @@ def load_scenario(path: str | Path) -> Scenario:
     for i, planner in enumerate(chosen):
         if planner is not None and isinstance(model, Model):
             try:
-                refuse_unsupported(planner, model)
+                refuse_unsupported(cast(Planner, planner), model)
             except UnsupportedModel as error:
                 place = ("planner", i) if isinstance(asked, list) else ("planner",)
                 default = f"no planner is given, and the default is {DEFAULT_PLANNER}: " * ("planner" not in given)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,6 +20,7 @@ from hpop.text import shown
 if TYPE_CHECKING:
     import networkx as nx
 
+N = TypeVar("N", bound=np.generic)
 MAX_COSTS = 6
 MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
 MAX_SUM = 2**59  # a path cost, a bound of the rest and two arcs more fit a key of 62 bits
@@ -41,6 +42,7 @@ class Graph:
     aggregates  (k,)      "sum" or "max" for every cost
     labels      (n,)      the caller's names of the nodes, or None
     edges                 the caller's edges and costs as they were given, of a graph from networkx, or None
+    base                  the graph that this one extends (:meth:`extended`), or None
 
     Arrays of these types that are read-only already are taken as they are, others are copied.
 
@@ -58,6 +60,7 @@ class Graph:
     aggregates: tuple[str, ...]
     labels: tuple[Hashable, ...] | None = None
     edges: Edges | None = None
+    base: Graph | None = field(default=None, init=False)  # a changed copy extends nothing
 
     def __post_init__(self) -> None:
         indptr = _integers(self.indptr, "indptr", np.int64)
@@ -255,6 +258,40 @@ class Graph:
         _own(indptr, heads, costs, kept)
         return replace(self, indptr=indptr, heads=heads, costs=costs, arc=kept)
 
+    def extended(
+        self, nodes: int, tails: IntArray, heads: IntArray, costs: IntArray, *, is_reused: bool = False
+    ) -> Self:
+        """Return the graph with further nodes at the end, and further arcs after those of each tail.
+
+        If this graph ``is_reused``, the other one keeps it as its :attr:`base`, and searches take what is known of it.
+
+        Parameters
+        ----------
+        nodes : how many there are then
+        tails, heads : (j,) of the further arcs, rising by their tails
+        costs : (j, k)
+
+        >>> more = Graph.from_arcs(2, [0, 1], [1, 0], [[5], [6]]).extended(3, [0, 2], [2, 1], [[7], [8]])
+        >>> more.indptr.tolist(), more.heads.tolist(), more.costs.ravel().tolist()
+        ([0, 2, 3, 4], [1, 2, 0, 1], [5, 7, 6, 8])
+        """
+        tails, heads = np.asarray(tails, np.int64), np.asarray(heads, np.int32)
+        rows = np.append(self.indptr, np.full(nodes - self.nodes, self.arcs))
+        more = np.append(0, np.cumsum(np.bincount(tails, minlength=nodes)))
+        places = rows[tails + 1]
+        all_heads = cast("NDArray[np.int32]", inserted(self.heads, places, heads))
+        all_costs: IntArray = inserted(self.costs, places, np.asarray(costs))
+        arcs = np.arange(self.arcs + tails.size, dtype=np.int32)
+        _own(all_heads, all_costs, arcs)
+        graph = type(self)(rows + more, all_heads, all_costs, arcs, self.aggregates)
+        object.__setattr__(graph, "base", self if is_reused else None)
+        return graph
+
+    @cached_property
+    def kept(self) -> dict[Hashable, Any]:
+        """What searches know of the graph, by name, for other searches of it and of graphs that extend it."""
+        return {}
+
     def node(self, label: Hashable) -> int:
         """Return the number of the node that the caller calls `label`."""
         if self.labels is None:
@@ -285,6 +322,20 @@ class Graph:
         quanta = (f"{quantum:g}" for quantum in self.edges.quanta)
         named = zip(self.aggregates, self.edges.names, quanta, strict=True)
         return tuple(f"{aggregate} of {name} in {quantum}" for aggregate, name, quantum in named)
+
+
+def inserted(values: NDArray[N], places: IntArray, added: NDArray[N]) -> NDArray[N]:
+    """Return rows (m, ...) with further rows (j, ...) before some of their places (j,), which rise.
+
+    >>> inserted(np.array([1, 2, 3]), np.array([1, 1, 3]), np.array([7, 8, 9])).tolist()
+    [1, 7, 8, 2, 3, 9]
+    """
+    cuts, first, counts = np.unique(places, return_index=True, return_counts=True)
+    parts, begin = list[NDArray[N]](), 0
+    for cut, row, count in zip(cuts.tolist(), first.tolist(), counts.tolist(), strict=True):
+        parts += [values[begin:cut], added[row : row + count].astype(values.dtype, copy=False)]
+        begin = cut
+    return np.concatenate([*parts, values[begin:]])
 
 
 def strange_node(labels: Sequence[Hashable], label: object) -> str:

@@ -20,8 +20,7 @@ from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.front import Front
 from hpop.motions import Model, States, lacking
-from hpop.planners.base import Candidates, Planner, sweeps
-from hpop.planners.needs import needs_of
+from hpop.planners.base import UNDECLARED, Candidates, Planner, make_planner, sweeps
 from hpop.planners.objectives import integral_of
 from hpop.problem import Problem
 from hpop.randomness import RNG, seed_of
@@ -64,13 +63,13 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG =
 
     models  to plan for; by default those that are registered, with their defaults, if it accepts them
     """
-    seed = seed_of(rng)
+    seed, planner = seed_of(rng), make_planner(planner)
     yield Check("says what it needs of a model", fault_of(lambda: _needs(planner)))
-    accepted = [model for model in models or registered_models() if needs_of(planner) <= model.provides]
+    accepted = [model for model in models or registered_models() if planner.needs <= model.provides]
     if not accepted:
-        yield Check("serves a model", f"none that is registered provides {', '.join(sorted(needs_of(planner)))}")
+        yield Check("serves a model", f"none that is registered provides {', '.join(sorted(planner.needs))}")
         return
-    if needs_of(planner):
+    if planner.needs:
         yield Check(
             "refuses by name a model that lacks what it needs", fault_of(lambda: _refused(planner, accepted[0]))
         )
@@ -159,9 +158,9 @@ def _free_states(model: Model, world: World, states: States) -> States:
 
 
 def _needs(planner: Planner) -> str:
-    if not hasattr(planner, "needs"):
+    if planner.needs is UNDECLARED:
         return "it has no needs; give it needs = frozenset() if any model will do"
-    strange = needs_of(planner) - WORDS
+    strange = planner.needs - WORDS
     return f"{', '.join(sorted(strange))}; models provide {', '.join(sorted(WORDS))}" if strange else ""
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -238,7 +239,14 @@ class World(FromFiles, Presented):
         content = self.content
         if (content.kept, content.left) == (margin, left):
             return self
-        return replace(self, content=replace(content, kept=margin, left=left))
+        if (margin, left) not in self._kept_clear:
+            self._kept_clear[margin, left] = replace(self, content=replace(content, kept=margin, left=left))
+        return self._kept_clear[margin, left]
+
+    @cached_property
+    def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
+        """Worlds of robots that keep a margin, so that each keeps what is derived from it."""
+        return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
         """`solid` and `closed`, m: where the robot must not be. The extent bounds it besides."""

@@ -62,6 +62,6 @@ def test_what_its_planner_cannot_take_is_placed_in_the_file(
     scenario.write_text(scenario.read_text().replace("on: {roadmap: {samples: 90, seed: 2}}", "on: smoothing"))
     refused(
         run("plan", scenario, "--out", scenario.parent / "out", "--import", ROBOT),
-        10,
-        "line 10, planner.1.weighted-sum: on is a planner that has a graph (lattice, roadmap)",
+        7,
+        "line 10, planner.1.weighted-sum: unknown graph 'smoothing'. Known: corners, lattice, roadmap",
     )

@@ -20,7 +20,7 @@ from hpop.search.machinery import beside
 AFTER = "the search is compiled beside after a first answer and its map, once for each number and kind of costs\n"
 AT_ONCE = "the search is compiled beside from now on, once for each number and kind of costs\n"
 LATTICE = "\n  lattice: {step: 0.5}"
-ROADMAP = "\n- roadmap: {samples: 20}"
+WEIGHTS = "\n- weighted-sum: {step: 0.5}"
 
 
 @pytest.fixture
@@ -74,7 +74,7 @@ def test_without_stages_kernels_are_compiled_beside_from_the_beginning(
 def test_kernels_are_compiled_beside_a_planner_that_comes_before_the_lattice(
     plan: Callable[..., Result], room: Path, write: Callable[..., None], moments: list[str]
 ) -> None:
-    write(room, (LATTICE, f"{ROADMAP}{LATTICE.replace('  ', '- ')}"))
+    write(room, (LATTICE, f"{WEIGHTS}{LATTICE.replace('  ', '- ')}"))
     assert plan(room).stderr.startswith(AT_ONCE)
     assert moments == ["compile", "save", "save", "save", "pictures", "stop"]
 

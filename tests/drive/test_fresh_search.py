@@ -19,6 +19,8 @@ from hpop.drive.plan import between
 from hpop.errors import DriveError, QueryError
 from hpop.frontier import is_nondominated
 from hpop.planners import Lattice
+from hpop.planners.graphs.family import BuiltGraph
+from hpop.planners.graphs.query import built_query
 from hpop.planners.objectives import edge_objectives
 from hpop.status import Budget, Status
 from hpop.world import Person, World
@@ -81,11 +83,12 @@ class Hall:
         The lattice goes through the drive's first place, wherever the robot stands.
         """
         problem = self.problem(start, [Zone("keep-out", area) for area in self.closed])
-        lattice = replace(self.planner.lattice(problem), anchor=self.start[:2])
         try:
-            query = self.planner.query(problem, edge_objectives(problem.criteria, "lattice"), None, lattice)
+            lattice = replace(self.planner.lattice(problem), anchor=self.start[:2])
+            built = BuiltGraph(self.planner.ends(lattice, problem), problem)
         except QueryError:
             return None
+        query = built_query(built, edge_objectives(problem.criteria, "lattice"))
         return query.exact("lattice", Budget())
 
     def event(self, drive: hpop.drive.Execution, now: float) -> None:

@@ -306,10 +306,15 @@ def test_ends_that_the_lattice_cannot_use_are_refused(start, goal, message):
         AnyAngle(step=STEP).solve(Problem(ROOM, ROBOT, start, goal, ["length"]))
 
 
-def test_people_who_move_are_refused_by_name():
+def test_among_people_who_move_paths_at_any_angle_are_planned_on_a_clock():
     world = ROOM.with_content(people=(Person(1.0, 4.0, velocity=(0.5, 0.0), name="Bob"),))
-    with pytest.raises(QueryError, match=r"the any-angle planner has no time, .*: Bob\."):
-        AnyAngle(step=STEP).solve(Problem(world, ROBOT, (1.0, 1.0, 0.0), (5.0, 2.0, None), ["length"]))
+    asked = Problem(world, ROBOT, (1.0, 1.0, 0.0), (5.0, 2.0, None), ["length", "duration"])
+    found = AnyAngle(step=STEP).solve(asked)
+    assert found.status is Status.COMPLETE
+    assert "on a clock of 0.05 s" in found.certificate
+    assert verify(asked, asked.front(found)) == []
+    on_lattice = Lattice(step=STEP).solve(asked)
+    assert found.planned[:, 0].min() < on_lattice.planned[:, 0].min()
 
 
 def test_the_same_question_has_the_same_answer():

@@ -17,7 +17,6 @@ import pytest
 from hpop.errors import UnsupportedModel
 from hpop.models.mobile_arm import MobileArm
 from hpop.planners.base import make_planner
-from hpop.planners.needs import needs_of
 from hpop.problem import Problem
 from hpop.registry import make_model, models, planners
 from hpop.testing.planners import planner_checks, small_problem
@@ -29,6 +28,7 @@ ON_TOP = (0.0, 0.0, 0.5, 0.0, 0.0, 0.0)  # m and rad: where the base carries the
 OPTIONS: dict[str, dict[str, Any]] = {
     "any-angle": {"step": 0.5, "max_positions": 30},
     "epsilon-constraint": {"step": 0.5, "max_points": 1, "rounds": 1},
+    "exact": {"on": {"roadmap": {"samples": 40}}, "eps": 0.1},
     "lattice": {"step": 0.5},
     "roadmap": {"samples": 40},
     "rrt": {"runs": 1, "max_extensions": 1000},
@@ -54,7 +54,7 @@ def models_here() -> dict[str, Any]:
 
 MODELS = models_here()
 AT_HOME = [name for name, cls in planners.items() if cls.__module__.startswith("hpop.")]
-ACCEPTED = [(name, model) for name in AT_HOME for model in MODELS if needs_of(planners[name]) <= MODELS[model].provides]
+ACCEPTED = [(name, model) for name in AT_HOME for model in MODELS if planners[name].needs <= MODELS[model].provides]
 REFUSED = [(name, model) for name in AT_HOME for model in MODELS if (name, model) not in ACCEPTED]
 
 
@@ -109,7 +109,7 @@ def test_weighted_sums_on_a_roadmap_keep_their_promises_with_any_model(model):
 
 @pytest.mark.parametrize(("name", "model"), REFUSED)
 def test_a_planner_refuses_the_other_models_by_name_and_says_who_can(name, model):
-    lacking = needs_of(planners[name]) - MODELS[model].provides
+    lacking = planners[name].needs - MODELS[model].provides
     with pytest.raises(UnsupportedModel) as refused:
         asked_for_duration(model).solve(name)
     said = str(refused.value)

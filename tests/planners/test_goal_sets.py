@@ -13,7 +13,8 @@ import hpop
 from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
 from hpop.planners import Lattice
-from hpop.planners.lattice import stages as lattice_stages
+from hpop.planners.lattice import planner as lattice_planner
+from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.verify import verify
@@ -91,13 +92,13 @@ def test_a_planner_that_takes_one_goal_says_who_takes_a_set(planner: str) -> Non
     with pytest.raises(QueryError) as error:
         problem(ON, ["length"]).solve(["lattice", planner])
     assert str(error.value).startswith(f"{planner} takes one goal, got a set of 3; planners that take a set are ")
-    assert "any-angle, lattice, roadmap, weighted-sum" in str(error.value)
+    assert "any-angle, exact, lattice, roadmap, weighted-sum" in str(error.value)
 
 
 def test_stages_on_a_part_of_the_lattice_end_at_a_member_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lattice_stages, "MOST", 20)
+    monkeypatch.setattr(lattice_planner, "MOST_FIRST", 20)
     monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())  # no stage ends by the clock
-    monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+    monkeypatch.setattr(exact_search, "_at_once", lambda *asked: None)
     asked = problem(OFF)
     *before, last = Lattice(step=0.25).stages(asked)
     assert before

@@ -53,7 +53,7 @@ def until(monkeypatch, costed):
 def test_a_graph_that_is_not_costed_in_time_leaves_the_paths_of_a_part_of_it(
     planner, edges, what, until, costed, monkeypatch
 ):
-    monkeypatch.setattr("hpop.planners.lattice.stages.MOST", 40)
+    monkeypatch.setattr("hpop.planners.lattice.planner.MOST_FIRST", 40)
     monkeypatch.setattr("hpop.planners.graphs.arcs.BLOCK", 1000)
     until(edges)
     front = asked("watched", "turns").solve(planner)

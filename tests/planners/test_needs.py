@@ -9,8 +9,7 @@ import shapely
 
 import hpop
 from hpop.errors import ModelError, UnsupportedModel
-from hpop.planners.base import make_planner
-from hpop.planners.needs import UNDECLARED, needs_of
+from hpop.planners.base import UNDECLARED, make_planner
 from hpop.registry import planners
 
 HALL = hpop.World.from_polygons([], extent=shapely.box(0, 0, 4, 4))
@@ -63,14 +62,14 @@ def test_the_message_says_what_the_model_lacks_and_which_planners_can() -> None:
 def test_the_roadmap_can_plan_for_any_model() -> None:
     with pytest.raises(UnsupportedModel, match="needs a model with plane, turn-move, which") as no:
         problem(Cart(has=("base",))).solve("lattice")
-    assert str(no.value).endswith("Planners that can: roadmap.")
+    assert str(no.value).endswith("Planners that can: exact, roadmap.")
 
 
 def test_weighted_sums_for_a_model_of_no_lattice_name_the_roadmap_that_they_can_search() -> None:
     base = problem(Cart(has=("base",)))
     with pytest.raises(UnsupportedModel, match=r"it can: \{weighted-sum: \{on: roadmap\}\}\. Planners that"):
         base.solve("weighted-sum")
-    assert needs_of(make_planner({"weighted-sum": {"on": "roadmap"}})) <= base.model.provides
+    assert make_planner({"weighted-sum": {"on": "roadmap"}}).needs <= base.model.provides
 
 
 def test_a_planner_late_in_the_list_is_refused_before_the_first_runs() -> None:
@@ -81,7 +80,7 @@ def test_a_planner_late_in_the_list_is_refused_before_the_first_runs() -> None:
 
 
 def test_a_planner_that_says_nothing_is_taken_to_need_what_every_robot_had() -> None:
-    assert needs_of(Undeclared()) == UNDECLARED <= hpop.DifferentialDrive().provides
+    assert make_planner(Undeclared()).needs == UNDECLARED <= hpop.DifferentialDrive().provides
     assert len(problem(hpop.DifferentialDrive()).solve(Undeclared())) == 1
     with pytest.raises(UnsupportedModel, match=r"give it needs = frozenset\(\) if it can"):
         problem(Cart()).solve(Undeclared())
@@ -99,8 +98,8 @@ def test_every_planner_of_the_house_says_what_it_needs() -> None:
     known = hpop.DifferentialDrive().provides | {"camera", "tool", "joints", "spline"}  # a robot on wheels, an arm
     for cls in planners.values():
         if cls.__module__.startswith("hpop."):
-            assert "needs" in vars(cls)
-            assert needs_of(cls) <= known
+            assert cls.needs is not UNDECLARED
+            assert cls.needs <= known
 
 
 @pytest.mark.parametrize("planner", ["any-angle", "epsilon-constraint", "rrt", "smoothing", "weighted-sum-corridor"])

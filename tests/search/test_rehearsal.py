@@ -12,7 +12,6 @@ import hpop
 import hpop.compiled
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
-from hpop.planners.objectives import edge_objectives
 from hpop.search import pareto_paths, supported_paths
 from hpop.search.machinery import beside
 from hpop.search.machinery.beside import ORDER, PARTS, Onset, first_is_awaited, words
@@ -60,7 +59,7 @@ def test_a_rehearsal_compiles_what_the_search_of_a_lattice_takes(kind: str, monk
     world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 4, 4))
     problem = hpop.Problem(world, hpop.DifferentialDrive(radius=0.2), (0.5, 0.5, 0), (3.5, 3.5, None), CRITERIA[kind])
     planner = Lattice(step=0.5)
-    query = planner.query(problem, edge_objectives(problem.criteria, "lattice"))
+    query = planner.query(problem)
     search = taken(query, monkeypatch)
     ahead = rehearsed(list(query.graph.aggregates), CRITERIA[kind].index("turns"), monkeypatch)
     assert {"advance", "trace", "cost_to_go", "reverse", "cost_along", "weighted_path"} <= ahead.keys()

@@ -20,18 +20,19 @@ from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.arcs import MOVE
 from hpop.planners.graphs.chains import Chains
+from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # by this name too
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.usable import elsewhere
 from hpop.search import Graph
+from hpop.search.graph import inserted
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
     from hpop.world import World
 
 N = TypeVar("N", bound=np.generic)
-UNMOVED = 1e-6  # m: an end that is so near to a state is at its place, and as high
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 START, GOAL = "start", "goal"
 
@@ -49,9 +50,7 @@ class Ends(NamedTuple):
 
         None where start and goal are joined to each other alone.
         """
-        if isinstance(self.space, JoinedEnds):
-            return self.space.inside([self.start]), self.space.inside(self.goals)
-        return [self.start], self.goals
+        return self.space.inside([self.start]), self.space.inside(self.goals)
 
 
 def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
@@ -109,9 +108,16 @@ class JoinedEnds(TrajectoryGraph):
     reach  m: states no farther away are joined to them, where there is a free turn, straight move and turn
     """
 
+    has_clock = True
+
     inner: StateGraph
     ends: dict[str, States]
     reach: float
+
+    @property
+    def states_alone(self) -> StateGraph:
+        """The inner graph."""
+        return self.inner
 
     def node(self, what: str) -> int:
         """Node of an end."""
@@ -227,12 +233,14 @@ class JoinedEnds(TrajectoryGraph):
         """The inner graph's arcs, and after those of each node its joins."""
         inner, joins = self.inner.graph(criteria), self.joins
         self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
-        more = np.append(0, np.cumsum(np.bincount(joins.tails, minlength=self.size)))
-        heads = self.with_joins(inner.heads, joins.heads)
-        costs = self.with_joins(inner.costs, joins.costs(criteria))
-        heads.setflags(write=False)  # so that they are not copied again
-        costs.setflags(write=False)
-        return Graph.from_csr(self._rows + more, heads, costs, aggregates=inner.aggregates)
+        costs, is_reused = joins.costs(criteria), self.inner.is_reused
+        if is_reused:  # beside the inner graph, which is kept
+            self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
+        return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Return whether the costs of all arcs of the inner graph are kept from before."""
+        return self.inner.costed(criteria)
 
     def costed_in(self, world: World) -> JoinedEnds:
         """The same states and arcs, whether free there or not, to be costed in another world."""
@@ -243,7 +251,7 @@ class JoinedEnds(TrajectoryGraph):
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
         """Values (m, ...) of the inner graph's arcs and (j, ...) of the joins, in the order of the arcs of `graph`."""
-        return np.insert(inner, self._rows[self.joins.tails + 1], joins, axis=0)
+        return inserted(inner, self._rows[self.joins.tails + 1], joins)
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
-from hpop.errors import OptionError, did_you_mean
+from hpop.errors import CriterionError, OptionError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.options import MOST, MOST_COUNTED, amounts
 from hpop.planners.base import Candidates
@@ -21,12 +22,15 @@ from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives
-from hpop.search import Graph, ParetoPaths, pareto_paths
+from hpop.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.search.asked_arcs import Free
 from hpop.search.machinery.checkpoint import CheckpointSpec
-from hpop.status import Budget, ProgressCallback, Status
+from hpop.search.queries import SearchStats
+from hpop.search.supported.first_paths import first_paths
+from hpop.status import Budget, Progress, ProgressCallback, Status
 
 if TYPE_CHECKING:
+    from hpop.planners.graphs.family import BuiltGraph
     from hpop.problem import Problem
     from hpop.trajectory import Trajectory
 
@@ -150,6 +154,55 @@ class GraphQuery:
             "gap": gap if math.isfinite(gap) else None,
         }
         return self.candidates(name, paths, claim, notes=at_memory_limit(paths), stats=found)
+
+    def answer(
+        self, name: str, paths: Sequence[IntArray], claim: str, *, status: Status = Status.COMPLETE
+    ) -> Candidates:
+        """Return paths of any search as the candidates of the planner ``name``.
+
+        Parameters
+        ----------
+        paths : the arcs of each, as places in `graph`, from the start to a goal
+        claim : what the planner says of them, in words
+        status : how the search ended; NO_PATH is found out where there is no path and the search is COMPLETE
+        """
+        worst = np.array([aggregate == "max" for aggregate in self.graph.aggregates])
+        rows = [self.graph.costs[arcs] for arcs in paths]
+        costs = [np.where(worst, row.max(axis=0, initial=0), row.sum(axis=0)) for row in rows]
+        table = np.array(costs, np.int64).reshape(len(paths), self.graph.criteria)
+        ended = Status.NO_PATH if not paths and status is Status.COMPLETE else status
+        found = ParetoPaths(table, ended, SearchStats(name), self.graph, self.start, tuple(paths))
+        return self.candidates(name, found, claim)
+
+    def first_answer(
+        self, name: str, budget: Budget, progress: ProgressCallback | None = None, *, quickly: bool = False
+    ) -> Candidates:
+        """Return the first points found within a budget as a stage of the planner ``name``.
+
+        These are supported points; where a cost takes the worst arc, or not all arcs are checked, the first ones of the
+        exact search. ``quickly``: points of weighted costs, whose search is compiled first.
+        """
+        exactly = "max" in self.graph.aggregates or self.free is not None
+
+        def search(graph: Graph) -> ParetoPaths:
+            if quickly:
+                return first_paths(graph, self.start, self.goals, budget, progress)
+            if exactly:
+                return pareto_paths(graph, self.start, self.goals, budget=budget, progress=progress, free=self.free)
+            return supported_paths(graph, self.start, self.goals, budget=budget, progress=progress)
+
+        quickly &= self.free is None
+        what = "points of weighted costs" if quickly else f"{'non-dominated' if exactly else 'supported'} points"
+        paths = self.with_fewest_turns(search)
+        found = self.candidates(
+            name,
+            # why there is no path is said by the last stage
+            replace(paths, status=Status.UNFINISHED) if paths.status is Status.NO_PATH else paths,
+            f"{what} of {self.space.words} for ({self.names})",
+            provenance=[{"stage": what}] * len(paths),
+            stats={"method": paths.stats.method, "peak_memory": paths.stats.peak_memory},
+        )
+        return found.unfinished()
 
     @property
     def part(self) -> str:
@@ -287,6 +340,34 @@ class GraphQuery:
             for criterion, off, whole in zip(self.objectives.optimised, error, size, strict=True)
             if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
         ]
+
+
+def built_query(
+    built: BuiltGraph,
+    objectives: Objectives,
+    began: float | None = None,
+    max_turns: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> GraphQuery:
+    """Cost all arcs of a graph that was built; raises Exhausted where a limit is passed.
+
+    Where a criterion cannot cost what collides, all arcs are checked first. ``began``: when building it began, s of
+    :func:`time.perf_counter`; None for now.
+    """
+    began = time.perf_counter() if began is None else began
+    if progress:
+        progress(Progress("graph"))
+    (space, start, goals), notes = built.ends, built.notes
+    try:
+        graph = space.graph(objectives.optimised)
+    except CriterionError as error:
+        if space.is_checked:
+            raise
+        notes = (*notes, f"all edges were checked before the search, as some that were not have no cost: {error}")
+        space = space.with_checked_arcs()
+        graph = space.graph(objectives.optimised)
+    seconds = time.perf_counter() - began
+    return GraphQuery(space, objectives, graph, start, goals, build_seconds=seconds, notes=notes, max_turns=max_turns)
 
 
 def _origins(

@@ -10,12 +10,14 @@ from hpop import limits
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.query import GraphQuery
-from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.search.supported.first_paths import first_paths
 
 
-def shortest_path(name: str, space: StateGraph, objectives: Objectives, start: int, goals: list[int]) -> Candidates:
+def shortest_path(
+    name: str, space: TrajectoryGraph, start: int, goals: list[int], objectives: Objectives
+) -> Candidates:
     """Return the shortest path of a graph with its costs in all objectives, as a stage of the planner ``name``.
 
     Lengths alone are needed of all edges, which take a small part of the time of most other costs; these are evaluated

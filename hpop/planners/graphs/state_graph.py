@@ -26,9 +26,12 @@ from hpop.search import Graph
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
+    from hpop.problem import Problem
     from hpop.world import World
 
 A = TypeVar("A")
+UNMOVED = 1e-6  # m: an end that is so near to a state is at its place, and as high
+NEAREST = 12  # places to which an end beside a graph is joined, at least
 BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
 ARC = 16  # bytes of an arc beside its costs
 
@@ -37,7 +40,14 @@ ARC = 16  # bytes of an arc beside its costs
 class StateGraph(TrajectoryGraph):
     """Free states of a model in the plane, numbered from 0, and the motions that join them, each an arc."""
 
+    has_clock = True
+
     model: PlanarModel
+
+    @property
+    def states_alone(self) -> StateGraph:
+        """Itself."""
+        return self
 
     @abstractmethod
     def places(self, ids: IntArray) -> IntArray:
@@ -65,6 +75,25 @@ class StateGraph(TrajectoryGraph):
             states = self.states(ids)
             found.append(ids[np.hypot(states.x - x, states.y - y) <= radius])
         return np.concatenate(found)
+
+    def reach(self, problem: Problem) -> float:
+        """Return how far away, m, states may be to which a start or goal beside the graph is joined.
+
+        That is as far as its twelfth nearest place to the start.
+        """
+        start, states = problem.model.space.state(problem.start), self.states(np.arange(self.size))
+        distances = np.unique(np.hypot(states.x - start.x, states.y - start.y))
+        return float(distances[min(NEAREST, distances.size) - 1]) + UNMOVED
+
+    def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
+        """Mark the arcs (N,) that may not be taken because states beside them are blocked; none by default.
+
+        Parameters
+        ----------
+        tails, kinds : (N,) of the arcs
+        blocked : ids of states that are blocked now
+        """
+        return np.zeros(tails.size, dtype=np.bool_)
 
     @property
     def turned(self) -> NDArray[np.int8]:
@@ -127,8 +156,25 @@ class StateGraph(TrajectoryGraph):
         if None not in (self.key, name):
             self.world.cache.keep((self.key, name), value)
 
+    @property
+    def is_reused(self) -> bool:
+        """Whether the graph is kept with its costs, since other queries will ask it."""
+        return False
+
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The graph with one integer cost a criterion: edge costs in quanta, rounded once."""
+        names = tuple(_name(criterion) for criterion in criteria)
+        if not self.is_reused or None in names:
+            return self._graph(criteria)
+        found: Graph | None = self._found(("graph", names))
+        if found is None:
+            found = self._graph(criteria)
+            self._keep(("graph", names), found)
+        else:
+            self.spending.hold(found.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from before")
+        return found
+
+    def _graph(self, criteria: Sequence[Criterion]) -> Graph:
         arcs = self.arcs
         self.spending.hold(arcs.heads.size * (8 * len(criteria) + ARC), f"{self.words} was built")
         return Graph.from_csr(

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from hpop.search import Graph
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.planners.graphs.state_graph import StateGraph
     from hpop.world import World
 
 
@@ -28,8 +29,11 @@ class TrajectoryGraph(ABC):
     """States of a model in a world, numbered from 0, and arcs between them, each of one motion or a chain of some.
 
     model, world
-    spending  what building it may spend
+    spending   what building it may spend
+    has_clock  whether the graph can be put on a clock, so that people may move (:mod:`hpop.planners.timed`)
     """
+
+    has_clock: ClassVar[bool] = False
 
     model: Model
     world: World
@@ -71,6 +75,28 @@ class TrajectoryGraph(ABC):
     def is_checked(self) -> bool:
         """Whether all arcs of `graph` are known to be free; of others :meth:`arcs_free` tells."""
         return True
+
+    def with_checked_arcs(self) -> Self:
+        """Return the same graph with every arc checked when it is built."""
+        return self
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Return whether the costs of all arcs are kept from before; True where no path is known sooner than these."""
+        return True
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Sizes of its parts, by name, for statistics."""
+        return {}
+
+    @property
+    def states_alone(self) -> StateGraph | None:
+        """The graph of states to which ends are joined, or itself; None of a graph that has no places."""
+        return None
+
+    def inside(self, nodes: list[int]) -> list[int]:
+        """Return the nodes of the graph itself in the place of ends that were joined to it."""
+        return nodes
 
     def arcs_free(self, places: IntArray) -> BoolArray:
         """Which arcs (N,) of `graph`, by their places, are free."""

@@ -21,13 +21,15 @@ from hpop.errors import ModelError, OptionError
 from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
 from hpop.planners.graphs.state_graph import StateGraph, identity
-from hpop.planners.lattice.grid import Headings, steps_from
+from hpop.planners.lattice.grid import Headings, passed_cells, steps_from
 from hpop.planners.lattice.separation import what_separates
 from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:
     from hpop.models.base import Stations
+    from hpop.problem import Problem
 
+REACH = 1.5 + 1e-9  # steps: a start or goal that is none of the lattice's states is joined to those within
 MAX_STATES = 40_000_000
 POSITION = 32  # bytes that laying out a position takes, beside its states
 
@@ -41,6 +43,7 @@ class StateLattice(StateGraph):
     headings        directions in which the robot stands and moves
     corner_cutting  whether a diagonal may pass between two blocked positions
     kept            (rows, columns)  positions that belong to it; None for all. A path of a part is one of the whole
+    anchored_at     "start" or "world": what the anchor is
     """
 
     anchor: tuple[float, float]
@@ -48,6 +51,7 @@ class StateLattice(StateGraph):
     headings: Headings
     corner_cutting: bool
     kept: BoolArray | None = None
+    anchored_at: str = "start"
 
     def __post_init__(self) -> None:
         rows, columns = self.shape
@@ -62,7 +66,8 @@ class StateLattice(StateGraph):
     @property
     def options(self) -> dict[str, Any]:
         """What tells this lattice from others, JSON-able."""
-        return {"step": self.step, "headings": self.headings.count, "corner_cutting": self.corner_cutting}
+        options = {"step": self.step, "headings": self.headings.count, "corner_cutting": self.corner_cutting}
+        return options if self.anchored_at == "start" else {**options, "anchor": self.anchored_at}
 
     @property
     def words(self) -> str:
@@ -70,8 +75,10 @@ class StateLattice(StateGraph):
         cutting = "" if self.corner_cutting else "no "
         part = "" if self.kept is None else f"the {self.cells[0].size:,} positions on the shortest ways on "
         views = "" if self._width == self.headings.count else f" and {self._width} stations"
+        anchor = "" if self.anchored_at == "start" else ", anchored at the corner of the map"
         return (
-            f"{part}the lattice of step {self.step:g} m, {self.headings.count} headings{views}, {cutting}corner cutting"
+            f"{part}the lattice of step {self.step:g} m, {self.headings.count} headings{views}, {cutting}corner "
+            f"cutting{anchor}"
         )
 
     @cached_property
@@ -83,6 +90,11 @@ class StateLattice(StateGraph):
             return None
         key = (type(self), model, self.anchor, self.step, self.headings, self.corner_cutting)
         return key if self.kept is None else None
+
+    @property
+    def is_reused(self) -> bool:
+        """Whether it is anchored at the world, so that queries with other starts find it."""
+        return self.anchored_at == "world"
 
     @cached_property
     def stations(self) -> Stations:
@@ -353,6 +365,28 @@ class StateLattice(StateGraph):
         for at, turns in self.spending.each(found, blocks(len(free), count * count), self._laid):
             possible[at] = turns
         return possible
+
+    def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
+        """Mark the steps (N,) that pass a blocked state, which are no steps without corner cutting."""
+        if self.corner_cutting:
+            return np.zeros(tails.size, dtype=np.bool_)
+        count = self.stations.headings.size
+        is_blocked = np.zeros(self.size + 1, dtype=np.bool_)  # the last for what is not free anyway
+        is_blocked[blocked] = True
+        position, station = np.divmod(tails, count)
+        rows, columns = (axis[position] for axis in self.cells)
+        heading = np.where(kinds == MOVE, self.stations.headings[station], -1)
+        cut = np.zeros(tails.size, dtype=np.bool_)
+        for number, step in enumerate(self.headings.steps):
+            own = np.flatnonzero(heading == number)
+            for across, up in passed_cells(step):
+                passed = self.number[rows[own] + up, columns[own] + across]
+                cut[own] |= is_blocked[np.where(passed >= 0, passed * count + station[own], -1)]
+        return cut
+
+    def reach(self, problem: Problem) -> float:
+        """Return one and a half steps, m."""
+        return REACH * self.step
 
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
         """Tails and heads of all free motions of one kind."""

@@ -1,47 +1,155 @@
-"""The lattice planner: every optimal trade-off on an SE(2) lattice, exactly."""
+"""The lattice: its graph family, and the planner that searches it exactly."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
+
+import numpy as np
 
 from hpop.errors import OptionError
-from hpop.options import LEAST, MOST, amounts, set_reals, set_wholes, truth
-from hpop.planners.base import Candidates, planner
+from hpop.options import LEAST, MOST, set_reals, truth
+from hpop.planners.base import planner
 from hpop.planners.goals import start_of
-from hpop.planners.graphs.exact_mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
+from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends, with_ends
-from hpop.planners.graphs.query import GraphQuery, refuse_unanswerable, tolerance_counts
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
-from hpop.planners.lattice.stages import MOST_IN_TIME, first_answer, part_of, stages
 from hpop.planners.needs import in_plane
-from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.spending import Exhausted, Spending, stopped
-from hpop.planners.timed.asked import Asked, needless, people_move
-from hpop.planners.timed.clock import HOLD, TimeOptions
+from hpop.planners.objectives import Objectives
+from hpop.planners.searches.exact import ExactSearch
+from hpop.planners.spending import Spending
+from hpop.planners.timed.asked import people_move
 from hpop.scalars import set_python_values
-from hpop.search.machinery.approximation import Precision
-from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
-from hpop.status import Budget, Progress, ProgressCallback
+from hpop.status import ProgressCallback
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-REACH = 1.5 + 1e-9  # steps: a start or goal that is none of the lattice's states is joined to those within
+MOST_FIRST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
+LARGE = 2  # times as many: a smaller lattice is built as a whole almost as soon as a part of it, and then a second time
+MOST_IN_TIME = 400  # positions of the first stage among people who move: what they cost by the tick is soon known
+ANCHORS = ("start", "world")
+
+
+@graph_family("lattice")
+@dataclass(frozen=True)
+class LatticeGraph(GraphFamily):
+    """The SE(2) lattice of a robot in the plane: grid positions, headings, steps and motions in place.
+
+    step            m      between neighbouring positions
+    headings        4, 8 or 16
+    corner_cutting  whether a diagonal may pass between two blocked positions
+    anchor          "start": the start is one of the positions; "world": the corner of the map with the least x and y
+                    is, so that queries with other starts find the same lattice
+
+    A start or goal that is none of its states, in place or heading, is joined to all positions within 1.5 steps from
+    which, or to which, the robot can turn, go straight and turn (:mod:`hpop.planners.graphs.joined_ends`). Of a lattice
+    of more than 10,000 positions a part comes first: 5,000 positions on the shortest ways, 400 where people move.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
+    goal_sets: ClassVar[bool] = True
+    is_judged: ClassVar[bool] = False
+
+    step: float = 0.25
+    headings: int = 8
+    corner_cutting: bool = False
+    anchor: Literal["start", "world"] = "start"
+
+    def __post_init__(self) -> None:
+        set_python_values(self)
+        set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
+        truth("corner_cutting", self.corner_cutting)
+        Headings(self.headings)
+        if self.anchor not in ANCHORS:
+            raise OptionError(f"anchor must be one of {', '.join(ANCHORS)}, got {self.anchor!r}")
+
+    def build(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> BuiltGraph:
+        """Lay out the lattice and join start and goal to it."""
+        lattice = self.lattice(problem, spending)
+        return self._built(lattice, problem)
+
+    def graphs(
+        self,
+        problem: Problem,
+        objectives: Objectives,
+        spending: Spending,
+        progress: ProgressCallback | None = None,
+        *,
+        in_stages: bool = False,
+    ) -> Iterator[BuiltGraph]:
+        """Yield the part of a large lattice round the shortest ways, if it is wanted, then the whole lattice."""
+        lattice, moving = self.lattice(problem, spending), people_move(problem)
+        if in_stages and (moving or not lattice.costed(objectives.optimised)):
+            part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)
+            if part is not None:
+                yield replace(self._built(part, problem), part="shortest ways", is_large=True)
+        yield self._built(lattice, problem)
+
+    def _built(self, lattice: StateLattice, problem: Problem) -> BuiltGraph:
+        return BuiltGraph(self.ends(lattice, problem), problem, is_large=lattice.cells[0].size > LARGE * MOST_FIRST)
+
+    def has_clock(self, problem: Problem) -> bool:
+        """Return True: a lattice can be put on a clock."""
+        return True
+
+    def anchored(self) -> Self:
+        """Return the lattice whose positions do not depend on the start."""
+        return replace(self, anchor="world")
+
+    def states(self, problem: Problem) -> StateLattice:
+        """Return the lattice without the problem's ends."""
+        return self.lattice(problem)
+
+    def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
+        """Return the lattice of a problem; building it may spend what is in the spending."""
+        return StateLattice(
+            in_plane(problem.model),
+            problem.world,
+            start_of(problem)[:2] if self.anchor == "start" else problem.world.bounds[:2],
+            float(self.step),
+            Headings(self.headings),
+            self.corner_cutting,
+            anchored_at=self.anchor,
+            spending=spending or Spending(),
+        )
+
+    def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
+        """Return the lattice with the problem's start and goal, joined to it where they are none of its states.
+
+        Raises QueryError where one of them is blocked or out of reach.
+        """
+        return with_ends(lattice, problem, lattice.reach(problem))
+
+    def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
+        """Positions of a large lattice on the shortest ways; None of a small one, or if there is no way."""
+        if lattice.cells[0].size <= LARGE * most:
+            return None
+        from hpop.planners.lattice.nearby import nearby  # numba: on first use
+
+        starts, goals = self.ends(lattice, problem).inside
+        if not (starts and goals):
+            return None
+        at = lattice.places(np.array([starts[0], goals[0]]))
+        begin, end = zip(*(axis[at].tolist() for axis in lattice.cells), strict=True)
+        kept = nearby(lattice.number >= 0, begin, end, most, corner_cutting=lattice.corner_cutting)
+        return None if kept is None else replace(lattice, kept=kept)
 
 
 @planner("lattice")
 @dataclass(frozen=True)
-class Lattice:
+class Lattice(ExactSearch, LatticeGraph):
     """All non-dominated paths of an SE(2) lattice (Becerra et al. 2020), found by exact multi-objective search.
 
     step            m      between neighbouring positions
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
+    anchor          "start": the start is one of the positions; "world": the corner of the map with the least x and y
+                    is, so that queries with other starts find the same lattice
     max_detour      longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
                     which needs max_turns as well; a time-mean is then optimised itself
     max_turns       count  paths with more turns are left out; needs the criterion turns
@@ -60,7 +168,7 @@ class Lattice:
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six; a time-mean is
     represented by its integral, and criteria with memory only filter what was found. Guarantees that no path of the
     lattice is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge;
-    every float Pareto vector is covered within quantum times number of edges. The lattice is anchored at the start. A
+    every float Pareto vector is covered within quantum times number of edges. A
     start or goal that is none of its states, in place or heading, is joined to all positions within 1.5 steps from
     which, or to which, the robot can turn, go straight and turn (:mod:`.joined_ends`).
 
@@ -86,191 +194,6 @@ class Lattice:
     plan's own, which the certificate says how far it is off the clock. ``max_detour`` is for worlds where nobody moves.
     """
 
-    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
-    goal_sets: ClassVar[bool] = True
-    graph_options: ClassVar[tuple[str, ...]] = ("step", "headings", "corner_cutting")
-
-    step: float = 0.25
-    headings: int = 8
-    corner_cutting: bool = False
-    max_detour: DetourSpec | None = None
-    max_turns: int | None = None
-    eps: float = 0.0
-    tolerance: Mapping[str, float] | None = None
-    time_limit: float | None = None
-    max_labels: int | None = None
-    max_memory: int | None = None
-    checkpoint: CheckpointSpec | None = None
-    clock: float | None = None
-    hold: float | None = HOLD
-    arrive_by: float | None = None
-    margin: float = 0.0
-
     def __post_init__(self) -> None:
-        set_python_values(self)
-        set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
-        truth("corner_cutting", self.corner_cutting)
-        Headings(self.headings)
-        if self.max_detour is not None:
-            Detour.of(self.max_detour, self.max_turns)
-        Precision(self.eps)
-        if self.tolerance is not None:
-            object.__setattr__(self, "tolerance", amounts("tolerance", self.tolerance, MOST))
-        set_wholes(self, "max_turns", least=0, optional=True)
-        if self.max_detour is not None and (self.eps or self.tolerance):
-            raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
-        if self.checkpoint is not None:
-            Checkpoint.of(self.checkpoint)
-        _ = self.time_options
-        self.budget()
-
-    @property
-    def time_options(self) -> TimeOptions:
-        """What it is told about time."""
-        return TimeOptions(self.clock, self.hold, self.arrive_by, self.margin)
-
-    def budget(self) -> Budget:
-        """The planner's limits, which reading the map, building and searching share."""
-        return Budget(self.time_limit, self.max_labels, self.max_memory)
-
-    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
-        """Plan on the lattice.
-
-        Raises QueryError when start or goal is blocked, off the map or out of reach,
-        UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is negative or not
-        finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint that is of
-        another question.
-        """
-        if people_move(problem):
-            *_, found = self._among_people(problem, progress, in_stages=False)
-            return found
-        notes = needless(problem, self.time_options)
-        spending = self.spending(problem)
-        lattice = self.lattice(problem, spending)
-        mean = self.max_detour is not None
-        objectives = (mean_objectives if mean else edge_objectives)(problem.criteria, "lattice").noted(notes)
-        try:
-            query = self.query(problem, objectives, progress, lattice)
-            if self.max_detour is not None:
-                detour = Detour.of(self.max_detour, self.max_turns)
-                return exact_mean(query, problem.criteria, detour, "lattice", spending, progress, self.checkpoint)
-            query.break_ties()
-            eps, tolerance, kept = self.eps, self.tolerance, self.checkpoint
-            return query.exact("lattice", spending.left(), progress, eps=eps, tolerance=tolerance, checkpoint=kept)
-        except Exhausted as stop:
-            return stopped(
-                "lattice", mean_criteria(problem.criteria, objectives) if mean else objectives, stop, spending
-            )
-
-    def spending(self, problem: Problem) -> Spending:
-        """The limits, of which reading the map has spent some."""
-        return Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
-
-    def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
-        """A first answer soon, on part of a large lattice, then the exact one; see :mod:`.stages`.
-
-        Only the exact one unless :attr:`answers_in_stages`. Raises as :meth:`solve` does.
-        """
-        if not self.answers_in_stages:
-            yield self.solve(problem, progress)
-        elif people_move(problem):
-            yield from self._among_people(problem, progress, in_stages=True)
-        else:
-            yield from stages(self, problem, progress)
-
-    def _among_people(
-        self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool
-    ) -> Iterator[Candidates]:
-        """Answers on a clock."""
-        from hpop.planners.timed.answers import answers  # on first use: it takes what only they need
-
-        if self.max_detour is not None:
-            raise OptionError("max_detour is for worlds where nobody moves; leave it out, a mean is then only reported")
-        objectives, spending = edge_objectives(problem.criteria, "lattice"), self.spending(problem)
-        if self.checkpoint is not None:
-            Checkpoint.of(self.checkpoint).place()
-        asked = Asked(
-            "lattice", self.time_options, self.eps, self.tolerance, self.checkpoint, self.max_turns, in_stages
-        )
-        try:
-            lattice = self.lattice(problem, spending)
-            ends = self.ends(lattice, problem)
-            part = part_of(self, lattice, problem, MOST_IN_TIME) if in_stages else None
-            sooner = None if part is None else self.ends(part, problem)
-            yield from answers(problem, objectives, ends, asked, progress, sooner)
-        except Exhausted as stop:
-            yield stopped("lattice", objectives, stop, spending)
-
-    @property
-    def answers_in_stages(self) -> bool:
-        """Whether a first answer comes before the exact one.
-
-        None does with ``max_detour`` or ``max_turns``, nor where a search goes on from a checkpoint: a first answer
-        would take the place of the better front that it had when it was stopped.
-        """
-        goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
-        return not goes_on and self.max_detour is None and self.max_turns is None
-
-    def query(
-        self,
-        problem: Problem,
-        objectives: Objectives,
-        progress: ProgressCallback | None = None,
-        lattice: StateLattice | None = None,
-    ) -> GraphQuery:
-        """The lattice, its graph with the objectives' costs, and its ends; raises as :meth:`solve` does."""
-        refuse_unanswerable(problem, objectives, "lattice")
-        tolerance_counts(objectives, self.tolerance or {})  # these two would only be found wrong by the last stage
-        if self.checkpoint is not None:
-            Checkpoint.of(self.checkpoint).place()
-        began = time.perf_counter()
-        if progress:
-            progress(Progress("graph"))
-        lattice = lattice or self.lattice(problem)
-        space, start, goals = self.ends(lattice, problem)
-        graph = space.graph(objectives.optimised)
-        return GraphQuery(
-            space,
-            objectives,
-            graph,
-            start,
-            goals,
-            build_seconds=time.perf_counter() - began,
-            max_turns=self.max_turns,
-        )
-
-    def graph_query(
-        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
-    ) -> GraphQuery:
-        """The problem on the lattice's graph, for another search; raises as :meth:`solve` does, and Exhausted."""
-        return self.query(problem, objectives, progress, self.lattice(problem, spending))
-
-    def first_answer(
-        self,
-        name: str,
-        problem: Problem,
-        objectives: Objectives,
-        spending: Spending,
-        progress: ProgressCallback | None = None,
-    ) -> Candidates | None:
-        """What the planner ``name``, which searches this graph otherwise, keeps in case it is not built in time."""
-        return first_answer(name, self, problem, objectives, spending, progress)
-
-    def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
-        """The lattice anchored at the problem's start; building it may spend what is in the spending."""
-        return StateLattice(
-            in_plane(problem.model),
-            problem.keeping(self.margin).world,
-            start_of(problem)[:2],
-            float(self.step),
-            Headings(self.headings),
-            self.corner_cutting,
-            spending=spending or Spending(),
-        )
-
-    def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
-        """The lattice with the problem's start and goal, joined to it where they are none of its states.
-
-        Raises QueryError where one of them is blocked or out of reach.
-        """
-        return with_ends(lattice, problem, REACH * self.step)
+        LatticeGraph.__post_init__(self)
+        ExactSearch.__post_init__(self)

@@ -67,6 +67,10 @@ class ConfigurationRoadmap(TrajectoryGraph):
         """Whether all arcs are free."""
         return not self.lazy
 
+    def with_checked_arcs(self) -> ConfigurationRoadmap:
+        """Return the same roadmap with every chain checked when it is built."""
+        return replace(self, lazy=False) if self.lazy else self
+
     @property
     def start(self) -> int:
         """The node of the start."""

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class StateRoadmap(StateGraph):
     Turns join the headings of a position, but those that differ by less than a degree only at the start and the goal.
     A link that passes through a third position is left out: the links to that one, being straight on, hold it.
     """
+
+    notes: ClassVar[tuple[str, ...]] = ()
 
     positions: FloatArray
     links: IntArray

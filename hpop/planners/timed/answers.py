@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 from hpop import limits
 from hpop.errors import QueryError
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
-from hpop.planners.graphs.query import refuse_too_many, tolerance_counts
+from hpop.planners.graphs.family import BuiltGraph
+from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
 from hpop.planners.timed.asked import Asked
@@ -30,67 +31,71 @@ SHARE = 0.4  # of the time that building took, if that is more: it also tells ho
 def answers(
     problem: Problem,
     objectives: Objectives,
-    ends: Ends,
+    graphs: Iterable[BuiltGraph],
     asked: Asked,
     progress: ProgressCallback | None,
-    sooner: Ends | None = None,
-) -> Iterator[Candidates]:
-    """Candidates of each stage; after Ctrl-C what was found, and no more. Raises Exhausted where a limit is passed.
+) -> Iterator[tuple[Candidates, BuiltGraph]]:
+    """Candidates of each stage, with the graph on which they were found; after Ctrl-C what was found, and no more.
 
-    ``sooner`` is a part of the graph: what it takes to put it on a clock is soon done, and its paths are paths of all.
+    Raises Exhausted where a limit is passed.
+
+    Parameters
+    ----------
+    graphs : parts of the graph, which are soon put on a clock and whose paths are paths of the whole; then the whole
     """
-    refuse_too_many(objectives)
-    tolerance_counts(objectives, asked.tolerance or {})  # that would only be found wrong by the last stage
     if progress:
         progress(Progress("graph"))
-    spending = ends.space.spending
     in_stages, attention = asked.in_stages, None
-    if sooner is not None:
+    for built in graphs:
+        spending = built.ends.space.spending
         before = spending.memory
-        query = _query(problem, objectives, sooner, asked)
+        query = _query(problem, objectives, built, asked, attention)
         attention = query.timed.attention
-        share = spending.share(max(QUICK, query.build_seconds))
-        eps = max(COARSE, asked.eps)
-        first = query.exact(asked.planner, share, progress, eps=eps, tolerance=asked.tolerance, stage=True)
-        spending.release(spending.memory - before)
-        if len(first.trajectories) or first.status is Status.INTERRUPTED:  # where nothing is found, all are asked next
-            in_stages = False
+        if built.part:
+            share = spending.share(max(QUICK, query.build_seconds))
+            eps = max(COARSE, asked.eps)
+            first = query.exact(asked.planner, share, progress, eps=eps, tolerance=asked.tolerance, stage=True)
+            spending.release(spending.memory - before)
+            is_stage = len(first.trajectories) or first.status is Status.INTERRUPTED
+            if is_stage:  # where nothing is found, the whole graph has stages
+                in_stages = False
+                with spending.paused():
+                    yield first.unfinished(), built
+            if first.status is Status.INTERRUPTED:
+                return
+            continue
+        if in_stages:
+            left = spending.share(max(QUICK, SHARE * query.build_seconds))
+            first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
+            first = replace(first, notes=(*first.notes, *built.notes))
+            if first.status.is_final:
+                yield first, built
+                return
             with spending.paused():
-                yield first.unfinished()
-        if first.status is Status.INTERRUPTED:
-            return
-    query = _query(problem, objectives, ends, asked, attention)
-    if in_stages:
-        left = spending.share(max(QUICK, SHARE * query.build_seconds))
-        first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
-        if first.status.is_final:
-            yield first
-            return
-        with spending.paused():
-            yield first.unfinished()
-        if first.status is Status.INTERRUPTED:
-            return
-    yield query.exact(
-        asked.planner,
-        spending.left(),
-        progress,
-        eps=asked.eps,
-        tolerance=asked.tolerance,
-        checkpoint=asked.checkpoint,
-    )
+                yield first.unfinished(), built
+            if first.status is Status.INTERRUPTED:
+                return
+        found = query.exact(
+            asked.planner,
+            spending.left(),
+            progress,
+            eps=asked.eps,
+            tolerance=asked.tolerance,
+            checkpoint=asked.checkpoint,
+        )
+        yield replace(found, notes=(*found.notes, *built.notes)), built
 
 
 def _query(
-    problem: Problem, objectives: Objectives, ends: Ends, asked: Asked, attention: Attention | None = None
+    problem: Problem, objectives: Objectives, built: BuiltGraph, asked: Asked, attention: Attention | None = None
 ) -> TimedQuery:
     """The question on a graph, put on a clock."""
     began = time.perf_counter()
-    space, start, goals = ends
-    if not isinstance(space, StateGraph | JoinedEnds):
+    space, start, goals = built.ends
+    if not space.has_clock:
         raise QueryError(f"{space.words} has no clock")
+    at = cast(StateGraph | JoinedEnds, space)
     with limits.within(space.spending):
-        timed = timed_graph(
-            space, objectives.optimised, start, goals, asked.options, problem.quanta, attention=attention
-        )
+        timed = timed_graph(at, objectives.optimised, start, goals, asked.options, problem.quanta, attention=attention)
     seconds = time.perf_counter() - began
     return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)

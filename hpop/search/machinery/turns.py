@@ -21,7 +21,7 @@ Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from hpop.arrays import IntArray
 from hpop.compiled import kernel, lean
-from hpop.search.graph import Graph
+from hpop.search.graph import Graph, inserted
 from hpop.search.machinery.slices import PARTS, Clock
 from hpop.status import Status
 
@@ -91,6 +91,46 @@ class Groups:
     @classmethod
     def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         """The groups that the turns of a column make; None where they make none."""
+        if graph.base is None or not _only_ends(graph, column):
+            return cls._of_column(graph, column, clock)
+        kept = graph.base.kept
+        name = ("groups", column)
+        if name not in kept:
+            kept[name] = cls._of_column(graph.base, column, clock)
+        groups: Self | None = kept[name]
+        _check_room(clock, 0 if groups is None else groups.nbytes)
+        return None if groups is None else groups._extended(graph, graph.base)
+
+    def _extended(self, graph: Graph, base: Graph) -> Self:
+        """The groups of a graph that extends the one that these are of, by nodes that are only starts or only goals."""
+        more, j = graph.nodes - base.nodes, _added(graph, base)
+        ends = np.arange(base.nodes, graph.nodes)
+        rows = np.zeros((more, GROUP_COLUMNS), np.int64)
+        rows[:, OFFSET], rows[:, SIZE] = ends, 1
+        rows[:, TURNS] = int((self.rows[:, SIZE] ** 2).sum()) + np.arange(more)
+        place = np.concatenate([self.place, ends])
+        tails = np.searchsorted(graph.indptr, j, side="right") - 1
+        order = np.argsort(place[tails], kind="stable")
+        at = np.append(self.start, np.full(more, self.start[-1]))
+        places = at[place[tails[order]] + 1]
+        shift = graph.indptr[: base.nodes] - base.indptr[:-1]  # of the arcs of each node of the base
+        origin = self.origin + np.repeat(shift[self.nodes], np.diff(self.start)).astype(np.int32)
+        counts = np.bincount(place[tails], minlength=graph.nodes)
+        zeros = np.zeros((more, graph.criteria), np.int64)
+        return replace(
+            self,
+            nodes=np.concatenate([self.nodes, ends]),
+            place=place,
+            rows=np.concatenate([self.rows, rows]),
+            dearest=np.concatenate([self.dearest, zeros]),
+            turns=np.concatenate([self.turns, zeros.T], axis=1) if self.turns.size else self.turns,
+            start=at + np.append(0, np.cumsum(counts)),
+            heads=inserted(self.heads, places, place[graph.heads[j[order]]].astype(np.int32)),
+            origin=inserted(origin, places, j[order].astype(np.int32)),
+        )
+
+    @classmethod
+    def _of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         _check_room(clock, graph.nodes * NODE)
         group = np.full(graph.nodes, -1)
         entered = np.zeros(graph.nodes, np.bool_)
@@ -142,6 +182,27 @@ class Groups:
 def _check_room(clock: Clock, memory: int) -> None:
     if clock.exceeded(0, memory, record=False) is Status.MEMORY_LIMIT:
         raise NoRoom
+
+
+def _added(graph: Graph, base: Graph) -> IntArray:
+    """Places (j,) of the arcs of a graph that the one which it extends does not have: the last of each tail."""
+    own = np.diff(base.indptr, append=np.full(graph.nodes - base.nodes, base.arcs))
+    more = np.diff(graph.indptr) - own
+    tails = np.flatnonzero(more)
+    ends = graph.indptr[tails + 1]
+    return np.concatenate(
+        [np.zeros(0, np.int64), *(np.arange(e - n, e) for e, n in zip(ends, more[tails], strict=True))]
+    )
+
+
+def _only_ends(graph: Graph, column: int) -> bool:
+    """Whether added arcs that raise a column begin at added nodes that none leads to, or end where none leads on."""
+    assert graph.base is not None
+    j = _added(graph, graph.base)
+    tails, heads = np.searchsorted(graph.indptr, j, side="right") - 1, graph.heads[j]
+    first = (tails >= graph.base.nodes) & ~np.isin(tails, heads)
+    last = (heads >= graph.base.nodes) & ~np.isin(heads, tails)
+    return bool((first | last)[graph.costs[j, column] > 0].all())
 
 
 def _parts(rows: IntArray) -> list[IntArray]:

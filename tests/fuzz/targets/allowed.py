@@ -11,7 +11,6 @@ from typing import Any
 
 from mutations import Rng
 
-from hpop.planners.needs import needs_of
 from hpop.registry import criteria, make_model, planners
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
@@ -186,7 +185,7 @@ def wanted(rng: Rng) -> list[Any]:
 def planner(rng: Rng, folder: Path, number: int, provides: frozenset[str], moving: bool) -> dict[str, Any]:
     """A planner that takes such a robot with some of its options, limits near 0 among them."""
     names = ("lattice", "lattice", "lattice", "roadmap", "roadmap", *planners)
-    able = [name for name in names if needs_of(planners[name]) <= provides] or ["roadmap"]
+    able = [name for name in names if planners[name].needs <= provides] or ["roadmap"]
     name = str(_one(rng, *able))
     step = _one(rng, 0.5, 0.5, 1.0, 0.37)
     limits = {

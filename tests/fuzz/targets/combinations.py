@@ -25,7 +25,6 @@ from hpop import compiled
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import make_planner
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.spending import Spending
 from hpop.scenario import Scenario, load_scenario
 from hpop.search import Graph, pareto_paths
 from hpop.status import Status
@@ -116,7 +115,7 @@ def _exact(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> Non
     """What an exact planner claims of its graph is so, by a search in plain loops."""
     problem = scenario.problem
     for planner in scenario.planners:
-        query = getattr(planner, "graph_query", None)
+        query = planner.graph_of_drives
         options = {name: getattr(planner, name, None) for name in ("max_turns", "max_detour", "tolerance")}
         if query is None or any(value is not None for value in options.values()) or getattr(planner, "eps", 0.0):
             continue
@@ -129,7 +128,7 @@ def _exact(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> Non
         if refused or found[0].status is not Status.COMPLETE:
             continue
         objectives = edge_objectives(problem.criteria, planner.name)
-        asked_of = free.graph_query(problem, objectives, Spending())  # type: ignore[attr-defined]
+        asked_of = free.graph_of_drives.query(problem.keeping(free.margin), objectives)
         space, graph = asked_of.space, asked_of.graph
         if not space.is_checked:
             continue

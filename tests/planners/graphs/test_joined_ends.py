@@ -17,11 +17,12 @@ from hpop.motions import States
 from hpop.planners.graphs.joined_ends import with_ends
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
-from hpop.planners.lattice import stages as lattice_stages
+from hpop.planners.lattice import planner as lattice_planner
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap.planner import Roadmap
+from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
 from hpop.planners.weighted_sum import WeightedSum
 from hpop.problem import Problem
@@ -354,9 +355,9 @@ def test_a_search_goes_on_from_its_checkpoint_to_the_same_front(exact, tmp_path)
 
 
 def test_stages_on_a_part_of_the_lattice_end_at_the_goal_too(exact, monkeypatch):
-    monkeypatch.setattr(lattice_stages, "MOST", 40)
+    monkeypatch.setattr(lattice_planner, "MOST_FIRST", 40)
     monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())  # no stage ends by the clock
-    monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+    monkeypatch.setattr(exact_search, "_at_once", lambda *asked: None)
     fresh = World.from_polygons([shapely.box(1.55, 1.35, 2.4, 1.75)], extent=shapely.box(0, 0, 4, 3))  # nothing kept
     *stages, last = Lattice(step=FINE).stages(replace(OFF, world=fresh))
     assert "positions on the shortest ways" in stages[0].certificate
@@ -389,7 +390,7 @@ def test_half_a_turn_of_a_join_goes_the_way_round_that_was_checked(heading):
 def test_trajectories_made_together_are_those_made_one_by_one():
     problem = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), ["length", "turns", "exposure"])
     for planner in (Lattice(step=0.4), Lattice(step=0.4, headings=16)):
-        query = planner.query(problem, edge_objectives(problem.criteria, "lattice"))
+        query = planner.query(problem)
         paths = pareto_paths(query.graph, query.start, query.goals)
         nodes = [paths.nodes(i) for i in range(len(paths))]
         assert len(nodes) > 3

@@ -11,7 +11,6 @@ import hpop
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.ties import COPIED, TIE_TURNS, tie_broken
 from hpop.planners.lattice import Lattice
-from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Exhausted, Spending
 from hpop.status import Budget
 
@@ -24,7 +23,7 @@ def asked(*names: str, goal: tuple[float, float, float | None] = (7.0, 1.0, None
 
 
 def query(problem: hpop.Problem, step: float = 0.125) -> GraphQuery:
-    return Lattice(step=step).query(problem, edge_objectives(problem.criteria, "lattice"))
+    return Lattice(step=step).query(problem)
 
 
 def test_a_tie_costs_as_many_units_more_as_there_are_turns():
@@ -57,9 +56,7 @@ def test_a_copy_for_which_there_is_no_room_is_a_memory_limit():
 def test_the_search_is_given_what_the_copy_leaves():
     problem, spending = asked("length"), Spending(Budget(max_memory=10**9))
     planner = Lattice(step=0.25)
-    found = planner.query(
-        problem, edge_objectives(problem.criteria, "lattice"), None, planner.lattice(problem, spending)
-    )
+    found = planner.query(problem, spending=spending)
     found.break_ties()
     assert spending.memory >= found.graph.costs.nbytes + found.tie_broken.costs.nbytes
     assert spending.left().max_memory == 10**9 - spending.memory
@@ -89,7 +86,7 @@ def test_the_copy_of_a_first_stage_is_freed_and_given_back(monkeypatch):
             super().release(memory)
             copies.remove(memory)
 
-    monkeypatch.setattr("hpop.planners.lattice.stages.MOST", 40)
+    monkeypatch.setattr("hpop.planners.lattice.planner.MOST_FIRST", 40)
     monkeypatch.setattr(Lattice, "spending", lambda planner, problem: Watched())
     *_, front = asked("length").fronts([Lattice(step=0.25)], stage=lambda _: None)
     assert front.status == "complete"

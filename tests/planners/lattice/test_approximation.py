@@ -11,7 +11,7 @@ import shapely
 from hpop import DifferentialDrive, Problem, World
 from hpop.errors import OptionError, OutputError
 from hpop.planners import Lattice
-from hpop.status import Progress, Status
+from hpop.status import Budget, Progress, Status
 
 ROOM = World.from_polygons(
     [shapely.box(3, 0, 3.4, 3.6), shapely.box(6, 1.6, 6.4, 6), shapely.box(4.5, 4.2, 5, 5)],
@@ -115,8 +115,9 @@ def test_what_the_last_stage_would_refuse_is_refused_before_the_first(wrong):
 
 
 def test_at_the_memory_limit_a_note_says_how_many_labels_there_are_and_are_open():
-    whole = Lattice(step=0.5).solve(problem())
-    stopped = Lattice(step=0.5, max_memory=whole.stats["peak_memory"] - 1).solve(problem())
+    query = Lattice(step=0.5).query(problem())
+    whole = query.exact("lattice", Budget())
+    stopped = query.exact("lattice", Budget(max_memory=whole.stats["peak_memory"] - 1))
     assert stopped.status is Status.MEMORY_LIMIT
     made, waiting = stopped.stats["labels_generated"], stopped.stats["labels_open"]
     assert 0 < waiting <= made - stopped.stats["labels_expanded"] + 1  # the source is open, not generated

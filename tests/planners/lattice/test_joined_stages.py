@@ -10,7 +10,7 @@ import shapely
 import hpop
 from hpop.front import Front
 from hpop.planners.lattice import Lattice
-from hpop.planners.lattice import stages as lattice_stages
+from hpop.planners.searches import exact as exact_search
 from hpop.problem import Problem
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
@@ -22,8 +22,8 @@ MEMORY = ["sickness", "msdv"]
 def fronts() -> tuple[Problem, list[Front]]:
     """The front after each stage, the last one at the end."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lattice_stages, "QUICK", 60.0)
-        patch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+        patch.setattr(exact_search, "QUICK", 60.0)
+        patch.setattr(exact_search, "_at_once", lambda *asked: None)
         asked = Problem(
             WORLD,
             hpop.DifferentialDrive(radius=0.25),
@@ -72,8 +72,8 @@ def test_a_last_stage_within_a_precision_keeps_what_is_better_than_its_own():
     )
     planner = Lattice(step=0.5, eps=0.5)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lattice_stages, "QUICK", 60.0)
-        patch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+        patch.setattr(exact_search, "QUICK", 60.0)
+        patch.setattr(exact_search, "_at_once", lambda *asked: None)
         stages: list[Front] = []
         (last,) = asked.fronts([planner], stage=stages.append)
     for row in stages[-1].costs:

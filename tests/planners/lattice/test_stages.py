@@ -17,13 +17,14 @@ from hpop.arrays import BoolArray
 from hpop.errors import QueryError
 from hpop.front import Front
 from hpop.frontier import is_nondominated
-from hpop.planners.base import Candidates, Planner, joined, staged
+from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.judgement import judge
 from hpop.planners.lattice import Lattice
-from hpop.planners.lattice import stages as lattice_stages
+from hpop.planners.lattice import planner as lattice_planner
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.nearby import DIAGONAL, STRAIGHT, nearby
+from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.status import Budget, Progress, Status
@@ -46,20 +47,20 @@ def found(asked: Problem, **options: Any) -> list[Candidates]:
     return list(Lattice(step=STEP, **options).stages(asked))
 
 
-at_once = lattice_stages._at_once
+at_once = exact_search._at_once
 
 
 @pytest.fixture(autouse=True)
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stages before the last end by themselves, however busy the machine is, and no small lattice goes without."""
-    monkeypatch.setattr(lattice_stages, "QUICK", 60.0)
-    monkeypatch.setattr(lattice_stages, "_at_once", lambda *asked: None)
+    monkeypatch.setattr(exact_search, "QUICK", 60.0)
+    monkeypatch.setattr(exact_search, "_at_once", lambda *asked: None)
 
 
 @pytest.fixture
 def large(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every lattice of more than 60 positions counts as large, and no stage is cut short."""
-    monkeypatch.setattr(lattice_stages, "MOST", 60)
+    monkeypatch.setattr(lattice_planner, "MOST_FIRST", 60)
     monkeypatch.setattr(Spending, "share", lambda spending, seconds: spending.left())
 
 
@@ -150,7 +151,7 @@ def test_the_last_stage_is_the_plain_answer_and_those_before_are_unfinished() ->
 
 
 def test_a_small_lattice_whose_search_ends_at_once_has_one_stage(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lattice_stages, "_at_once", at_once)
+    monkeypatch.setattr(exact_search, "_at_once", at_once)
     (only,) = found(problem())
     assert same(only, Lattice(step=STEP).solve(problem()))
 
@@ -184,7 +185,7 @@ def test_points_of_every_stage_are_attained_and_none_beats_the_last(criteria: tu
 @pytest.mark.usefixtures("large")
 def test_the_coarse_stage_keeps_its_promise() -> None:
     *_, coarse, last = found(problem())
-    allowed = (1 + lattice_stages.COARSE) * last.planned[:, None] + 1e-9
+    allowed = (1 + exact_search.COARSE) * last.planned[:, None] + 1e-9
     assert (coarse.planned[None] <= allowed).all(axis=2).any(axis=1).all()
 
 
@@ -222,9 +223,11 @@ def test_a_wrong_question_is_refused_before_the_first_stage() -> None:
         next(Lattice(step=STEP).stages(asked))
 
 
-def test_only_planners_with_stages_have_them() -> None:
-    assert staged(Lattice())
-    assert not staged(Fixed(()))
+def test_a_planner_without_stages_has_one() -> None:
+    assert Lattice().answers_in_stages
+    fixed = make_planner(Fixed((found(problem())[-1],)))
+    assert not fixed.answers_in_stages
+    assert len(list(fixed.stages(problem()))) == 1
 
 
 # What a problem makes of stages

@@ -15,16 +15,16 @@ from hpop.criteria import criterion
 from hpop.errors import CriterionError, OptionError, QueryError
 from hpop.motions import Motions, States
 from hpop.planners import Roadmap, WeightedSum
+from hpop.planners.graphs.query import built_query
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import guides as seeking
 from hpop.planners.roadmap.configurations import ConfigurationRoadmap
 from hpop.planners.roadmap.guides import Connections, Guide, guides, length, shortened
 from hpop.planners.roadmap.links import farther
-from hpop.planners.roadmap.planner import on_roadmap
 from hpop.planners.roadmap.samples import informed
 from hpop.planners.spending import Spending
 from hpop.search import pareto_paths, supported_paths
-from hpop.status import Status
+from hpop.status import Budget, Status
 from hpop.verify import verify
 from tests.joints import Balls, Joints, Sway, problem
 from tests.planners.roadmap.test_configurations import BASE, HEAD
@@ -67,7 +67,11 @@ def lazy_and_eager(asked: hpop.Problem, **options: Any) -> None:
     roadmap = Roadmap(**options).roadmap(asked)
     assert isinstance(roadmap, ConfigurationRoadmap)
     objectives = edge_objectives(asked.criteria, "roadmap")
-    lazy, eager = (on_roadmap("roadmap", asked, objectives, replace(roadmap, lazy=lazy), None, ()) for lazy in (1, 0))
+    built = Roadmap(**options).build(asked, objectives, Spending())
+    lazy, eager = (
+        built_query(replace(built, ends=built.ends._replace(space=space)), objectives).exact("roadmap", Budget())
+        for space in (replace(roadmap, lazy=True), roadmap.with_checked_arcs())
+    )
     rows = [found.planned[np.lexsort(found.planned.T)].tolist() for found in (lazy, eager)]
     assert rows[0] == rows[1]
     assert lazy.status is eager.status

@@ -81,7 +81,8 @@ def test_what_needs_a_world_at_rest_says_so():
     with pytest.raises(OptionError, match="max_detour is for worlds where nobody moves"):
         Lattice(step=0.5, max_detour=1.2).solve(PROBLEM)
     with pytest.raises(
-        QueryError, match=r"the lattice has no time.*: Ann\. The planners lattice and roadmap themselves"
+        QueryError,
+        match=r"weighted-sum has no time.*: Ann\. The planners exact, lattice, roadmap and any-angle have a clock",
     ):
         WeightedSum().solve(PROBLEM)
 

@@ -1,0 +1,93 @@
+"""Benchmark of many queries on one map: processor time of the first query and of others, in a world that is kept.
+
+    python benchmarks/many_queries.py [--map NAME ...] [--queries 25] [--out FILE]
+
+Step 0.25 m, criteria exposure, turns and length. Kernels are loaded by queries in another world before; then the map
+is read anew, and what the first query takes includes its fields and its lattice, but not reading the file. Starts and
+goals of the others are drawn at random; those within walls are drawn again. ``arcs`` and ``labels`` do not depend on
+the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import maps
+import numpy as np
+
+import hpop
+from hpop.errors import QueryError
+
+CRITERIA = ["exposure", "turns", "length"]
+
+
+def problem(name: str) -> hpop.Problem:
+    """Read a map anew, with the robot and the query of its example."""
+    return hpop.examples.museum() if name == "museum" else maps.problem(name)
+
+
+def planning(asked: hpop.Problem) -> hpop.Planning:
+    """Keep the lattice of a world."""
+    return hpop.Planning(asked.world, asked.model, CRITERIA, {"lattice": {"step": 0.25}})
+
+
+def measure(name: str, queries: int) -> dict[str, Any]:
+    """Time the first and other queries on one map."""
+    asked = problem(name)
+    warm = planning(asked)
+    for _ in range(2):
+        warm.solve(asked.start, asked.goal)
+    asked = problem(name)
+    many = planning(asked)
+    begun = process_time()
+    first = many.solve(asked.start, asked.goal)
+    seconds = process_time() - begun
+    others, labels = list[float](), list[int]()
+    rng = np.random.default_rng(1)
+    x0, y0, x1, y1 = asked.world.bounds
+    while len(others) < queries:
+        start, goal = rng.uniform((x0, y0), (x1, y1), (2, 2)).round(2)
+        begun = process_time()
+        try:
+            front = many.solve((*start, 0.0), (*goal, None))
+        except QueryError:
+            continue
+        if len(front):
+            others.append(process_time() - begun)
+            labels.append(front.runs[-1]["labels_generated"])
+    median = float(np.median(others))
+    return {
+        "arcs": first.runs[-1]["edges"],
+        "labels_median": int(np.median(labels)),
+        "first_s": round(seconds, 3),
+        "others_median_s": round(median, 3),
+        "others_95_percent_s": round(float(np.quantile(others, 0.95)), 3),
+        "ratio": round(median / seconds, 3),
+    }
+
+
+def main() -> None:
+    """Measure, print, and write what was measured."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--map", nargs="+", default=["museum", "pal_office", "nav2_depot"])
+    parser.add_argument("--queries", type=int, default=25)
+    parser.add_argument("--out", type=Path)
+    options = parser.parse_args()
+    result = {}
+    for name in options.map:
+        if name != "museum" and (why := maps.missing(name)):
+            print(f"{name}: left out, {why}")
+            continue
+        result[name] = measure(name, options.queries)
+        print(name, result[name], flush=True)
+    if options.out:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        options.out.write_text(json.dumps(result, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Searches: each runs on every graph family, with its own options."""

@@ -1,0 +1,404 @@
+"""The exact search on any graph: every non-dominated path, in stages, among people who move, under limits."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from hpop.criteria.base import place_of
+from hpop.errors import OptionError
+from hpop.options import MOST, amounts, set_wholes
+from hpop.planners.base import Candidates, Planner, joined, planner
+from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph
+from hpop.planners.graphs.query import GraphQuery, built_query, refuse_too_many, tolerance_counts
+from hpop.planners.in_time import evaluable_in_time
+from hpop.planners.judgement import trusted
+from hpop.planners.needs import refuse_moving
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
+from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.timed.asked import Asked, needless, people_move
+from hpop.planners.timed.clock import HOLD, TimeOptions
+from hpop.scalars import set_python_values
+from hpop.search.machinery.approximation import Precision
+from hpop.search.machinery.beside import Onset, begin, compiling_beside, first_is_awaited, is_compiling
+from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
+from hpop.search.pareto_paths import main_kernels
+from hpop.status import Budget, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.problem import Problem
+
+QUICK = 0.1  # s, of a search before the exact one, at least
+SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
+COARSE = 0.1  # relative precision of the last stage before the exact one
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExactSearch:
+    """Options of the exact search, and how a planner with them solves a problem on its graph family.
+
+    max_detour      longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
+                    which needs max_turns as well; a time-mean is then optimised itself
+    max_turns       count  paths with more turns are left out; needs the criterion turns
+    eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
+    tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
+    time_limit      s      to read the map, build the graph and search, not to compile; what is found until then is
+                           returned and called incomplete
+    max_labels      count  partial paths kept by the search
+    max_memory      bytes  of the map that is read, the fields that are made, the graph and the search
+    checkpoint      file in which the search keeps its state, and from which it goes on if it is there
+    clock           s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
+    hold            s  that the robot stands at least when it waits for people who move; None: it never waits
+    arrive_by       s  at the latest, among people who move; None: whenever
+    margin          m  to be kept from people, those who stand as well
+    """
+
+    name: ClassVar[str]
+
+    max_detour: DetourSpec | None = None
+    max_turns: int | None = None
+    eps: float = 0.0
+    tolerance: Mapping[str, float] | None = None
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+    checkpoint: CheckpointSpec | None = None
+    clock: float | None = None
+    hold: float | None = HOLD
+    arrive_by: float | None = None
+    margin: float = 0.0
+
+    def __post_init__(self) -> None:
+        set_python_values(self)
+        if self.max_detour is not None:
+            Detour.of(self.max_detour, self.max_turns)
+        Precision(self.eps)
+        if self.tolerance is not None:
+            object.__setattr__(self, "tolerance", amounts("tolerance", self.tolerance, MOST))
+        set_wholes(self, "max_turns", least=0, optional=True)
+        if self.max_detour is not None and (self.eps or self.tolerance):
+            raise OptionError("max_detour takes no eps or tolerance: leave them out, or leave out max_detour")
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint)
+        _ = self.time_options
+        self.budget()
+
+    if TYPE_CHECKING:
+
+        @property
+        def family(self) -> GraphFamily:
+            """The graph family that is searched, of which a planner's class inherits or that it takes ``on``."""
+            ...
+
+    @property
+    def time_options(self) -> TimeOptions:
+        """The options of planning among people who move."""
+        return TimeOptions(self.clock, self.hold, self.arrive_by, self.margin)
+
+    def budget(self) -> Budget:
+        """Return the limits, which reading the map, building the graph and searching share."""
+        return Budget(self.time_limit, self.max_labels, self.max_memory)
+
+    def spending(self, problem: Problem) -> Spending:
+        """Return the limits, of which reading the map has spent some."""
+        return Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+
+    def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
+        """Find all non-dominated paths of the graph.
+
+        Raises QueryError when start or goal is blocked, off the map or out of reach, or when people move and the graph
+        has no clock, UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is
+        negative or not finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint
+        that is of another question.
+        """
+        in_stages = self.family.answers_by_parts and self.answers_in_stages
+        found: Candidates | None = None
+        for later in self._answers(problem, progress, in_stages=in_stages):
+            found = later if later.status.is_final else joined(found, later)
+        assert found is not None  # there is at least one answer
+        return found
+
+    def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
+        """Yield a first answer soon, such as on a part of a large graph, then the exact one.
+
+        Only the exact one unless :attr:`answers_in_stages`. After Ctrl-C what was found, and no more. Raises as
+        :meth:`solve` does.
+        """
+        yield from self._answers(problem, progress, in_stages=self.answers_in_stages)
+
+    @property
+    def answers_in_stages(self) -> bool:
+        """Whether a first answer may come before the exact one.
+
+        None does with ``max_detour`` or ``max_turns``, nor where a search goes on from a checkpoint: a first answer
+        would take the place of the better front that it had when it was stopped.
+        """
+        goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
+        return not goes_on and self.max_detour is None and self.max_turns is None
+
+    @property
+    def graph_of_drives(self) -> GraphFamily | None:
+        """The graph family that is searched, if the options of a front's planner make the same graph again."""
+        return self.family if self.family.is_remade else None
+
+    @property
+    def needs_kernels(self) -> bool:
+        """Whether the kernels of the exact search are compiled beside a first answer where they are not kept."""
+        return self.max_detour is None
+
+    def _answers(self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool) -> Iterator[Candidates]:
+        """Answers on each part of the graph that is built, then on the whole."""
+        moving, family = people_move(problem), self.family
+        if moving and self.max_detour is not None and family.has_clock(problem):
+            raise OptionError("max_detour is for worlds where nobody moves; leave it out, a mean is then only reported")
+        find = edge_objectives if self.max_detour is None else mean_objectives
+        objectives = find(problem.criteria, self.name).noted(needless(problem, self.time_options))
+        if not (moving and family.has_clock(problem)):
+            refuse_moving(problem, self.name)
+        refuse_too_many(objectives)
+        tolerance_counts(objectives, self.tolerance or {})  # these two would only be found wrong by the last stage
+        if self.checkpoint is not None:
+            Checkpoint.of(self.checkpoint).place()
+        spending = self.spending(problem)
+        graphs = family.graphs(problem.keeping(self.margin), objectives, spending, progress, in_stages=in_stages)
+        try:
+            if moving:
+                yield from self._among_people(problem, objectives, graphs, progress, in_stages=in_stages)
+            else:
+                yield from self._on_graphs(problem, objectives, graphs, spending, progress, in_stages=in_stages)
+        except NotBuilt as stop:
+            yield self._given_back(stop.candidates, problem)
+        except Exhausted as stop:
+            if self.max_detour is not None:
+                objectives = mean_criteria(problem.criteria, objectives)
+            yield stopped(self.name, objectives, stop, spending)
+
+    def _among_people(
+        self,
+        problem: Problem,
+        objectives: Objectives,
+        graphs: Iterable[BuiltGraph],
+        progress: ProgressCallback | None,
+        *,
+        in_stages: bool,
+    ) -> Iterator[Candidates]:
+        """Answers on a clock."""
+        from hpop.planners.timed.answers import answers  # on first use: it takes what only they need
+
+        asked = Asked(
+            self.name, self.time_options, self.eps, self.tolerance, self.checkpoint, self.max_turns, in_stages
+        )
+        for found, built in answers(problem, objectives, graphs, asked, progress):
+            yield self._finished(found, built)
+
+    def _on_graphs(
+        self,
+        problem: Problem,
+        objectives: Objectives,
+        graphs: Iterable[BuiltGraph],
+        spending: Spending,
+        progress: ProgressCallback | None,
+        *,
+        in_stages: bool,
+    ) -> Iterator[Candidates]:
+        """Answers where nobody moves."""
+        quick: Candidates | None = None
+        built: BuiltGraph | None = None
+        is_bounded = self.max_turns is not None or self.max_detour is not None
+        began, has_answer, is_second = time.perf_counter(), False, False
+        try:
+            for built in graphs:
+                if spending.budget.time_limit is not None and not (has_answer or built.part or is_bounded):
+                    quick = self.family.first_answer(self.name, built, objectives, progress)
+                query = built_query(built, objectives, began, self.max_turns, progress)
+                if self.max_detour is not None:
+                    detour, kept = Detour.of(self.max_detour, self.max_turns), self.checkpoint
+                    found = exact_mean(query, problem.criteria, detour, self.name, spending, progress, kept)
+                    yield self._finished(found, built)
+                    return
+                query.break_ties()
+                covered = math.inf
+                # Where arcs are checked as paths take them, searching twice would check them twice.
+                if built.part or (in_stages and built.ends.space.is_checked):
+                    for stage in self._first_stages(query, built, spending, progress, is_second=is_second):
+                        is_end = stage.status.is_final or stage.status is Status.INTERRUPTED
+                        if is_end or stage.trajectories or not built.part:
+                            yield self._finished(stage, built)
+                        if is_end:
+                            return
+                        has_answer |= len(stage.trajectories) > 0
+                        gap = stage.stats.get("gap")
+                        covered = math.inf if gap is None else gap
+                    is_second = True
+                if not built.part:
+                    begin()
+                    found = query.exact(
+                        self.name,
+                        spending.left(),
+                        progress,
+                        eps=self.eps,
+                        tolerance=self.tolerance,
+                        checkpoint=self.checkpoint,
+                        covered=covered,
+                    )
+                    yield self._finished(found, built)
+                    return
+                query.drop_ties()
+                built, began = None, time.perf_counter()
+        except Exhausted as stop:
+            if built is None:
+                raise
+            if self.max_detour is not None:
+                objectives = mean_criteria(problem.criteria, objectives)
+            yield self._finished(stopped(self.name, objectives, stop, spending, quick), built)
+        except KeyboardInterrupt:
+            if built is None or built.first is None:
+                raise
+            yield self._given_back(replace(built.first, status=Status.INTERRUPTED), problem)
+
+    def _given_back(self, found: Candidates, problem: Problem) -> Candidates:
+        """Candidates of the search from which the graph is built, where the graph itself was not searched.
+
+        They are left out where they need not keep what this search is asked for.
+        """
+        is_bounded = self.max_turns is not None or self.max_detour is not None
+        if not found.trajectories or not (is_bounded or people_move(problem)):
+            return found
+        note = "paths from which the graph is built are left out: they need not keep max_turns, max_detour or the times"
+        return replace(found.some([]), notes=(*found.notes, note))
+
+    def _first_stages(
+        self,
+        query: GraphQuery,
+        built: BuiltGraph,
+        spending: Spending,
+        progress: ProgressCallback | None,
+        *,
+        is_second: bool,
+    ) -> Iterator[Candidates]:
+        """Answers before the exact one on a graph; a final one where the exact search takes no longer than they do."""
+        budget = spending.share(max(QUICK, SHARE * query.build_seconds))
+        if not (built.is_large or is_compiling()):
+            kept = None if built.part else self.checkpoint
+            exact = _at_once(self, query, budget, progress, kept)
+            if exact is not None:
+                with spending.paused():
+                    yield _of_part(exact, built.part) if built.part else exact
+                return
+        found = query.first_answer(self.name, budget, progress, quickly=first_is_awaited() and not is_second)
+        with spending.paused():
+            yield found
+        if found.status is Status.INTERRUPTED:
+            return
+        begin()
+        if built.part or not built.is_large or self.eps >= COARSE:
+            return
+        coarse = query.exact(self.name, spending.share(query.build_seconds), progress, eps=COARSE, stage=True)
+        stage = {"stage": f"within a factor {1 + COARSE:g}"}
+        with spending.paused():
+            yield replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)).unfinished()
+
+    def _finished(self, found: Candidates, built: BuiltGraph) -> Candidates:
+        """Candidates judged on the exact geometry where the family asks for it, with the statistics of the graph."""
+        is_stopped = not found.trajectories and not found.status.is_final
+        if built.first is not None and is_stopped:
+            notes = tuple(dict.fromkeys((*built.first.notes, *found.notes)))
+            return self._given_back(replace(built.first, status=found.status, notes=notes), built.problem)
+        if is_stopped:
+            return found
+        if self.family.is_judged:
+            spending = built.ends.space.spending
+
+            def left() -> float | None:  # as much again is for the evaluation of the front
+                return None if (until := spending.until_limit()) is None else until / 2
+
+            found = evaluable_in_time(found, left, lambda some: trusted(some, built.problem, self.name))
+            kept = trusted(found, built.problem, self.name)
+            dropped = len(found.trajectories) - len(kept.trajectories)
+            words = f"; without {dropped} that were dropped as not to be trusted" if dropped else ""
+            found = replace(kept, certificate=found.certificate + words)
+        own = built.status.is_final or found.status in (Status.INTERRUPTED, Status.UNFINISHED)
+        return replace(
+            found,
+            status=found.status if own else built.status,
+            stats={**found.stats, **built.ends.space.counts, **built.stats},
+        )
+
+
+def _at_once(
+    search: ExactSearch,
+    query: GraphQuery,
+    budget: Budget,
+    progress: ProgressCallback | None,
+    checkpoint: CheckpointSpec | None,
+) -> Candidates | None:
+    """The exact answer on a graph, where it takes no longer than a first one would; None where it does."""
+    precise = query.exact(
+        search.name, budget, progress, eps=search.eps, tolerance=search.tolerance, checkpoint=checkpoint
+    )
+    return precise if precise.status.is_final or precise.status is Status.INTERRUPTED else None
+
+
+def _of_part(found: Candidates, part: str) -> Candidates:
+    """Candidates that an exact search found on a part of a graph, as those of a stage."""
+    return replace(
+        found,
+        status=found.status if found.status is Status.INTERRUPTED else Status.UNFINISHED,
+        certificate=f"{found.certificate}; the whole graph was not searched",
+        provenance=tuple(origin | {"stage": part} for origin in found.provenance),
+    )
+
+
+@planner("exact")
+@dataclass(frozen=True)
+class Exact(ExactSearch, OnGraph):
+    """All non-dominated paths of a graph of any family, found by exact multi-objective search.
+
+    on            the graph family with its options, such as ``{"lattice": {"step": 0.5}}``,
+                  ``{"roadmap": {"samples": 300}}`` or ``{"corners": {"step": 0.5}}``
+    max_detour    longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
+                  which needs max_turns as well; a time-mean is then optimised itself
+    max_turns     count  paths with more turns are left out; needs the criterion turns
+    eps           every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
+    tolerance     or within these amounts, by the name of a cost: ``{"length": 0.1}``
+    time_limit    s      to read the map, build the graph and search, not to compile; what is found until then is
+                         returned and called incomplete
+    max_labels    count  partial paths kept by the search
+    max_memory    bytes  of the map that is read, the fields that are made, the graph and the search
+    checkpoint    file in which the search keeps its state, and from which it goes on if it is there
+    clock         s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
+    hold          s  that the robot stands at least when it waits for people who move; None: it never waits
+    arrive_by     s  at the latest, among people who move; None: whenever
+    margin        m  to be kept from people, those who stand as well
+
+    The planners "lattice", "roadmap" and "any-angle" are this search with the options of their graph beside its own.
+    Accepts criteria that add up along edges or take the worst edge (sum, max), at most six. Guarantees that no path of
+    the graph is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge.
+    :class:`hpop.planners.lattice.Lattice` says what eps, tolerance, checkpoint, max_detour and the clock promise.
+    """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.take_needs()
+
+
+def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
+    """Have other processes compile what exact searches among some planners take, if nothing of it is kept.
+
+    They begin after the first answer where the first planner has stages, else at once; the value is when, None for
+    not at all.
+    """
+    searching = [planner for planner in planners if planner.needs_kernels]
+    if not searching:
+        return nullcontext()
+    criteria = edge_objectives(problem.criteria, searching[0].name).optimised
+    turns = place_of("turns", criteria)
+    onset = Onset.AFTER_FIRST if planners[0].answers_in_stages else Onset.AT_ONCE
+    aggregates = ["max" if criterion.aggregate == "max" else "sum" for criterion in criteria]
+    return compiling_beside(aggregates, -1 if turns is None else turns, onset, main_kernels)
