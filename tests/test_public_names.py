@@ -100,6 +100,10 @@ hpop.planners.graphs.GraphFamily
 hpop.planners.graphs.LatticeGraph
 hpop.planners.graphs.OnGraph
 hpop.planners.graphs.RoadmapGraph
+hpop.planners.graphs.family.BuiltGraph
+hpop.planners.graphs.family.GraphFamily
+hpop.planners.graphs.family.OnGraph
+hpop.planners.graphs.family.graph_family
 hpop.planners.graphs.graph_family
 hpop.planners.judgement.judge
 hpop.planners.lattice.Lattice
