@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 
+INSTANT = 1e-12  # s: a phase that lasts no longer is one by rounding, such as the cruise of a short turn
+
+
 class Phase(NamedTuple):
     """One smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
 
@@ -54,7 +57,7 @@ class Phase(NamedTuple):
             "slow-down": (2.0 - 2.0 * u, -2.0),
             "ramp": (1.0 + self.change * (2.0 * u - 1.0), 2.0 * self.change),
         }[self.shape]
-        lasts = self.duration > 0
+        lasts = self.duration > INSTANT
         frequency = np.where(lasts, 1.0 / np.where(lasts, self.duration, 1.0), 0.0)
         scale = (self.end - self.begin) * frequency
         return scale * first, scale * frequency * second

@@ -45,6 +45,16 @@ def test_a_turn_about_the_camera_costs_its_angle_and_its_fastest_rate():
     assert trajectory_cost(PeakOpticFlow(), short, CORRIDOR) == pytest.approx(math.sqrt(3.0 * 0.3))
 
 
+def test_no_short_turn_flows_faster_than_its_ramps_let_it():
+    """A turn of less than ω²/a has no cruise, and its fastest rate is sqrt(a angle)."""
+    robot = DifferentialDrive(radius=0.05)
+    angles = np.linspace(0.01, 0.7, 400)
+    turns = [Trajectory.from_poses(robot, [(1, 1, 0), (1, 1, angle)]) for angle in angles]
+    room = World.from_polygons([], extent=shapely.box(0, 0, 2, 2))
+    fastest = [trajectory_cost(PeakOpticFlow(), turn, room) for turn in turns]
+    assert fastest == pytest.approx(np.sqrt(robot.laws["turn"].turn_acceleration * angles), rel=1e-6)
+
+
 def brute_force(robot, path, samples):
     """Mean over bearings integrated over time, and the largest, by shapely rays at the planned states and rates."""
     times = (np.arange(samples) + 0.5) * path.duration / samples
