@@ -186,6 +186,13 @@ def test_an_option_of_neither_graph_nor_search_names_both_lists() -> None:
         hpop.planners.make_planner({"exact": {"on": "lattice", "step": 0.5}})
 
 
+@pytest.mark.parametrize("anchor", ["n" * 5000, 7, ["world"]], ids=["long", "number", "list"])
+def test_an_anchor_that_is_none_is_refused_in_a_short_message(anchor: Any) -> None:
+    with pytest.raises(OptionError, match="anchor must be one of start, world, got ") as refused:
+        hpop.Lattice(anchor=anchor)
+    assert len(str(refused.value)) < 200
+
+
 def test_the_flat_planners_are_the_same_searches() -> None:
     asked = question("lattice")
     flat = asked.solve({"lattice": {"step": 0.7, "eps": 0.1}})

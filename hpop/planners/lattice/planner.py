@@ -23,6 +23,7 @@ from hpop.planners.spending import Spending
 from hpop.planners.timed.asked import people_move
 from hpop.scalars import set_python_values
 from hpop.status import ProgressCallback
+from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -63,8 +64,8 @@ class LatticeGraph(GraphFamily):
         set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
         truth("corner_cutting", self.corner_cutting)
         Headings(self.headings)
-        if self.anchor not in ANCHORS:
-            raise OptionError(f"anchor must be one of {', '.join(ANCHORS)}, got {self.anchor!r}")
+        if not isinstance(self.anchor, str) or self.anchor not in ANCHORS:
+            raise OptionError(f"anchor must be one of {', '.join(ANCHORS)}, got {shown(self.anchor)}")
 
     def build(
         self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
