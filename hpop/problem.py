@@ -21,14 +21,14 @@ from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.following import followed
 from hpop.front import Front
-from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal, required_by
+from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
 from hpop.html import facts_html, picture_html
 from hpop.models.collision.leaving import left
-from hpop.motions import Model
+from hpop.motions import MODEL_DEFAULTS, Model, laws_of
 from hpop.motions.space import StateSpec, Values
 from hpop.options import LEAST, MOST, real
 from hpop.planners.base import Candidates, PlannerSpec
-from hpop.registry import make_model
+from hpop.registry import completed, make_model
 from hpop.sight import notes_on_landmarks
 from hpop.solving import StageCallback
 from hpop.status import ProgressCallback
@@ -92,6 +92,7 @@ class Problem:
                 f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
                 f"{_lacks(model)}"
             )
+        laws_of(completed(model, MODEL_DEFAULTS))
         if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
             raise CriterionError(f"criteria is a list such as ['turns', 'length'], got {shown(criteria)}")
         made = tuple(make_criterion(spec) for spec in criteria)
@@ -115,7 +116,7 @@ class Problem:
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", model.space.values(begin))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
-        if absent := sorted(required_by(self.goal) - model.provides):
+        if absent := sorted(self.target.requires - model.provides):
             raise QueryError(f"the goal {self.goal} requires {', '.join(absent)}, which the model does not have")
         object.__setattr__(self, "criteria", made)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
@@ -135,13 +136,13 @@ class Problem:
     @property
     def target(self) -> Goal:
         """The goal as states of which any will do, also where it is one."""
-        return GoalSet((self.goal,)) if isinstance(self.goal, tuple) else self.goal
+        return cast(Goal, GoalSet((self.goal,))) if isinstance(self.goal, tuple) else self.goal
 
     @property
     def goals(self) -> tuple[Values, ...]:
         """The states of which any will do, angles that are free None; QueryError where the goal is no list of them."""
-        if isinstance(self.target, GoalSet):
-            return self.target.members
+        if self.target.listed:
+            return self.target.listed
         raise QueryError(f"this needs a goal that is a state, or a list of states, got {shown(self.goal)}")
 
     def solve(
@@ -286,7 +287,7 @@ def _lacks(model: Any) -> str:
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
     """A mean and the integral that stands in for it in graph searches may both be listed, if they agree."""
     for mean in criteria:
-        integral = getattr(mean, "integral", mean)
+        integral = mean.integral or mean
         for other in criteria:
             if other.name == integral.name and other != integral:
                 raise CriterionError(

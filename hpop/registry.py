@@ -32,6 +32,7 @@ from hpop.errors import (
 from hpop.text import shown
 
 T = TypeVar("T", bound=Callable[..., Any])
+P = TypeVar("P")
 
 # The paper's groups of criteria, so that no aspect is forgotten (Becerra et al. 2020).
 GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
@@ -125,6 +126,19 @@ class Registry(Mapping[str, T], Generic[T]):
 def _origin(item: Any) -> str:
     """Where a type or function is defined: module and name."""
     return f"{item.__module__}.{item.__qualname__}"
+
+
+def completed(plugin: P, defaults: Mapping[str, Any]) -> P:
+    """Return a plugin, a class or an instance, whose class now has those parts of a contract that it leaves out.
+
+    Attributes of the class and of the instance stay what they are.
+    """
+    cls: Any = plugin if isinstance(plugin, type) else type(plugin)
+    for name, value in defaults.items():
+        # A property of an instance may take long, so its class is asked first.
+        if not (name.startswith("__") or hasattr(cls, name) or hasattr(plugin, name)):
+            setattr(cls, name, value)
+    return plugin
 
 
 criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)

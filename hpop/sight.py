@@ -11,8 +11,6 @@ from shapely.geometry.base import BaseGeometry
 from hpop.arrays import BoolArray
 from hpop.criteria.base import Criterion
 from hpop.goals import Goal
-from hpop.goals.look_at import LookAt
-from hpop.goals.sets import AnyOf
 from hpop.motions import Model, States
 from hpop.text import some
 from hpop.trajectory import Trajectory
@@ -26,19 +24,19 @@ RAYS = 37
 
 def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
     """Say from where trajectories end whose camera looks at a target that something hides."""
-    looks = [one for one in (goal.members if isinstance(goal, AnyOf) else (goal,)) if isinstance(one, LookAt)]
+    looks = [(one, one.looked_at) for one in goal.alternatives() if one.looked_at is not None]
     if not looks or not len(trajectories):
         return ()
     names = model.space.names
     ends = States(**{name: np.array([getattr(t.states, name)[-1] for t in trajectories]) for name in names})
     notes = []
-    for look in looks:
+    for look, target in looks:
         there = look.reached(model, ends)
-        hidden = there & _hidden(world, model, ends, look.target)
+        hidden = there & _hidden(world, model, ends, target)
         if hidden.any():
             share = "" if hidden.sum() == there.sum() else f"{hidden.sum()} of {there.sum()} trajectories, by number "
             share += "" if not share else some([str(i) for i in np.flatnonzero(hidden).tolist()])
-            x, y, z = look.target
+            x, y, z = target
             notes.append(
                 f"the target ({x:g}, {y:g}, {z:g}) of look_at is hidden by an obstacle from where "
                 f"{share or 'all trajectories'} end: check its place and height, or list the criterion 'occlusion'"

@@ -137,7 +137,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
     notes = [
         *candidates.notes,
         *_empty_groups(problem.criteria),
-        *getattr(problem.model, "notes", ()),
+        *problem.model.notes,
         *problem.notes,
         *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
     ]

@@ -15,11 +15,12 @@ from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.batches import motions_of
 from hpop.errors import ModelError, OptionError
 from hpop.math import wrap
-from hpop.motions import HOLD, Curve, Model, Motions, States, is_curve, laws_of, slopes
+from hpop.motions import HOLD, MODEL_DEFAULTS, Curve, Model, Motions, States, is_curve, laws_of, slopes
 from hpop.motions.body_table import body_table
 from hpop.motions.hold import CLOCK, LONGEST
 from hpop.motions.possible import STILL, extras, refuse_holds, refuse_impossible
 from hpop.options import LEAST, MOST, real, whole
+from hpop.registry import completed
 from hpop.table import Table
 from hpop.text import shown
 
@@ -55,7 +56,7 @@ class Trajectory:
             raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
         if not all(np.isfinite(column).all() for column in columns.values()):
             raise ModelError("the states of a trajectory must be finite numbers")
-        laws = laws_of(self.model)
+        laws = laws_of(completed(self.model, MODEL_DEFAULTS))
         unknown = set(self.kinds) - set(laws)
         if unknown:
             raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(laws)}")

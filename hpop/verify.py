@@ -11,10 +11,8 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray
 from hpop.contacts import contact
 from hpop.criteria.base import Criterion, trajectory_costs
-from hpop.criteria.others.robot import upright_parts
 from hpop.front import Front
 from hpop.further import claimable, criteria_of
-from hpop.goals import GoalSet
 from hpop.motion_table import MotionTable
 from hpop.motions import Motions, States, free_along
 from hpop.motions.space import Values
@@ -74,7 +72,7 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
             say(f"people who move about {i:,} of {len(front):,} trajectories")
         margin = front.provenance[i].get("margin")
         kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
-        parts = upright_parts(problem.model)
+        parts = problem.model.platform
         if fault := contact(parts, people, trajectory, kept, left):
             yield f"trajectory {i} {fault}"
         done = trajectory.execution()
@@ -139,7 +137,7 @@ def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
     """Trajectories (n,) to look at one by one: ends that are not the problem's, motions that the model doubts."""
     first, last = table.states.take(table.first), table.states.take(table.last)
     suspects = ~_Miss.of(problem, problem.start, first).none
-    if isinstance(problem.target, GoalSet):
+    if problem.target.listed:
         suspects |= ~np.any([_Miss.of(problem, goal, last).none for goal in problem.goals], axis=0)
     else:
         suspects |= ~problem.target.reached(problem.model, last)
@@ -195,7 +193,7 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
     first, last = (trajectory.states.take([row]) for row in (0, -1))
     if not _Miss.of(problem, problem.start, first).none.all():
         yield "does not begin at the start"
-    if not isinstance(problem.target, GoalSet):
+    if not problem.target.listed:
         if not problem.target.reached(problem.model, last).all():
             yield "does not end at the goal"
         return

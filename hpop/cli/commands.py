@@ -105,6 +105,7 @@ def plan(
 
     garbage.seldom()
     from hpop.cli import preferred, report, user_code
+    from hpop.motions import collision_of
     from hpop.planners.base import sweeps
     from hpop.planners.searches.exact import kernels_beside
     from hpop.scenario import load_scenario
@@ -137,7 +138,7 @@ def plan(
     if onset is not None:
         echo(COMPILING.format(onset), err=True)
     model, world = loaded.problem.model, loaded.problem.world
-    if "joints" in model.provides and getattr(model.collision(world), "is_uncompiled", False):
+    if "joints" in model.provides and collision_of(model, world).is_uncompiled:
         echo(COLLISIONS, err=True)
     with _executor(workers, dask) as executor, stopping_told():
         fronts = _solved(loaded, out, executor, imports, live, waits=onset is Onset.AFTER_FIRST)

@@ -23,7 +23,6 @@ from hpop.frontier import hypervolume
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
 from hpop.further import criteria_of
-from hpop.goals import GoalSet
 from hpop.problem import Problem
 from hpop.text import printable
 
@@ -64,7 +63,7 @@ def print_front(
     def say(line: str) -> None:
         console.print(Text(printable(line)), highlight=False)
 
-    if not isinstance(problem.target, GoalSet):
+    if not problem.target.listed:
         say(f"goal: {problem.target}")
     decides = [f"{name} is the same for every trajectory and decides nothing here" for name in front.inactive]
     for note in (*problem.world.notes, *front.notes, *decides):

@@ -32,11 +32,13 @@ from hpop.history import History
 from hpop.limits import LimitPassed
 from hpop.motion_table import BLOCK, MotionTable
 from hpop.motions import Model, Motions, lacking
-from hpop.registry import criteria, made
+from hpop.registry import completed, criteria, made
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.criteria.convex import ConvexCost, ConvexPath
+    from hpop.motions import States
     from hpop.world import World
 
 Group = Literal["P", "C", "R", "O"]
@@ -59,8 +61,16 @@ class Criterion(Protocol):
     smooth     whether the cost has a gradient; a nonlinear program refuses the others by name
     quantum    resolution at which costs are compared, in the unit: exact searches add integers of it
 
-    It may also have a method ``bound(start, goal)``: a lower bound (M,) on the cost of any trajectory between states;
-    and ``convex(path)``: the cost of polylines as a convex expression, see :mod:`hpop.criteria.convex`.
+    These may be left out, and have defaults:
+
+    role         "duration", "length" or "turns", where planners know the cost as that; None
+    world_frame  whether it knows directions or places by itself, apart from the world's content; False
+    instead      names of criteria for models that lack what it requires; ()
+    integral     of a time-mean: the criterion that adds up in its place; None for its own integral over time
+    mean         of what stands in for a time-mean: that one; None
+    stand_in_quantum  quantum of what adds up in its place, where one was set; None
+    bound        method of states (M,) and others: a lower bound (M,) on the cost of any trajectory between them; None
+    convex       method of a path: the cost of polylines as a convex expression, :mod:`hpop.criteria.convex`; None
     """
 
     @property
@@ -83,6 +93,38 @@ class Criterion(Protocol):
         With memory (aggregate "trajectory"), the running value (M,) at the end of each motion of a
         :class:`hpop.history.History`.
         """
+
+    if TYPE_CHECKING:  # the defaults are set by `completed`
+
+        @property
+        def role(self) -> Role | None: ...
+        @property
+        def world_frame(self) -> bool: ...
+        @property
+        def instead(self) -> tuple[str, ...]: ...
+        @property
+        def integral(self) -> Criterion | None: ...
+        @property
+        def mean(self) -> Criterion | None: ...
+        @property
+        def stand_in_quantum(self) -> float | None: ...
+        @property
+        def bound(self) -> Callable[[States, States], Column] | None: ...
+        @property
+        def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
+
+
+CRITERION_DEFAULTS: dict[str, Any] = {
+    "role": None,
+    "world_frame": False,
+    "instead": (),
+    "integral": None,
+    "mean": None,
+    "stand_in_quantum": None,
+    "bound": None,
+    "convex": None,
+}
+"""What a criterion has of the contract without saying so."""
 
 
 CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any] | None]
@@ -146,7 +188,7 @@ def criterion(
             raise CriterionError(f"criterion {name!r}: parameters may not be called {sorted(taken)}")
         for key, value in declared.items():
             setattr(cls, key, value)
-        criteria.add(name, cls)
+        criteria.add(name, completed(cls, CRITERION_DEFAULTS))
         return checked_arguments(cls)
 
     return declare
@@ -161,7 +203,7 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     if isinstance(spec, str | Mapping):
         return cast(Criterion, made(criteria, spec))
     if not isinstance(spec, type) and isinstance(spec, Criterion):
-        return spec
+        return completed(spec, CRITERION_DEFAULTS)
     raise CriterionError(
         f"a criterion is a name or an instance such as Turns(), got {shown(spec)}; declare a class with @hpop.criterion"
     )
@@ -169,7 +211,7 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
 
 def place_of(role: Role, criteria: Sequence[Criterion]) -> int | None:
     """Place of the criterion that planners know by a role; None if none of them has it."""
-    return next((j for j, criterion in enumerate(criteria) if getattr(criterion, "role", None) == role), None)
+    return next((j for j, criterion in enumerate(criteria) if criterion.role == role), None)
 
 
 def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
@@ -200,8 +242,8 @@ def check_command(criterion: Criterion) -> str:
 
 def _asked(criterion: Criterion) -> type:
     """The class of the criterion that was asked for: of a mean, where its time integral stands in for it."""
-    cls, mean = type(criterion), getattr(criterion, "mean", None)
-    return type(mean) if cls.__module__.startswith("hpop.") and isinstance(mean, Criterion) else cls
+    cls, mean = type(criterion), criterion.mean
+    return type(mean) if cls.__module__.startswith("hpop.") and mean is not None else cls
 
 
 @checked_arguments
@@ -219,11 +261,10 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
 
 def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
     """Raise CriterionError for a criterion that requires what a model and a world lack, with those to take instead."""
-    absent = lacking(criterion.requires, model, world)
+    absent = lacking(completed(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return
-    others = getattr(criterion, "instead", ())
-    found = {name: cast(Criterion, criteria[name]) for name in others if name in criteria}
+    found = {name: cast(Criterion, criteria[name]) for name in criterion.instead if name in criteria}
     able = [name for name, one in found.items() if not lacking(one.requires, model, world)]
     raise CriterionError(
         f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"

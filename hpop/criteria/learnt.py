@@ -115,7 +115,7 @@ class Learnt:
             "source": source,
             "requires": tuple(dict.fromkeys(name for one in made for name in one.requires)),
             "smooth": all(one.smooth for one in made),
-            "world_frame": any(getattr(one, "world_frame", False) for one in made),
+            "world_frame": any(one.world_frame for one in made),
             "__doc__": f"{type(self).__doc__}\n    {source}.\n",
         }
         for name, value in declared.items():
@@ -140,8 +140,7 @@ def checked_parts(given: Any) -> tuple[tuple[float, Criterion], ...]:
             raise CriterionError("learnt: a learnt criterion is made of others, not of one that is learnt itself")
         made = make_criterion(spec)
         if made.aggregate != "sum":
-            integral = getattr(made, "integral", None)
-            hint = f"take {integral.name!r}, which does" if integral is not None else "leave it out"
+            hint = "leave it out" if made.integral is None else f"take {made.integral.name!r}, which does"
             raise CriterionError(f"learnt: {made.name!r} ({made.aggregate}) does not add up along a trajectory; {hint}")
         if made.name in [one.name for _, one in found]:
             raise CriterionError(f"learnt: each criterion may be part of it once, got {made.name!r} twice")

@@ -30,7 +30,7 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
         raise CriterionError(
             f"quanta gives steps by the names of costs, such as {{'length': 0.01}}, got {shown(quanta)}"
         )
-    stand_ins = [stand_in for criterion in criteria if (stand_in := _stand_in(criterion)) is not None]
+    stand_ins = [criterion.integral for criterion in criteria if criterion.integral is not None]
     by_name: dict[str, Criterion] = {**{c.name: c for c in criteria}, **{c.name: c for c in stand_ins}}
     for name, quantum in quanta.items():
         if name not in by_name:
@@ -47,11 +47,9 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
 
 def stand_in_of(mean: Criterion) -> Criterion | None:
     """What adds up in the place of a time-mean, where that names it, at the resolution that was asked for."""
-    stand_in = _stand_in(mean)
-    quantum = getattr(mean, "stand_in_quantum", None)
-    if stand_in is None or quantum is None:
-        return stand_in
-    return _set(stand_in, "quantum", quantum)
+    if mean.integral is None or mean.stand_in_quantum is None:
+        return mean.integral
+    return _set(mean.integral, "quantum", mean.stand_in_quantum)
 
 
 def stated(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
@@ -65,12 +63,8 @@ def stated(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
     return f"; quanta as set: {', '.join(own)}" if own else ""
 
 
-def _stand_in(mean: Criterion) -> Criterion | None:
-    return getattr(mean, "integral", None)
-
-
 def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
-    stand_in = _stand_in(criterion)
+    stand_in = criterion.integral
     if stand_in is not None and stand_in.name in quanta:
         criterion = _set(criterion, "stand_in_quantum", quanta[stand_in.name])
     return _set(criterion, "quantum", quanta[criterion.name]) if criterion.name in quanta else criterion

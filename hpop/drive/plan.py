@@ -9,6 +9,7 @@ import numpy as np
 
 from hpop.arrays import IntArray
 from hpop.errors import DriveError
+from hpop.models.laws import Turn
 from hpop.motions import HOLD, States, is_curve, laws_of
 from hpop.motions.hold import CLOCK, LONGEST
 from hpop.motions.possible import extras
@@ -143,7 +144,8 @@ class Plan:
     @property
     def ramp(self) -> float:
         """How much longer a run takes that ends, s: v/2a, half of what stopping and starting lose."""
-        return 0.5 * float(getattr(laws_of(self.announced.model).get("turn"), "loss", 0.0))
+        turn = self.announced.model.laws.get("turn")
+        return 0.5 * turn.loss if isinstance(turn, Turn) else 0.0
 
     @property
     def stops_for(self) -> float:

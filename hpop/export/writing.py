@@ -190,7 +190,7 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
         "units": dict(given.units),
         "status": front.status,
         "certificate": front.certificate,
-        "robot": getattr(given.trajectory.model, "name", type(given.trajectory.model).__name__),
+        "robot": given.trajectory.model.name,
         "body": given.body,
         "planned": given.planned,
         "rate": float(given.rate),

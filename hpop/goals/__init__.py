@@ -1,6 +1,6 @@
 """Where a trajectory shall end: at a state, at any of several, or wherever a body is where it shall be."""
 
-from hpop.goals.base import REACHED, Goal, goal, places_of, required_by
+from hpop.goals.base import REACHED, Goal, goal
 from hpop.goals.given import GoalSpec, checked_goal, is_named
 from hpop.goals.look_at import LookAt
 from hpop.goals.pose_at import CameraAt, ToolAt
@@ -20,6 +20,4 @@ __all__ = [
     "checked_goal",
     "goal",
     "is_named",
-    "places_of",
-    "required_by",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import is_dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
@@ -12,10 +12,13 @@ from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray
 from hpop.errors import QueryError
 from hpop.motions import Model, States
-from hpop.registry import goals
+from hpop.registry import completed, goals
 
 if TYPE_CHECKING:
+    from hpop.motions.space import Values
     from hpop.problem import Problem
+
+    Place = tuple[float, float, float]
 
 T = TypeVar("T", bound=type)
 
@@ -26,7 +29,13 @@ REACHED = 1e-6  # m or rad: no column of a state that reaches a goal is off by m
 class Goal(Protocol):
     """States of which any will do.
 
-    It may have ``requires``, what a model must provide for it, and ``places``, (x, y, z) in m, that pictures mark.
+    These may be left out, and have defaults:
+
+    requires      what a model must provide for it; frozenset()
+    places        (x, y, z) m, that pictures mark; ()
+    listed        its states, as a space has their values, where it is a list of them; ()
+    looked_at     (x, y, z) m, at which the camera looks where it is reached; None
+    alternatives  method: the goals of which it is any; itself
     """
 
     def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
@@ -38,6 +47,35 @@ class Goal(Protocol):
     def describe(self) -> Any:
         """JSON-able description, from which a problem makes the same goal."""
 
+    if TYPE_CHECKING:  # the defaults are set by `completed`
+
+        @property
+        def requires(self) -> frozenset[str]: ...
+
+        @property
+        def places(self) -> tuple[Place, ...]: ...
+
+        @property
+        def listed(self) -> tuple[Values, ...]: ...
+
+        @property
+        def looked_at(self) -> Place | None: ...
+
+        def alternatives(self) -> tuple[Goal, ...]: ...
+
+
+class GoalDefaults:
+    """What a goal has of the contract without saying so."""
+
+    requires: Any = frozenset[str]()
+    places: Any = ()
+    listed: Any = ()
+    looked_at: Any = None
+
+    def alternatives(self) -> tuple[Goal, ...]:
+        """Return the goals of which this one is any."""
+        return (cast(Goal, self),)
+
 
 @checked_arguments
 def goal(name: str) -> Callable[[T], T]:
@@ -47,19 +85,7 @@ def goal(name: str) -> Callable[[T], T]:
         if not is_dataclass(cls) or not all(hasattr(cls, method) for method in ("states", "reached", "describe")):
             raise QueryError(f"goal {name!r} must be a dataclass that follows hpop.goals.Goal, such as a Region")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
-        goals.add(name, cls)
+        goals.add(name, completed(cls, vars(GoalDefaults)))
         return checked_arguments(cls)
 
     return declare
-
-
-@checked_arguments
-def places_of(goal: Goal) -> tuple[tuple[float, float, float], ...]:
-    """Places (x, y, z), m, that a goal is about, if it says which."""
-    return tuple(getattr(goal, "places", ()))
-
-
-@checked_arguments
-def required_by(goal: object) -> frozenset[str]:
-    """What a model must provide for a goal."""
-    return frozenset(getattr(goal, "requires", ()))

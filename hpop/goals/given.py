@@ -9,10 +9,10 @@ import numpy as np
 
 from hpop.arguments import checked_arguments
 from hpop.errors import QueryError
-from hpop.goals.base import Goal
+from hpop.goals.base import Goal, GoalDefaults
 from hpop.goals.sets import AnyOf, GoalSet
 from hpop.motions.space import StateSpace, StateSpec, Values
-from hpop.registry import goals, made
+from hpop.registry import completed, goals, made
 from hpop.scalars import python_value
 from hpop.text import shown
 
@@ -30,10 +30,10 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
     several = _several(given, (*ENTRIES, str) if space.named or space.unnamed else ENTRIES)
     if not several:
         raise QueryError(f"a goal is {space}, or a list of such states of which any will do, got {shown(given)}")
-    states, others = dict[Values, None](), list[Goal]()
+    states, others = dict[Values, None](), list[Any]()
     for place, one in enumerate(several):
         if isinstance(one, Goal) or is_named(one):
-            others.append(one if isinstance(one, Goal) else made(goals, one))
+            others.append(completed(one, vars(GoalDefaults)) if isinstance(one, Goal) else made(goals, one))
         else:
             what = f"goal {place}" if len(several) > 1 else "goal"
             states[space.values(space.state(one, free=space.angles, what=what))] = None

@@ -62,6 +62,11 @@ class LookAt(Region):
         return "camera"
 
     @property
+    def looked_at(self) -> Place:
+        """The target."""
+        return self.target
+
+    @property
     def places(self) -> tuple[Place, ...]:
         """The target."""
         return (self.target,)

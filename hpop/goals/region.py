@@ -17,7 +17,7 @@ import numpy as np
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import QueryError
-from hpop.goals.base import REACHED
+from hpop.goals.base import REACHED, GoalDefaults
 from hpop.goals.inverse_kinematics import InverseKinematics, sampled_space
 from hpop.math import not_radians
 from hpop.motions import Model, Pose, States, Twist
@@ -34,7 +34,7 @@ Place = tuple[float, float, float]
 
 
 @checked_arguments
-class Region(ABC):
+class Region(GoalDefaults, ABC):
     """A body within bounds: a frozen dataclass, whose fields are its parameters, gives what is abstract here.
 
     A goal of your own needs ``body``, ``coordinates`` of its pose, their ``rates`` and ``bounds``;
@@ -62,11 +62,6 @@ class Region(ABC):
     def tolerances(self) -> tuple[float, float]:
         """By how much a state that reaches the goal may be beyond the bounds, m and rad."""
         return REACHED, REACHED
-
-    @property
-    def places(self) -> tuple[Place, ...]:
-        """Places that pictures mark, m."""
-        return ()
 
     @abstractmethod
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray
 from hpop.errors import HpopWarning, QueryError
-from hpop.goals.base import REACHED, places_of, required_by
+from hpop.goals.base import REACHED, Goal, GoalDefaults
 from hpop.motions import Model, States
 from hpop.motions.space import Values
 from hpop.randomness import RNG
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @checked_arguments
 @dataclass(frozen=True)
-class GoalSet:
+class GoalSet(GoalDefaults):
     """A few states of which any will do; a value of None is free.
 
     >>> GoalSet([(3, 1, None), (5, 2, 0.0)]).describe()
@@ -34,6 +34,11 @@ class GoalSet:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(self.members))
+
+    @property
+    def listed(self) -> tuple[Values, ...]:
+        """The states."""
+        return self.members
 
     def __str__(self) -> str:
         """The states in few characters."""
@@ -70,7 +75,7 @@ class GoalSet:
 
 @checked_arguments
 @dataclass(frozen=True, init=False)
-class AnyOf:
+class AnyOf(GoalDefaults):
     """Goals of which any will do: to look at any of several cans, or else to be at a state.
 
     States, and names of states and goals, are understood by the problem that has them among its goals.
@@ -91,12 +96,16 @@ class AnyOf:
     @property
     def requires(self) -> frozenset[str]:
         """What any of them does."""
-        return frozenset().union(*map(required_by, self.members))
+        return frozenset().union(*(member.requires for member in self.members))
 
     @property
     def places(self) -> tuple[tuple[float, float, float], ...]:
         """Those of all members."""
-        return tuple(place for member in self.members for place in places_of(member))
+        return tuple(place for member in self.members for place in member.places)
+
+    def alternatives(self) -> tuple[Goal, ...]:
+        """Those of all members."""
+        return tuple(goal for member in self.members for goal in member.alternatives())
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """As many of each member, as far as there are; QueryError where none can be reached, a warning where some."""
@@ -124,5 +133,5 @@ class AnyOf:
         """A list of goals, each state by itself."""
         rows: list[Any] = []
         for member in self.members:
-            rows += map(list, member.members) if isinstance(member, GoalSet) else [member.describe()]
+            rows += [list(state) for state in member.listed] or [member.describe()]
         return rows

@@ -22,9 +22,9 @@ from hpop.models.execution import rest_to_rest_execution
 from hpop.models.laws import Move, Turn
 from hpop.models.legs import turn_move_turn
 from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body
-from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
+from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import FARTHEST
-from hpop.registry import models
+from hpop.registry import completed, models
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def model(name: str) -> Callable[[T], T]:
                 raise ModelError(f"model {name!r} has {noun} as a method; write @property above it")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         update_abstractmethods(cls)
-        models.add(name, cls)
+        models.add(name, completed(cls, MODEL_DEFAULTS))
         return checked_arguments(cls)
 
     return declare
@@ -112,6 +112,11 @@ class PlanarModel(Model):
     @abstractmethod
     def mounts(self) -> Mapping[str, Mount]:
         """Its bodies by name, "base" and "camera" for example, and where they are on the base."""
+
+    @property
+    def platform(self) -> tuple[Part, ...]:
+        """The parts: x, y and yaw place them."""
+        return self.parts
 
     @property
     def provides(self) -> frozenset[str]:

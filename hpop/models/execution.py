@@ -52,8 +52,7 @@ class Ramps(NamedTuple):
     @classmethod
     def of(cls, model: Model) -> Ramps | None:
         """Those of a model whose moves are executed as runs; None of others, of whose executions nothing is known."""
-        executed: Mapping[str, str] = getattr(model, "executed", {})
-        run = model.laws.get(executed.get("move", ""))
+        run = model.laws.get(model.executed.get("move", ""))
         if not isinstance(run, Run):
             return None
         return cls(0.5 * run.speed / run.acceleration, run.speed**2 / (8.0 * run.acceleration))

@@ -23,7 +23,7 @@ def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
     """
     if fov is not None:
         return fov, ALL[1]
-    return getattr(model, "field_of_view", None) or ALL
+    return model.field_of_view or ALL
 
 
 def checked_fov(fov: float | None) -> float | None:

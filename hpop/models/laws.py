@@ -20,7 +20,7 @@ import numpy as np
 
 from hpop.arrays import Column
 from hpop.math import hypot, is_symbolic, smooth_abs
-from hpop.motions import Phase, States
+from hpop.motions import LawDefaults, Phase, States
 
 TINY = 1e-12  # m or rad: below this a rest-to-rest time has no usable slope
 
@@ -59,7 +59,7 @@ def linear(name: str, start: States, end: States, share: Column) -> Column:
     return begin + (getattr(end, name) - begin) * share
 
 
-class _Straight:
+class _Straight(LawDefaults):
     """Geometry of a straight movement with constant heading."""
 
     varies = frozenset({"x", "y"})
@@ -74,7 +74,7 @@ class _Straight:
         return 0.0 * (end.yaw - start.yaw)
 
 
-class _InPlace:
+class _InPlace(LawDefaults):
     """Geometry of a rotation about the base's axis."""
 
     varies = frozenset({"yaw"})

@@ -9,15 +9,29 @@ from __future__ import annotations
 
 from hpop.motions.batch import Motions, lacking
 from hpop.motions.bodies import Body, integrated
-from hpop.motions.collision import Collision, JointCollision, PlaneCollision, Separations, free_along
+from hpop.motions.collision import Collision, JointCollision, PlaneCollision, Separations, collision_of, free_along
 from hpop.motions.hold import HOLD, Hold, laws_of, stands
 from hpop.motions.instants import Instants, Rate
-from hpop.motions.laws import Coupled, Curve, Law, Leg, Model, Phase, is_coupled, is_curve, onward, slopes
+from hpop.motions.laws import (
+    MODEL_DEFAULTS,
+    Coupled,
+    Curve,
+    Law,
+    LawDefaults,
+    Leg,
+    Model,
+    Phase,
+    is_coupled,
+    is_curve,
+    onward,
+    slopes,
+)
 from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States, Twist, Vector
 
 __all__ = [
     "HOLD",
+    "MODEL_DEFAULTS",
     "Body",
     "Collision",
     "Coupled",
@@ -26,6 +40,7 @@ __all__ = [
     "Instants",
     "JointCollision",
     "Law",
+    "LawDefaults",
     "Leg",
     "Model",
     "Motions",
@@ -38,6 +53,7 @@ __all__ = [
     "States",
     "Twist",
     "Vector",
+    "collision_of",
     "free_along",
     "integrated",
     "is_coupled",

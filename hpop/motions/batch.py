@@ -93,7 +93,7 @@ class Motions:
         has such motions; of two the first in the batch is the place of both.
         """
         places = np.arange(len(self))
-        if self._symbolic or not getattr(self.law, "reversible", False):
+        if self._symbolic or not self.law.reversible:
             return places
         names = self.start.names
         start, end = (np.stack([getattr(states, name) for name in names]) for states in (self.start, self.end))
@@ -270,7 +270,7 @@ class Motions:
     @property
     def _adaptive(self) -> bool:
         """Whether the law names an adaptive quadrature for what is not fixed to so many panels."""
-        return self.panels is None and not self._symbolic and getattr(self.law, "quadrature", None) == "adaptive"
+        return self.panels is None and not self._symbolic and self.law.quadrature == "adaptive"
 
     @cached_property
     def _turned(self) -> Column:

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions.states import States
+from hpop.registry import completed
 
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions
+    from hpop.motions.laws import Model
+    from hpop.world import World
 
 
 class Collision(Protocol):
     """A robot among what blocks it in a world: obstacles, keep-out zones, people who stand, the border of the map.
 
-    It may have a method ``clearance(states)``: how far (N,), m, the whole robot is from that.
+    These may be left out, and have defaults (:func:`collision_of`):
+
+    clearance        method of states (N,): distance (N,), m, of the whole robot from what blocks it; None
+    least_clearance  method of motions (M,) of laws that are not coupled and a distance: the least clearance (M,), m,
+                     along each, at most that distance; None where samples of ``clearance`` stand for it
+    is_uncompiled    whether the first question takes longer, for kernels that are not compiled yet; False
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -26,6 +35,29 @@ class Collision(Protocol):
 
     def why_blocked(self, state: States) -> str:
         """What blocks one state (1,) and what helps, in words without the last full stop; empty when it is free."""
+
+
+class WholeCollision(Collision, Protocol):
+    """The same with what may be left out."""
+
+    @property
+    def clearance(self) -> Callable[[States], FloatArray] | None: ...
+
+    @property
+    def least_clearance(self) -> Callable[[Motions, float], FloatArray] | None: ...
+
+    @property
+    def is_uncompiled(self) -> bool: ...
+
+
+COLLISION_DEFAULTS: dict[str, Any] = {"clearance": None, "least_clearance": None, "is_uncompiled": False}
+"""What a collision has of the contract without saying so."""
+
+
+@checked_arguments
+def collision_of(model: Model, world: World) -> WholeCollision:
+    """Return the collision of a model with the whole contract."""
+    return cast(WholeCollision, completed(model.collision(world), COLLISION_DEFAULTS))
 
 
 @checked_arguments

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from hpop.arguments import checked_arguments
 from hpop.arrays import Column
-from hpop.motions.laws import Law, Model, Phase
+from hpop.motions.laws import Law, LawDefaults, Model, Phase
 from hpop.motions.states import States
+from hpop.registry import completed
 
 CLOCK = "clock"  # s, from any zero: the state whose differences are the durations of holds and curves
 LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another unit, and would be sampled without end
@@ -16,7 +17,7 @@ LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another un
 
 @checked_arguments
 @dataclass(frozen=True)
-class Hold:
+class Hold(LawDefaults):
     """Standing still: nothing changes but the clock, whose difference is the duration.
 
     Motions of other laws pass the clock through unread.
@@ -44,7 +45,7 @@ HOLD = Hold()
 @checked_arguments
 def laws_of(model: Model) -> Mapping[str, Law]:
     """Motion laws by kind: the model's own, and those of the house."""
-    return {**model.laws, HOLD.kind: HOLD}
+    return {**{kind: completed(law, vars(LawDefaults)) for kind, law in model.laws.items()}, HOLD.kind: HOLD}
 
 
 @checked_arguments

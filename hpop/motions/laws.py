@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard, runtime_checkable
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -76,8 +76,12 @@ class Phase(NamedTuple):
 class Law(Protocol):
     """How one kind of motion goes from its start state to its end state.
 
-    A law may have ``extra``: names of the states that it needs beside the model's own. Where its duration is one, that
-    is the difference of ``clock``, s, from any zero.
+    These may be left out, and have defaults:
+
+    extra       names of the states that the law needs beside the model's own; (). Where its duration is one, that is
+                the difference of ``clock``, s, from any zero
+    reversible  whether the motion from b to a goes through the states of the one from a to b; False
+    quadrature  "adaptive" for integrals by :mod:`hpop.motions.quadrature`; None for panels
     """
 
     @property
@@ -93,6 +97,25 @@ class Law(Protocol):
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         """State ``name`` where ``share`` of the motion is done."""
+
+    if TYPE_CHECKING:  # the defaults are set by `completed`
+
+        @property
+        def extra(self) -> tuple[str, ...]: ...
+
+        @property
+        def reversible(self) -> bool: ...
+
+        @property
+        def quadrature(self) -> str | None: ...
+
+
+class LawDefaults:
+    """What a law has of the contract without saying so."""
+
+    extra: ClassVar[tuple[str, ...]] = ()
+    reversible: ClassVar[bool] = False
+    quadrature: ClassVar[str | None] = None
 
 
 @runtime_checkable
@@ -186,10 +209,19 @@ class Leg(NamedTuple):
 class Model(Protocol):
     """A system: what moves, by which laws, and where its camera is.
 
-    It may have a ``field_of_view``, the horizontal and vertical angles, rad, that the camera sees at once; without, or
-    with None, that is all round (:mod:`hpop.models.field_of_view`). It may say by ``bodies(states)`` what of itself can
-    stand in the way of its camera: pairs of a shape of :mod:`hpop.world.solids` and its poses (N, 4, 4).
-    Its ``notes``, if it has any, say in words what was assumed of it; fronts repeat them.
+    These may be left out, and have defaults:
+
+    name           in the registry; the name of the class
+    field_of_view  (horizontal, vertical) rad, what the camera sees at once; None for all round
+                   (:mod:`hpop.models.field_of_view`)
+    bodies         method of the states (N,): what of the robot can stand in the way of its camera, and is drawn, as
+                   pairs of a shape of :mod:`hpop.world.solids` and its poses (N, 4, 4); ()
+    parts          what collides, in a form of the model's own; ()
+    platform       upright prisms, :class:`hpop.models.base.Part`, that x, y and yaw place and in which the robot stays
+                   whatever its other states are; the parts of a model that provides "plane", () of others
+    joints         names of the states that are joints; ()
+    executed       the law by which motions of a planned law are done, by kind; {}
+    notes          what was assumed of the robot, in words, which fronts repeat; ()
     """
 
     @property
@@ -251,3 +283,63 @@ class Model(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """JSON-able name and parameters, enough to build the same model: ``{name: {parameter: value}}``."""
+
+    if TYPE_CHECKING:  # the defaults are set by `completed`
+
+        @property
+        def name(self) -> str:
+            return type(self).__name__
+
+        @property
+        def field_of_view(self) -> tuple[float, float] | None:
+            return None
+
+        def bodies(self, states: States) -> Sequence[tuple[Any, FloatArray]]:
+            return ()
+
+        @property
+        def parts(self) -> tuple[Any, ...]:
+            return ()
+
+        @property
+        def platform(self) -> tuple[Any, ...]:
+            return ()
+
+        @property
+        def joints(self) -> tuple[str, ...]:
+            return ()
+
+        @property
+        def executed(self) -> Mapping[str, str]:
+            return {}
+
+        @property
+        def notes(self) -> tuple[str, ...]:
+            return ()
+
+
+class _Name:
+    """Default name: that of the class."""
+
+    def __get__(self, instance: object, owner: type) -> str:
+        return owner.__name__
+
+
+class _Platform:
+    """Default platform: the parts of a model in the plane."""
+
+    def __get__(self, instance: Any, owner: type) -> tuple[Any, ...]:
+        return tuple(instance.parts) if instance is not None and "plane" in instance.provides else ()
+
+
+MODEL_DEFAULTS: dict[str, Any] = {
+    "name": _Name(),
+    "field_of_view": None,
+    "bodies": lambda model, states: (),
+    "parts": (),
+    "platform": _Platform(),
+    "joints": (),
+    "executed": {},
+    "notes": (),
+}
+"""What a model has of the contract without saying so."""

@@ -20,7 +20,7 @@ AT_REST = 1e-3  # m/s or rad/s: a curve that is no faster beside a hold is at re
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
     """States that the laws of some kinds need beside the model's own: in order, the clock last."""
     laws = laws_of(model)
-    names = dict.fromkeys(name for kind in dict.fromkeys(kinds) for name in getattr(laws[kind], "extra", ()))
+    names = dict.fromkeys(name for kind in dict.fromkeys(kinds) for name in laws[kind].extra)
     return tuple(sorted(names, key=CLOCK.__eq__))
 
 

@@ -17,7 +17,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.planners.deferred import Deferred
 from hpop.planners.objectives import edge_objectives as edge_objectives  # public by this name too
-from hpop.registry import made, planners
+from hpop.registry import completed, made, planners
 from hpop.status import ProgressCallback, Status
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -280,9 +280,7 @@ def planner(name: str) -> Callable[[T], T]:
 
 def _completed(cls: Any) -> Any:
     """Give a class of planners the defaults of the contract that it does not have."""
-    for attribute, value in _DEFAULTS.items():
-        if not hasattr(cls, attribute):
-            setattr(cls, attribute, value)
+    completed(cls, _DEFAULTS)
     if not isinstance(cls.needs, frozenset | property):
         cls.needs = frozenset(cls.needs)
     return cls

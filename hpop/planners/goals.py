@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal, cast
 
 from hpop.errors import QueryError
-from hpop.goals import GoalSet
 from hpop.registry import planners
 
 if TYPE_CHECKING:
@@ -38,9 +37,9 @@ def one_goal(problem: Problem, what: str) -> End:
 
 def check_goal(problem: Problem, planner: Planner) -> None:
     """Raise QueryError where the problem's goal is none that the planner takes; it names planners that do."""
-    if isinstance(problem.goal, GoalSet) and not planner.goal_sets:
+    if problem.target.listed and not planner.goal_sets:
         one_goal(problem, planner.name)
-    if not isinstance(problem.target, GoalSet) and not planner.any_goal:
+    if not problem.target.listed and not planner.any_goal:
         raise QueryError(
             f"{planner.name} needs a goal that is a state, or a list of states, got {problem.target}; planners that "
             f"take any goal are {_able(problem, 'any_goal')}"

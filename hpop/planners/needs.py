@@ -31,7 +31,7 @@ def refuse_unsupported(planner: Planner, model: Model) -> None:
     on = f" On another graph it can: {{{planner.name}: {{on: {families[0]}}}}}." if families else ""
     hints = f"{undeclared}{on if takes_graphs(planner) else ''}"
     raise UnsupportedModel(
-        f"{planner.name} needs a model with {', '.join(sorted(lacking))}, which {_called(model)} does not provide (it "
+        f"{planner.name} needs a model with {', '.join(sorted(lacking))}, which {model.name} does not provide (it "
         f"has {', '.join(sorted(model.provides))}).{hints} Planners that can: {', '.join(able)}."
     )
 
@@ -69,9 +69,5 @@ def on_wheels(model: Model) -> DifferentialDrive:
 
 def _having(model: Model, what: str) -> Model:
     if what not in model.provides:
-        raise UnsupportedModel(f"this needs a model with {what}, which {_called(model)} does not provide")
+        raise UnsupportedModel(f"this needs a model with {what}, which {model.name} does not provide")
     return model
-
-
-def _called(model: Model) -> str:
-    return str(getattr(model, "name", type(model).__name__))

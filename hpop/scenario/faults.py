@@ -15,7 +15,7 @@ import shapely
 from pydantic import BaseModel, ValidationError
 
 from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
-from hpop.goals import is_named, required_by
+from hpop.goals import is_named
 from hpop.motions import Model, StateSpace
 from hpop.options import Degrees
 from hpop.registry import Registry, goals, model_parameters, models, readers
@@ -223,8 +223,8 @@ class Faults:
         inside = (*place, name) if isinstance(given, dict) else place
         if not isinstance(parameters, dict | None):
             self.add(inside, f"expected the parameters of this goal by name, got {shown(parameters, 60)}")
-        made = self.built(goals, given, place)
-        if model is not None and (absent := sorted(required_by(made) - model.provides)):
+        made: Any = self.built(goals, given, place)
+        if model is not None and made is not None and (absent := sorted(made.requires - model.provides)):
             self.add(inside, f"this goal requires {', '.join(absent)}, which the model does not have", QueryError)
         return made
 

@@ -78,7 +78,8 @@ def stimuli_table(design: Design) -> Sequence[Row]:
 
 def _with_unit(name: str) -> str:
     """A criterion with its unit, as far as the name alone tells it."""
-    unit = str(getattr(criteria[name], "unit", "1")) if name in criteria else "1"
+    criterion: Any = criteria.get(name)
+    unit = "1" if criterion is None else criterion.unit
     return name if unit == "1" else f"{name} ({unit})"
 
 

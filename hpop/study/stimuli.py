@@ -19,7 +19,6 @@ from hpop.errors import OutputError, StudyError
 from hpop.following import followed
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
-from hpop.models.field_of_view import FieldOfView
 from hpop.options import real
 from hpop.problem import Problem
 from hpop.status import Progress, ProgressCallback
@@ -168,7 +167,7 @@ def _page(
     is_still: bool,
 ) -> str:
     scene = Scene.of(problem)
-    fov: FieldOfView | None = getattr(problem.model, "field_of_view", None)
+    fov = problem.model.field_of_view
     texts = words("en") if said is None else said
     payload = {
         "schema": SCHEMA,

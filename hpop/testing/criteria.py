@@ -12,14 +12,21 @@ import numpy as np
 
 from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_cost, trajectory_costs
+from hpop.criteria.base import (
+    CRITERION_DEFAULTS,
+    Criterion,
+    motion_costs,
+    running_costs,
+    trajectory_cost,
+    trajectory_costs,
+)
 from hpop.errors import CriterionError
 from hpop.models.differential_drive.driven import driven
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.planners.lattice.graph import StateLattice
 from hpop.planners.lattice.grid import Headings
 from hpop.randomness import RNG, seed_of
-from hpop.registry import make_model
+from hpop.registry import completed, make_model
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
 from hpop.testing.models import drawn_motions
 from hpop.testing.motions import random_motions
@@ -63,6 +70,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
 
     What requires joints is asked of a base with a pan-tilt head, which drives no curves and is on no lattice here.
     """
+    completed(criterion, CRITERION_DEFAULTS)
     seed = seed_of(rng)
     random = np.random.default_rng(seed)
     base: dict[str, Any] = {"differential_drive": {"camera_offset": (0.1, 0.05)}}
@@ -101,11 +109,11 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         "gives the same costs when asked again",
         fault_of(lambda: differ("the second time", before, ask(criterion), 0.0)),
     )
-    if not getattr(criterion, "world_frame", False):
+    if not criterion.world_frame:
         yield Check(
             "costs the same wherever the world's frame lies", fault_of(lambda: _reframed(criterion, world, tours))
         )
-    if hasattr(criterion, "bound"):
+    if criterion.bound is not None:
         yield Check(
             "bounds the cost of every trajectory from below", fault_of(lambda: _bounded(criterion, world, model))
         )

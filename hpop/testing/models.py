@@ -12,10 +12,10 @@ from hpop.arguments import checked_arguments
 from hpop.arrays import Column, FloatArray
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
-from hpop.motions import HOLD, Model, Motions, States, is_curve, laws_of, stands
+from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.possible import STILL
 from hpop.randomness import RNG, seed_of
-from hpop.registry import make_model
+from hpop.registry import completed, make_model
 from hpop.testing.bodies import axes_of, bounded, measured, twisted, upright
 from hpop.testing.checks import SAME, Check, differ, fault_of, raise_faults
 from hpop.testing.motions import holds, random_motions
@@ -47,6 +47,7 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
 
     Laws of curves are looked at where hpop can draw motions of them, which it can of "drive".
     """
+    completed(model, MODEL_DEFAULTS)
     random = np.random.default_rng(seed_of(rng))
     world = random_world(random)
     yield Check("is made again from its description", fault_of(lambda: _described(model)))

@@ -74,7 +74,7 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG =
             "refuses by name a model that lacks what it needs", fault_of(lambda: _refused(planner, accepted[0]))
         )
     for model in accepted:
-        of = f" for {getattr(model, 'name', type(model).__name__)}" * (len(accepted) > 1)
+        of = f" for {model.name}" * (len(accepted) > 1)
         found: list[tuple[Problem, Candidates]] = []
         plans = Check(f"finds trajectories{of}", fault_of(lambda: _plans(planner, model, seed, found)))  # noqa: B023
         yield plans
@@ -143,9 +143,7 @@ def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, St
         world, goal = World.from_solids([ball], extent=extent), states.take(slice(other, other + 1))
         if all(_free_states(model, world, end).size for end in (start, goal)):
             return world, start, goal
-    raise ModelError(
-        f"none of {POSTURES} states of {getattr(model, 'name', type(model).__name__)} is free beside a ball"
-    )
+    raise ModelError(f"none of {POSTURES} states of {model.name} is free beside a ball")
 
 
 def _free_states(model: Model, world: World, states: States) -> States:

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from hpop.arrays import FloatArray
-from hpop.goals import GoalSet
 from hpop.motions import States
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
@@ -77,7 +76,7 @@ def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 def goal_words(problem: Problem, count: int) -> str:
     """What a legend says of so many goals that are drawn."""
-    if not isinstance(problem.target, GoalSet):
+    if not problem.target.listed:
         return ", where trajectories end"
     return f", any of {count}" * (count > 1)
 
@@ -86,7 +85,7 @@ def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
     """The start, then the goals; what is free in them is NaN."""
     space = problem.model.space
     states = [space.state(problem.start)]
-    if isinstance(problem.target, GoalSet):
+    if problem.target.listed:
         return states + [space.state(values, free=space.angles) for values in problem.goals]
     return states + [trajectory.states.take([-1]) for trajectory in found]
 

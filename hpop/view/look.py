@@ -13,9 +13,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from shapely.geometry.base import BaseGeometry
 
-from hpop.goals import GoalSet
 from hpop.motions import States
 from hpop.planners.free_map import FreeMap
 from hpop.planners.usable import elsewhere, nearest_free
@@ -114,7 +112,7 @@ def _ends(problem: Problem) -> dict[str, States]:
     """Start and goals that are states; what is free in them is NaN."""
     space = problem.model.space
     ends = {"start": space.state(problem.start)}
-    if isinstance(problem.target, GoalSet):
+    if problem.target.listed:
         several = len(problem.goals) > 1
         for i, goal in enumerate(problem.goals):
             ends[f"goal {i}" if several else "goal"] = space.state(goal, free=space.angles)
@@ -183,12 +181,11 @@ def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch
 def _draw_robot(axes: Axes, problem: Problem, view: View) -> list[Patch]:
     """The robot at its start, to scale."""
     model, start = problem.model, problem.model.space.state(problem.start)
-    bodies, parts = getattr(model, "bodies", None), getattr(model, "parts", ())
-    outlines: list[BaseGeometry] = []
-    if bodies is not None:
-        outlines = outlines_at(bodies, start, from_above)
-    elif parts:
-        hulls = [shapely.convex_hull(shapely.MultiPoint(part.placed(start)[0])).buffer(part.radius) for part in parts]
+    outlines = outlines_at(model, start, from_above)
+    if not outlines and model.platform:
+        hulls = [
+            shapely.convex_hull(shapely.MultiPoint(part.placed(start)[0])).buffer(part.radius) for part in model.parts
+        ]
         outlines = [shapely.union_all(hulls)]
     across = max((max(x1 - x0, y1 - y0) for x0, y0, x1, y1 in shapely.bounds(outlines).reshape(-1, 4)), default=0.0)
     if across < SEEN * max(view.width, view.height):

@@ -14,7 +14,6 @@ from matplotlib.patches import Patch
 from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.front import Front
-from hpop.goals import GoalSet
 from hpop.limits import LimitPassed
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
@@ -205,7 +204,7 @@ def draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Se
             )
             arrow.set_gid(f"{name} heading")
     words = ("", "") if "base" not in problem.model.provides else (_headings([start]), _headings(goals))
-    heading = words[1] if isinstance(problem.target, GoalSet) else words[1].replace(", ", ",\n", 1)  # else too long
+    heading = words[1] if problem.target.listed else words[1].replace(", ", ",\n", 1)  # else too long
     said = words[0], goal_words(problem, len(goals)) + heading
     return draw_ends(axes, start[:2], [goal[:2] for goal in goals], said)
 

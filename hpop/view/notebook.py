@@ -10,7 +10,6 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from hpop.front import Front
-from hpop.goals import GoalSet
 from hpop.html import PICTURES
 from hpop.problem import Problem
 from hpop.view.canvas import new_figure, png_of
@@ -40,7 +39,7 @@ def small_map(world: World, problem: Problem | None = None) -> Figure:
     draw_content(axes, world, view, small=True)
     if problem is not None:
         start, goals = end_poses(problem)
-        draw_ends(axes, start[:2], [goal[:2] for goal in goals] if isinstance(problem.target, GoalSet) else [])
+        draw_ends(axes, start[:2], [goal[:2] for goal in goals] if problem.target.listed else [])
     axes.set(xlim=(view.x_min, view.x_max), ylim=(view.y_min, view.y_max), aspect="equal")
     axes.set_xlabel("x (m)", fontsize=SMALL)
     axes.set_ylabel("y (m)", fontsize=SMALL)

@@ -14,7 +14,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arrays import FloatArray
-from hpop.motions import States
+from hpop.motions import Model, States
 from hpop.trajectory import Trajectory
 from hpop.view.ground import outline
 from hpop.view.style import Mark
@@ -38,14 +38,14 @@ def solid_outline(solid: Solid, flatten: Flatten) -> Polygon:
 
 def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list[BaseGeometry]:
     """Outlines, m, of the robot at both ends of the first of some trajectories; none of models without ``bodies``."""
-    if not trajectories or (bodies := getattr(trajectories[0].model, "bodies", None)) is None:
+    if not trajectories:
         return []
-    return outlines_at(bodies, trajectories[0].states.take([0, -1]), flatten)
+    return outlines_at(trajectories[0].model, trajectories[0].states.take([0, -1]), flatten)
 
 
-def outlines_at(bodies: Callable[[States], Any], states: States, flatten: Flatten) -> list[BaseGeometry]:
-    """Outlines, m, of a robot in states (N,), from where its ``bodies`` are in these."""
-    placed = [[Solid(shape, pose) for pose in poses] for shape, poses in bodies(states)]
+def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeometry]:
+    """Outlines, m, of a robot in states (N,), from where its ``bodies`` are."""
+    placed = [[Solid(shape, pose) for pose in poses] for shape, poses in model.bodies(states)]
     return [
         shapely.union_all([solid_outline(solid, flatten) for solid in parts]) for parts in zip(*placed, strict=True)
     ]

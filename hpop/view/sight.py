@@ -36,7 +36,7 @@ def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
     """Whether pictures must say where a camera looks: it sees a part only, or does not look where the base does."""
     if "camera" not in model.provides:
         return False
-    if "base" not in model.provides or getattr(model, "field_of_view", None) is not None:
+    if "base" not in model.provides or model.field_of_view is not None:
         return True
     poses = ((model.pose("camera", t.states), model.pose("base", t.states)) for t in trajectories)
     return any((np.abs(wrap(camera.yaw - base.yaw)) > ASIDE).any() or camera.pitch.any() for camera, base in poses)
@@ -93,7 +93,7 @@ def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
 
 def sight_entry(model: Model, *, cones: bool) -> Patch:
     """The legend entry for wedges, or for cones."""
-    given = getattr(model, "field_of_view", None)
+    given = model.field_of_view
     width, height = ("", "") if given is None else (f"{math.degrees(angle):.0f}°" for angle in given)
     said = f",\n{width} wide and {height} high" if cones else f", {width} wide"
     return Patch(**_look(QUIET), label="where the camera looks" + said * (given is not None))
@@ -105,7 +105,7 @@ def _look(colour: str) -> dict[str, Any]:
 
 def _width(model: Model) -> float:
     """How wide a wedge is, rad."""
-    given = getattr(model, "field_of_view", None)
+    given = model.field_of_view
     return POINTER if given is None or given[0] >= 2.0 * math.pi else float(given[0])
 
 

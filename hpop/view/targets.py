@@ -11,7 +11,6 @@ from matplotlib.lines import Line2D
 
 from hpop.arrays import FloatArray
 from hpop.criteria.performance.target import Targeted
-from hpop.goals import places_of
 from hpop.problem import Problem
 
 RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "#d62728"}
@@ -45,4 +44,4 @@ def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], F
 def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
     """Who names a place, and which."""
     named = [(criterion.name, criterion.target) for criterion in problem.criteria if isinstance(criterion, Targeted)]
-    return [*named, *(("the goal", place) for place in places_of(problem.target))]
+    return [*named, *(("the goal", place) for place in problem.target.places)]

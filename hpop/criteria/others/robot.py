@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from hpop.arrays import Column
 from hpop.errors import CriterionError
@@ -18,12 +17,7 @@ def reach(model: Model, radius: float | None) -> float:
     """Radius, m, of the robot about its axis: as given, or as far as its upright parts reach (0 without parts)."""
     if radius is not None:
         return radius
-    return max((float(part.reach) for part in upright_parts(model)), default=0.0)
-
-
-def upright_parts(model: Model) -> tuple[Any, ...]:
-    """What of a robot stands upright: its ``parts``, or those of its ``platform``, if it carries links that do not."""
-    return tuple(model.platform if hasattr(model, "platform") else getattr(model, "parts", ()))
+    return max((float(part.reach) for part in model.platform), default=0.0)
 
 
 def checked_radius(radius: float | None) -> float | None:

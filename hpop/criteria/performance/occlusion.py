@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -53,8 +52,7 @@ class Occlusion(Targeted):
         """Blocked share (N,) of the rays."""
         size = s.state.size
         place = rows((s.camera.x, s.camera.y, s.camera.z), size)
-        bodies: Any = getattr(model, "bodies", None)
-        own = [] if bodies is None else bodies(s.state)
+        own = model.bodies(s.state)
         shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in own])
         poses = np.stack([where for _, where in own]) if own else np.empty((0, size, 4, 4))
         share, step = np.empty(size), max(1, BLOCK // self.rays)

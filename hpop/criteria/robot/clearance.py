@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.math import is_symbolic
-from hpop.motions import Motions, is_coupled
+from hpop.motions import Motions, collision_of, is_coupled
 from hpop.options import LEAST, MOST, set_reals
 
 
@@ -36,25 +35,17 @@ class Clearance:
 
     def cost(self, m: Motions) -> Column:
         """Worst shortfall (M,), m."""
-        collision = _measuring(m)
-        if hasattr(collision, "least_clearance") and not is_coupled(m.law):
+        collision = collision_of(m.model, m.world)
+        if collision.clearance is None and "base" not in m.model.provides:
+            raise UnsupportedCriterion("it needs a base, or a model whose collision measures its clearance")
+        if collision.clearance is not None and any(is_symbolic(getattr(m.start, name)) for name in m.start.names):
+            raise UnsupportedCriterion("distances of a whole robot have no symbols; take a planner on a graph")
+        if collision.least_clearance is not None and not is_coupled(m.law):
             return self.enough - collision.least_clearance(m, self.enough)
-        if collision is not None:
-            return m.worst(lambda s: np.maximum(self.enough - collision.clearance(s.state), 0.0))
+        if (clearance := collision.clearance) is not None:
+            return m.worst(lambda s: np.maximum(self.enough - clearance(s.state), 0.0))
         return m.worst(lambda s: np.maximum(self.enough - m.world.clearance(s.base.x, s.base.y), 0.0))
 
     def convex(self, path: ConvexPath) -> ConvexCost:
         """A bound: the distance to half-planes that hold all obstacles."""
         return ConvexCost(path.shortfall(self.enough, path.world.free_space(), "base"), exact=False)
-
-
-def _measuring(m: Motions) -> Any:
-    """The collision of the model, if it measures how far the whole robot is from what blocks it; else it has a base."""
-    collision: Any = m.model.collision(m.world)
-    if hasattr(collision, "clearance"):
-        if any(is_symbolic(getattr(m.start, name)) for name in m.start.names):
-            raise UnsupportedCriterion("distances of a whole robot have no symbols; take a planner on a graph")
-        return collision
-    if "base" not in m.model.provides:
-        raise UnsupportedCriterion("it needs a base, or a model whose collision measures its clearance")
-    return None

@@ -88,7 +88,7 @@ def linear(colour: tuple[int, int, int]) -> list[float]:
 
 def _camera(given: Exported) -> dict[str, Any]:
     """What the camera sees at once."""
-    across, upwards = getattr(given.trajectory.model, "field_of_view", None) or SEEN
+    across, upwards = given.trajectory.model.field_of_view or SEEN
     across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
     ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)
     perspective = {"yfov": upwards, "znear": NEAR, "aspectRatio": ratio}

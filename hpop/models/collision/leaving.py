@@ -155,7 +155,7 @@ def left(world: World, model: Any, state: States) -> tuple[World, tuple[str, ...
 
     Of a model without upright parts in the plane it is the very same world.
     """
-    if "plane" not in model.provides or not hasattr(model, "parts") or not world.content.bodies:
+    if "plane" not in model.provides or not world.content.bodies:
         return world.keeping(world.content.kept), ()
     places = touched(model.parts, world, state)
     if not places:

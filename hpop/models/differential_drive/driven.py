@@ -20,7 +20,7 @@ import numpy as np
 from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.math import smooth_abs
-from hpop.motions import Model, Phase, States
+from hpop.motions import LawDefaults, Model, Phase, States
 from hpop.trajectory import Trajectory
 
 
@@ -34,7 +34,7 @@ NODES = gauss(6)
 
 
 @dataclass(frozen=True)
-class Drive:
+class Drive(LawDefaults):
     """An interval of constant wheel accelerations.
 
     The states at its ends should agree with each other; what they are off (a solver's tolerance) is spread evenly over

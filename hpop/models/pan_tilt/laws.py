@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from hpop.arrays import Column
 from hpop.math import smooth_abs
 from hpop.models.laws import Turn, linear, rest_to_rest, standing
-from hpop.motions import Phase, States
+from hpop.motions import LawDefaults, Phase, States
 
 
 @dataclass(frozen=True)
-class AxisTurn:
+class AxisTurn(LawDefaults):
     """One axis of the head turns.
 
     kind          its name

@@ -10,11 +10,11 @@ from hpop.arrays import Column
 from hpop.math import is_symbolic, smooth_abs
 from hpop.models.laws import TINY, linear
 from hpop.models.serial_arm.limits import Extremes
-from hpop.motions import Phase, States
+from hpop.motions import LawDefaults, Phase, States
 
 
 @dataclass(frozen=True)
-class Reach:
+class Reach(LawDefaults):
     """Every joint has done the same share of its way at each moment.
 
     names          of the joints

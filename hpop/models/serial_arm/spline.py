@@ -39,6 +39,7 @@ class Spline:
     kind: str = "spline"
 
     quadrature = "adaptive"
+    reversible = False
 
     @cached_property
     def extra(self) -> tuple[str, ...]:

@@ -95,7 +95,7 @@ def _least(criterion: Criterion, problem: Problem) -> float:
     """The least that a criterion is known to cost between start and goal, whatever the way."""
     if place_of("length", [criterion]) is not None:
         return least_length(problem)
-    bound = getattr(criterion, "bound", None)
+    bound = criterion.bound
     if bound is None:
         return 0.0
     # What depends on a heading that is free is not known.

@@ -14,7 +14,7 @@ from hpop.arrays import Column, FloatArray
 from hpop.errors import OptionError
 from hpop.math import is_symbolic
 from hpop.models.rigid import PlanarLaw
-from hpop.motions import Motions, Phase, Rate, States
+from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import lift, sparse_lookup
 from hpop.planners.needs import in_plane
 from hpop.world import World
@@ -116,7 +116,7 @@ class SparseWorld(World):
 
 
 @dataclass(frozen=True)
-class Rounded:
+class Rounded(LawDefaults):
     """A law of turns whose timing is that of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
 
     A turn from rest to rest lasts 2 sqrt(|θ|/α): no solver likes that cusp, and vertices where hardly a turn is left

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
-from hpop.goals import GoalSet
 from hpop.motions import States
 from hpop.planners.graphs.arcs import BLOCK, Arcs, blocks
 from hpop.planners.graphs.chains import Chains
@@ -237,7 +236,7 @@ def configuration_roadmap(
         name, chosen = f"{name}, {farther} far links", {**chosen, "far": farther}
     if pairs:
         name, chosen = f"{name}, {len(found)} guides of {len(known.inner)} states", {**chosen, "trees": pairs}
-    if not isinstance(problem.target, GoalSet):
+    if not problem.target.listed:
         name += f", {goals.size} free states of the goal ({known.sought} found, {GOAL_STATES} sought)"
         chosen = {**chosen, "goal_states": goals.size, "goal_states_found": known.sought}
     return ConfigurationRoadmap(

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 import numpy as np
 
 from hpop.errors import OptionError
-from hpop.goals import GoalSet
 from hpop.options import set_wholes
 from hpop.planners.base import planner
 from hpop.planners.goals import start_of
@@ -209,4 +208,4 @@ class Roadmap(ExactSearch, RoadmapGraph):
 
 def _has_positions(problem: Problem) -> bool:
     """Whether the samples of a problem's roadmap are positions."""
-    return problem.model.provides >= HEADED and isinstance(problem.target, GoalSet)
+    return problem.model.provides >= HEADED and bool(problem.target.listed)

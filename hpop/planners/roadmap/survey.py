@@ -121,7 +121,7 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
     """
     model, target = problem.model, problem.target
     collision = model.collision(problem.world)
-    if not isinstance(target, GoalSet):
+    if not target.listed:
         states = target.states(problem, rng, GOAL_STATES)
         free = collision.states_free(states)
         if not free.any():
@@ -132,19 +132,19 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
             )
         return states.take(free), states.size
     usable, refusals = list[States](), list[str]()
-    for i, member in enumerate(target.members):
+    for i, member in enumerate(target.listed):
         drawn = GoalSet((member,)).states(problem, rng, GOAL_STATES)
         if collision.states_free(drawn).any():
             usable.append(model.space.state(member, free=model.space.angles))
             continue
-        what = f"goal {i}" if len(target.members) > 1 else "goal"
+        what = f"goal {i}" if len(target.listed) > 1 else "goal"
         tried = f" (at {drawn.size} angles drawn)" * (drawn.size > 1)
         reason = collision.why_blocked(drawn.take(slice(0, 1)))
         hint = elsewhere(model, problem.world, model.space.state(member, free=model.space.angles))
         refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.{hint}")
     if not usable:
         raise QueryError(" ".join(refusals))
-    return all_of(model.space, usable), len(target.members)
+    return all_of(model.space, usable), len(target.listed)
 
 
 def _written(values: Sequence[float | None]) -> str:

@@ -125,7 +125,7 @@ def _convex(objectives: Objectives, problem: Problem) -> list[int]:
     """Places of the criteria that declare a convex form; refuses all that no structure settles, by name."""
     places = []
     for j, criterion in enumerate(objectives.optimised):
-        if callable(getattr(criterion, "convex", None)):
+        if criterion.convex is not None:
             places.append(j)
         elif criterion.smooth or not is_counted(criterion, problem):
             instead = "epsilon-constraint" if criterion.smooth else "lattice"

@@ -158,7 +158,7 @@ class CorridorProgram:
         path = VariablePath(self.world, self.model, self.corridor, vertices)
         costs = []
         for criterion in self.criteria:
-            cost = criterion.convex(path)  # type: ignore[attr-defined]
+            cost = criterion.convex(path)  # type: ignore[misc]  # asked for in `_convex`
             expression = cost.expression if isinstance(cost, ConvexCost) else None
             if not isinstance(expression, cvxpy.Expression) or expression.size != 1 or not expression.is_convex():
                 raise CriterionError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -75,20 +75,15 @@ def tilted_solids(scene: Scene) -> list[dict[str, Any]]:
 
 def links_of(model: Model, states: States) -> list[dict[str, Any]]:
     """As JSON, the shapes of a robot's links, each in its own frame; none of a robot that says of none."""
-    placed = _placed(model, states.take(slice(0, 1)))
+    placed = model.bodies(states.take(slice(0, 1)))
     return [body_of(shape).description(0, LINKS[i % len(LINKS)]) for i, (shape, _) in enumerate(placed)]
 
 
 def link_poses(model: Model, states: States) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Where each link is in each of N states: positions (N, 3), m, and quaternions (N, 4), x, y, z, w."""
-    for _, poses in _placed(model, states):
+    for _, poses in model.bodies(states):
         all_of_them = np.broadcast_to(poses, (states.size, 4, 4))
         yield all_of_them[:, :3, 3], on_one_side(quaternions_of(all_of_them[:, :3, :3]))
-
-
-def _placed(model: Model, states: States) -> Sequence[tuple[Shape, FloatArray]]:
-    bodies = getattr(model, "bodies", None)
-    return bodies(states) if bodies is not None else ()
 
 
 def _on_sphere(radius: float) -> FloatArray:

@@ -16,7 +16,6 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
-from hpop.models.field_of_view import FieldOfView
 from hpop.named_rows import NamedRow, named_rows
 from hpop.problem import Problem
 from hpop.text import printable
@@ -79,7 +78,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
     if not 1 <= len(chosen) <= len(NAMES):
         raise OptionError(f"a ride is along 1 to {len(NAMES)} trajectories of a front, got {len(chosen)}")
     scene = Scene.of(problem)
-    fov: FieldOfView | None = getattr(problem.model, "field_of_view", None)
+    fov = problem.model.field_of_view
     columns = [] if blind else columns_of(problem, front)[: len(front.names)]
     told: dict[str, Criterion] = {c.name: c for c in columns if c is not None}
     first = chosen[0].point.trajectory
