@@ -13,16 +13,16 @@ import sys
 from typing import IO, Any
 
 INTERRUPTED = 130
+BAD_FILE = 4
+NUMBA_SETTINGS = ".numba_config.yaml"
 LEFT = (errno.EPIPE, errno.EIO)  # a pipe without a reader, a terminal that was closed
 
 
 def main() -> None:
     """Run the command line."""
     try:
-        from hpop import current_folder
-
-        current_folder.distrust()
         _open_streams()
+        _distrust_current_folder()
         os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever a desktop or a notebook draws with
         sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
         _refuse_epoch()
@@ -32,6 +32,22 @@ def main() -> None:
     except KeyboardInterrupt:
         sys.stderr.write("error: interrupted\n")
         sys.exit(INTERRUPTED)
+
+
+def _distrust_current_folder() -> None:
+    """Import no module from the current folder, in this process and those that it starts: it may be a stranger's.
+
+    Numba reads settings from the current folder, which can name a folder of compiled code, and has no switch for that:
+    where there are any, the command ends. Matplotlib's are undone once it is imported (:mod:`hpop.view`), and IPOPT's
+    are turned off where its options are set.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"
+    if os.path.exists(NUMBA_SETTINGS):
+        sys.stderr.write(
+            f"error: the current folder has a file {NUMBA_SETTINGS}, from which numba would take settings, such as a "
+            "folder of compiled code to run; remove it, or run hpop from another folder\n"
+        )
+        sys.exit(BAD_FILE)
 
 
 def _refuse_epoch() -> None:

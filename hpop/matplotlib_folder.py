@@ -36,6 +36,19 @@ def provide() -> None:
         _share(folder)
 
 
+def forget_current_folder() -> None:
+    """Undo the settings of a ``matplotlibrc`` in the current folder where Python is told not to trust that folder.
+
+    These name programs and TeX code to run, and Matplotlib reads them when it is imported.
+    """
+    if not os.environ.get("PYTHONSAFEPATH"):
+        return
+    import matplotlib
+
+    if os.path.realpath(matplotlib.matplotlib_fname()) == os.path.realpath("matplotlibrc"):
+        matplotlib.rcdefaults()
+
+
 @cache
 def _share(folder: str) -> None:
     """Hold a folder until this process ends."""

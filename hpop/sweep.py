@@ -34,7 +34,6 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 from uuid import uuid4
 
-from hpop import current_folder
 from hpop.errors import OptionError
 from hpop.interrupts import ENDING, interrupts_held
 from hpop.options import MOST_WORKERS, whole
@@ -343,8 +342,6 @@ def _begin() -> None:
         for number in ENDING:
             signal.signal(number, signal.SIG_DFL)
     Thread(target=_end_with, args=(multiprocessing.parent_process(),), daemon=True).start()
-    if os.environ.get("PYTHONSAFEPATH"):
-        current_folder.distrust()
 
 
 def _end_with(planning: Any) -> None:

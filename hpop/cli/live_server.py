@@ -24,7 +24,6 @@ from pathlib import Path
 from threading import Condition, Thread
 from urllib.parse import parse_qs, urlsplit
 
-from hpop import current_folder
 from hpop.cli.live import TOKEN
 from hpop.cli.pictures import NICENESS
 from hpop.page_server import PageHandler, PageServer
@@ -182,5 +181,4 @@ def main(number: int, token: str, folder: Path, imports: Sequence[str]) -> None:
 
 
 if __name__ == "__main__":
-    current_folder.distrust()
     main(int(sys.argv[1]), os.environ[TOKEN], Path(sys.argv[2]), sys.argv[3:])

@@ -18,7 +18,7 @@ from threading import Timer
 from types import TracebackType
 from typing import Any
 
-from hpop import current_folder, matplotlib_folder
+from hpop import matplotlib_folder
 from hpop.interrupts import interrupts_held
 
 NICENESS = 10  # the search comes first
@@ -101,5 +101,4 @@ def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str
 
 
 if __name__ == "__main__":
-    current_folder.distrust()
     draw(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]) or None, sys.argv[4:])

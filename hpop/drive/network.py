@@ -26,6 +26,7 @@ from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import CORES, Spending
 from hpop.planners.timed.clock import GOLDEN, TimeOptions
 from hpop.planners.timed.reading import reading_time
+from hpop.search.prepared import Prepared
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ class Network:
         self.objectives = edge_objectives(problem.criteria, planner.name)
         self._given = tuple(ways)
         self._ways: Ways | None = None
+        self._prepared: Prepared | None = None  # for searches on these ways
         self._arcs: list[IntArray] = []  # of the ways that were given
         self._known: Known | None = None
         self._last: list[IntArray] = []  # what was found last
@@ -251,15 +253,19 @@ class Network:
         """What a search on the graph finds, beside what is known."""
         ways = self.ways(now)
         node = int(ways.nodes(commit.state)[0])
-        rests, present = list[IntArray](), None
+        rests, present, prepared = list[IntArray](), None, self._prepared
         if node < 0:
             ways = ways.from_beside(problem)
-            node = ways.query.start
+            node, prepared = ways.query.start, ways.prepared() if answer is None else None
         elif answer is None:
             assert self._known is not None
             rests = [arcs for known in (self._known, ways.known(self._last)) for arcs in known.rests(node)]
             present = None if kept is None else ways.whole_way(kept)
-        paths = ways.rests(node, rests, present, deadline) if answer is None else ways.told(node, answer)
+        if answer is None:
+            assert prepared is not None
+            paths = ways.rests(prepared, node, rests, present, deadline)
+        else:
+            paths = ways.told(node, answer)
         if ways is self._ways:
             self._last = paths.places
         again = None
@@ -271,6 +277,7 @@ class Network:
 
     def ways(self, now: Surroundings) -> Ways:
         """The graph with the costs and closings of now; laid out when it is first asked for."""
+        before = self._ways
         if self._ways is None:
             problem = now.problem.at(self.problem.start, 0.0)
             self._ways = Ways.laid_out(self.planner.name, self._inner(now), problem, self.objectives, now.closed)
@@ -281,7 +288,7 @@ class Network:
             others = self._ways.world.content.people != now.people
             self._ways = self._ways.changed(now.problem.world, now.closed, people=others)
         self._known = self._ways.known(self._arcs)
-        _ = self._ways.prepared  # ahead of the next question
+        self._prepared = self._ways.prepared(before, self._prepared)  # ahead of the next question
         return self._ways
 
     def _inner(self, now: Surroundings) -> StateGraph:

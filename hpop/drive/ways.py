@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.copies import copied
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, listed, states_by_place
 from hpop.drive.known import Known
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 ASKED = 200  # arcs nearest to a change that tell which criteria's costs it changes
+KEPT = ("_places", "_finder", "tails")  # derived from the graph's states and arcs alone
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # what a criterion of theirs requires
 
 
@@ -114,6 +116,13 @@ class Ways:
         """Tail (m,) of each arc of the graph."""
         return np.repeat(np.arange(self.graph.nodes), np.diff(self.graph.indptr))
 
+    @property
+    def _is_goal(self) -> BoolArray:
+        """Which nodes (n,) are goals."""
+        goals = np.zeros(self.graph.nodes, dtype=np.bool_)
+        goals[self.query.goals] = True
+        return goals
+
     @cached_property
     def _places(self) -> tuple[States, float]:
         return states_by_place(self.inner)
@@ -160,13 +169,7 @@ class Ways:
             costs[:, columns] = space.costed_in(world).graph([criteria[j] for j in columns]).costs
             costs.setflags(write=False)
             other = replace(other, query=replace(self.query, graph=replace(self.graph, costs=costs)))
-        kept = ["_places", "_finder", "tails"]
-        if not anew and "prepared" in vars(self):  # what is not asked of these ways any more is asked of the others
-            kept.append("prepared")
-            self.prepared.open(np.flatnonzero(self.closed & ~other.closed))
-            self.prepared.close(np.flatnonzero(other.closed & ~self.closed))
-        vars(other).update({part: vars(self)[part] for part in kept if part in vars(self)})
-        return other
+        return copied(other, **{part: vars(self)[part] for part in KEPT if part in vars(self)})
 
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
         """Which criteria read what is closed: their costs of the arcs nearest to a closing differ in the two worlds."""
@@ -270,28 +273,46 @@ class Ways:
 
     # Search
 
-    @cached_property
-    def prepared(self) -> Prepared:
-        """The graph that is searched, turns as a last tie-break where no cost counts them, without what is closed."""
+    def prepared(self, before: Ways | None = None, kept: Prepared | None = None) -> Prepared:
+        """Return the graph for searches, with turns as the last tie-break where no cost counts them.
+
+        Arcs that are closed now are closed in it.
+
+        Parameters
+        ----------
+        before, kept : earlier ways and what was prepared for them: where costs are the same, it is brought up to date
+        """
+        if before is not None and kept is not None and before.graph is self.graph:
+            kept.open(np.flatnonzero(before.closed & ~self.closed))
+            kept.close(np.flatnonzero(self.closed & ~before.closed))
+            return kept
         made = Prepared(self.graph if self.query.tie_broken is None else self.query.tie_broken, self.query.goals)
         made.close(np.flatnonzero(self.closed))
         return made
 
     def rests(
-        self, node: int, known: Sequence[IntArray], present: IntArray | None, deadline: float | None = None
+        self,
+        prepared: Prepared,
+        node: int,
+        known: Sequence[IntArray],
+        present: IntArray | None,
+        deadline: float | None = None,
     ) -> ParetoPaths:
-        """All non-dominated ways from a node to the goal as they are now, or what is found of them until a deadline.
+        """Return all non-dominated paths from a node to the goal, or those found until a deadline.
 
-        What is known takes no search; so it is there after a deadline of 0 s, and stays where nothing is better.
+        Known paths take no search: they are returned even after a deadline of 0 s, and stay where nothing is better.
 
-        known     open ways from there, arcs each
-        present   the present plan among them: it stands for all ways of its costs
-        deadline  s of this thread's processor time, None for none
+        Parameters
+        ----------
+        prepared : the graph of these ways, as :meth:`prepared` makes it
+        known : open paths from there, arcs each
+        present : the present plan among them: it stands for all paths of its costs
+        deadline : s of this thread's processor time, None for none
         """
         several = [*known] if present is None else [present, *known]
 
         def search(graph: Graph) -> ParetoPaths:
-            return self.prepared.paths(node, deadline=deadline, known=several)
+            return prepared.paths(node, deadline=deadline, known=several)
 
         paths, told = self.query.with_fewest_turns(search), self._told(node, several)
         first = np.concatenate([len(paths) + np.arange(len(told)), np.arange(len(paths))])  # what is known comes first
@@ -302,7 +323,7 @@ class Ways:
     def told(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
         """What was found from a node before, where a deadline cut it short, from how it was noted."""
         given = [np.array(way, np.int64) for way in answer["arcs"]]
-        arcs = known_paths(self.graph, node, self.prepared.is_target, given, self.closed).paths
+        arcs = known_paths(self.graph, node, self._is_goal, given, self.closed).paths
         paths, gap = self._told(node, arcs), answer["gap"]
         stats = SearchStats("none", labels_generated=answer["labels"])
         return replace(paths, status=Status(answer["status"]), gap=math.inf if gap is None else gap, stats=stats)

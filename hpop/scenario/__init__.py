@@ -48,6 +48,7 @@ import shapely
 from pydantic import BaseModel
 
 from hpop import limits
+from hpop.copies import copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import LimitError, QueryError, StudyError, UnsupportedModel, did_you_mean
@@ -169,8 +170,7 @@ def load_scenario(path: str | Path) -> Scenario:
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)
         problem = Problem(world, cast(Model, model), start, goal, listed, quanta=asked_quanta, horizon=file.horizon)
-        object.__setattr__(problem, "read_seconds", read_seconds)
-        object.__setattr__(problem, "read_memory", spending.memory)
+        problem = copied(problem, read_seconds=read_seconds, read_memory=spending.memory)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path, preference)
 

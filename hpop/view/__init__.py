@@ -13,6 +13,7 @@ from __future__ import annotations
 from hpop import matplotlib_folder
 
 matplotlib_folder.provide()
+matplotlib_folder.forget_current_folder()
 
 from hpop.view import notebook
 from hpop.view.drive import draw_drive

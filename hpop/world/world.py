@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column
+from hpop.copies import copied
 from hpop.errors import MapError, OptionError
 from hpop.math import is_symbolic
 from hpop.options import LEAST, MOST, real
@@ -160,11 +161,8 @@ class World(FromFiles, Presented):
         return cls(Ground(extent=extent, solids=given))
 
     def read_from(self, source: Mapping[str, Any]) -> World:
-        """Note, as a reader does, which files this world comes from; `dataclasses.replace` drops the note."""
-        path = source["path"]
-        object.__setattr__(self, "source", source)
-        object.__setattr__(self.ground, "path", path)
-        return self
+        """Return this world with a note of the files that it comes from, which `dataclasses.replace` drops."""
+        return copied(self, source=source, ground=copied(self.ground, path=source["path"]))
 
     # Geometry in the plane
 
@@ -301,7 +299,7 @@ class World(FromFiles, Presented):
         """Return this world with people, conversations (places in ``people``), landmarks and zones in it."""
         content = Content(people, groups, landmarks, zones)  # type: ignore[arg-type]  # it makes tuples of them
         world = replace(self, content=content)
-        return world if self.source is None else world.read_from(self.source)
+        return copied(world, source=self.source)
 
     # Fields
 

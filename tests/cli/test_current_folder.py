@@ -45,7 +45,6 @@ def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     (folder / "room.yaml").write_text(SCENARIO)
     for name in MODULES:
         (folder / f"{name}.py").write_text(f"open('ran-{name}', 'w')\n")
-    (folder / ".numba_config.yaml").write_text("- what numba cannot read\n")
     (folder / "matplotlibrc").write_text("figure.figsize: .1, .1\ntext.usetex: true\n")
     (folder / "ipopt.opt").write_text("output_file ran-ipopt\n")
     reader, writer = os.pipe()
@@ -80,3 +79,13 @@ def test_a_folder_whose_name_is_no_utf8_gets_front_and_pictures_whatever_a_deskt
     assert os.fsencode(front.problem["world"]["path"]).endswith(NOT_UTF8 + b"/map.yaml")
     drawn = sorted(path.name for path in (run.folder / "out").iterdir())
     assert drawn == ["front.html", "front.json", "front.png", "map.png", "trace.png", "where.png"]
+
+
+def test_a_folder_with_settings_of_numba_is_refused_before_anything_is_imported(tmp_path: Path) -> None:
+    (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path}\n")
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "hpop", "demo"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stdout) == (4, "")
+    assert "run hpop from another folder" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [".numba_config.yaml"]

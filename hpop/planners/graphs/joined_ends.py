@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.copies import copied
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
@@ -245,9 +246,7 @@ class JoinedEnds(TrajectoryGraph):
     def costed_in(self, world: World) -> JoinedEnds:
         """The same states and arcs, whether free there or not, to be costed in another world."""
         inner = self.inner.costed_in(world)
-        other = replace(self, inner=inner, world=world)
-        vars(other)["joins"] = replace(self.joins, graph=inner)
-        return other
+        return copied(replace(self, inner=inner, world=world), joins=replace(self.joins, graph=inner))
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
         """Values (m, ...) of the inner graph's arcs and (j, ...) of the joins, in the order of the arcs of `graph`."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, IntArray
+from hpop.copies import copied
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.motions import Motions, PlaneCollision, States, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
@@ -215,10 +216,7 @@ class StateGraph(TrajectoryGraph):
         So what people who come and go, or a door that closes, make of the costs is had without laying out the graph.
         """
         _ = self.arcs, self.size  # which states there are is known of this world, not of the other
-        own = {field.name for field in fields(self)} | {"collision"}
-        other = replace(self, world=world)
-        vars(other).update({name: part for name, part in vars(self).items() if name not in own}, key=None)
-        return other
+        return copied(self, without={"collision"}, world=world, key=None)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Trajectories through states (N,), so many (n,) of them for each, not yet checked: one motion an edge."""

@@ -32,13 +32,7 @@ ORDER = (
     "advance",
     "trace",
 )
-# Nothing of the current folder is run, nor numba's configuration read there, which it does when imported.
-REHEARSAL = """
-from hpop import current_folder
-current_folder.distrust()
-from hpop.search.rehearsal import main
-main()
-"""
+REHEARSAL = "from hpop.search.rehearsal import main; main()"
 Kernels = Callable[[Sequence[str], int], tuple[Any, Any]]
 POLL = 0.02  # s between two looks at what a process says
 
