@@ -32,7 +32,7 @@ GUARDED = "_names_arguments"
 """Attribute of functions that are guarded already, and of the errors raised for them."""
 OF_EXTREMES = re.compile(
     r"empty|zero-size|shape|dimension|at least one|shorter|'list'|\bnan\b|\binf|finite|out of (range|bounds)|too large|"
-    r"convert|overflow|maxsize",
+    r"convert|overflow|maxsize|division|sequence",
     re.IGNORECASE,
 )
 """What errors say that come of values which are empty, huge, or no numbers."""

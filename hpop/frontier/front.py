@@ -97,7 +97,7 @@ class Front(Choices[T], Generic[T]):
         n, k, r = len(self.items), len(self.names), len(self.reported_names)
         columns = self.names + self.reported_names
         if k == 0 or len(set(columns)) != k + r:
-            raise ValueError(f"a front needs at least one criterion and no name twice, got {columns}")
+            raise ValueError(f"names must be one name or more, and no name twice, got {columns}")
         object.__setattr__(self, "status", str(self.status))
         if not self.status or not self.certificate:
             raise ValueError("a front says how its search ended and what it claims: give status and certificate")

@@ -12,6 +12,7 @@ from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray
 from hpop.errors import QueryError
 from hpop.motions import Model, States
+from hpop.options import whole
 from hpop.registry import completed, goals
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", bound=type)
 
+MOST_STATES = 10_000  # of a goal that are looked for at once
 REACHED = 1e-6  # m or rad: no column of a state that reaches a goal is off by more
 
 
@@ -75,6 +77,11 @@ class GoalDefaults:
     def alternatives(self) -> tuple[Goal, ...]:
         """Return the goals of which this one is any."""
         return (cast(Goal, self),)
+
+
+def checked_count(count: int) -> int:
+    """Return how many states of a goal are asked for, or raise a QueryError."""
+    return whole("count", count, 0, MOST_STATES, "a number of states", error=QueryError)
 
 
 @checked_arguments

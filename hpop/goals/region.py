@@ -17,7 +17,7 @@ import numpy as np
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import QueryError
-from hpop.goals.base import REACHED, GoalDefaults
+from hpop.goals.base import REACHED, GoalDefaults, checked_count
 from hpop.goals.inverse_kinematics import InverseKinematics, sampled_space
 from hpop.math import not_radians
 from hpop.motions import Model, Pose, States, Twist
@@ -81,6 +81,7 @@ class Region(GoalDefaults, ABC):
 
         Raises QueryError, which says how far the nearest is off, where none is found.
         """
+        count = checked_count(count)
         model, rng = problem.model, np.random.default_rng(rng)
         sought = InverseKinematics(model, sampled_space(model, problem.world), self)
         found, nearest = np.zeros((0, len(sought.space.names))), (np.inf, np.inf)

@@ -12,7 +12,7 @@ import numpy as np
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray
 from hpop.errors import HpopWarning, QueryError
-from hpop.goals.base import REACHED, Goal, GoalDefaults
+from hpop.goals.base import REACHED, Goal, GoalDefaults, checked_count
 from hpop.motions import Model, States
 from hpop.motions.space import Values
 from hpop.randomness import RNG
@@ -48,6 +48,7 @@ class GoalSet(GoalDefaults):
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """Members without anything free once, then the others in turn, each with angles drawn at random."""
+        count = checked_count(count)
         whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
         rows = list(islice(chain(whole, cycle(others)), count))
         drawn = problem.model.space.sample(rng, len(rows))
@@ -109,6 +110,7 @@ class AnyOf(GoalDefaults):
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """As many of each member, as far as there are; QueryError where none can be reached, a warning where some."""
+        count = checked_count(count)
         rng = np.random.default_rng(rng)  # one for all members
         shares = [count // len(self.members) + (i < count % len(self.members)) for i in range(len(self.members))]
         parts, refusals = list[States](), list[str]()

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 INSTANT = 1e-12  # s: a phase that lasts no longer is one by rounding, such as the cruise of a short turn
 
 
+@checked_arguments
 class Phase(NamedTuple):
     """One smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
 

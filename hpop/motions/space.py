@@ -18,13 +18,15 @@ from hpop.arrays import Column
 from hpop.errors import ModelError, QueryError, did_you_mean
 from hpop.math import not_radians, wrap
 from hpop.motions.states import States
-from hpop.options import MOST, real
+from hpop.options import MOST, real, whole
 from hpop.randomness import RNG
 from hpop.text import article, shown
 
 Values = tuple[float | None, ...]
 StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
 
+MOST_SAMPLED = 10_000_000
+"""States that are drawn at once."""
 KINDS = {"m": "a position in m", "rad": "an angle in rad"}
 
 
@@ -139,6 +141,8 @@ class StateSpace:
 
     def checked(self, name: str, value: Any, what: str, label: str = "") -> float:
         """The value of one column of ``what``, or a QueryError, which calls it ``label``."""
+        if name not in self.names:
+            raise QueryError(f"name must be one of {', '.join(self.names)}, got {shown(name)}")
         column = self.names.index(name)
         unit, low, high = self.units[column], self.low[column], self.high[column]
         if unit != "rad":
@@ -180,6 +184,7 @@ class StateSpace:
 
     def sample(self, rng: RNG, n: int) -> States:
         """States (n,), uniform between low and high; of a space with a rest half of them, by chance, at rest."""
+        n = whole("n", n, 0, MOST_SAMPLED, "a number of states")
         rng = np.random.default_rng(rng)
         drawn = dict(zip(self.names, rng.uniform(self.low, self.high, (n, len(self.names))).T, strict=True))
         if self.rest:

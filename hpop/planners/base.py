@@ -63,9 +63,13 @@ class Candidates:
         return replace(self, status=status, certificate=f"{self.certificate}; the exact search is not done")
 
     def spread(self, number: int) -> Candidates:
-        """So many of them: the best in each planned cost, and of the others, in the order of these, every so many."""
+        """Return the best candidate in each planned cost, and others at equal intervals in the order of the costs.
+
+        ``number`` is how many are returned at most; where there are fewer, all are.
+        """
         order = np.lexsort(self.planned.T[::-1])
-        every = order[np.linspace(0, order.size - 1, max(0, number - self.planned.shape[1])).astype(np.int64)]
+        others = min(max(0, number - self.planned.shape[1]), order.size)
+        every = order[np.linspace(0, order.size - 1, others).astype(np.int64)]
         return self.some(np.unique(np.concatenate([self.planned.argmin(axis=0), every])))
 
     def some(self, places: Sequence[int] | IntArray) -> Candidates:

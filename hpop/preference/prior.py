@@ -12,7 +12,7 @@ from scipy.special import gammaln
 from hpop.arguments import checked_arguments
 from hpop.arrays import BoolArray, FloatArray
 from hpop.errors import StudyError
-from hpop.options import real
+from hpop.options import real, whole
 from hpop.preference.scale import LOG, Measure
 from hpop.scalars import set_python_values
 from hpop.text import shown
@@ -28,6 +28,10 @@ MOST_SPREAD = 10.0
 """Of a logarithm: beyond, what is drawn would overflow."""
 MOST_STRETCH = 1e6
 """Ratio of ranges that a prior is rescaled by, at most."""
+MOST_COSTS = 1000
+"""Costs that shares are drawn of."""
+MOST_DRAWN = 30_000_000
+"""Shares that are drawn at once."""
 LEAST_LOG = -600.0
 """Of a share beside the greatest: its logarithm is taken again."""
 
@@ -104,6 +108,7 @@ class Prior:
 
     def concentrations(self, f: int) -> FloatArray:
         """The concentration (f,) of each share."""
+        f = whole("f", f, 1, MOST_COSTS, "a number of costs", error=StudyError)
         if not self.concentration:
             return np.ones(f)
         if len(self.concentration) != f:
@@ -120,6 +125,7 @@ class Prior:
         """
         # By gamma variables in logarithms: no share is 0 that was merely small.
         shape = self.concentrations(f)
+        count = whole("count", count, 0, MOST_DRAWN // f, "a number of people", error=StudyError)
         logs = np.log(rng.standard_gamma(shape + 1.0, (count, f))) + np.log(rng.random((count, f))) / shape
         shares = shares_of(logs, self._cared_for(f, count, rng))
         sharpness = np.exp(log(self.sharpness) + self.spread * rng.standard_normal(count))
@@ -151,7 +157,11 @@ class Prior:
         """Return the same of shares (N,), and of sharpness and ties (N,), apart.
 
         Over ratios the Dirichlet density has one more of each share, which is its Jacobian. That of other ranges is 1.
+        StudyError where sharpness or ties are not positive.
         """
+        for name, values in (("sharpness", sharpness), ("ties", ties)):
+            if not (np.asarray(values) > 0).all():
+                raise StudyError(f"{name} must be positive numbers (N,), got {shown(values)}")
         shares, sharpness = rescaled(shares, sharpness, 1.0 / self._factors(shares.shape[1]))
         of_shares = log_dirichlet(shares, self.concentrations(shares.shape[1]))
         of_sharpness = ((np.log(sharpness) - log(self.sharpness)) / self.spread) ** 2

@@ -21,13 +21,15 @@ KINDS = {"string": str, "bool": bool}  # of values, others are numbers
 def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
     """An instance of a type, such as "nav_msgs/msg/Path", of a rosbags type store, which serialises it.
 
-    Raises RosError for a type that the store does not have, and for a field that is missing, unknown, or of another
-    type.
+    Raises RosError for what is no type store, for a type that the store does not have, and for a field that is
+    missing, unknown, or of another type.
 
     >>> from rosbags.typesys import Stores, get_typestore
     >>> typed({"x": 1.0, "y": 2.0, "z": 0.0}, "geometry_msgs/msg/Point", get_typestore(Stores.ROS2_JAZZY)).y
     2.0
     """
+    if not hasattr(store, "fielddefs"):
+        raise RosError(f"store must be a type store of rosbags, as get_typestore makes one, got {shown(store)}")
     if kind not in store.fielddefs:
         raise RosError(f"the type store has no {shown(kind)}; give one of the distribution that has it")
     declared = dict(store.fielddefs[kind][1])

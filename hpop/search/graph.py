@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 N = TypeVar("N", bound=np.generic)
 MAX_COSTS = 6
+MOST_NODES = 100_000_000  # without a single arc they take 800 MB
 MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
 MAX_SUM = 2**59  # a path cost, a bound of the rest and two arcs more fit a key of 62 bits
 AGGREGATES = ("sum", "max")
@@ -132,7 +133,7 @@ class Graph:
         >>> Graph.from_arcs(2, [1, 0], [0, 1], [[3], [4]]).costs.tolist()
         [[4], [3]]
         """
-        n = whole("the number of nodes of a graph", n, 1, MAX_INDEX, error=GraphError)
+        n = whole("n", n, 1, MOST_NODES, "a number of nodes", error=GraphError)
         tails_ = _integers(tails, "tails", np.int64)
         heads_ = _integers(heads, "heads", np.int64)
         costs_ = _integers(costs, "costs", np.int64)
@@ -275,6 +276,7 @@ class Graph:
         >>> more.indptr.tolist(), more.heads.tolist(), more.costs.ravel().tolist()
         ([0, 2, 3, 4], [1, 2, 0, 1], [5, 7, 6, 8])
         """
+        nodes = whole("nodes", nodes, self.nodes, MOST_NODES, "a number of nodes", error=GraphError)
         tails, heads = np.asarray(tails, np.int64), np.asarray(heads, np.int32)
         rows = np.append(self.indptr, np.full(nodes - self.nodes, self.arcs))
         more = np.append(0, np.cumsum(np.bincount(tails, minlength=nodes)))

@@ -8,7 +8,11 @@ from hpop.arguments import checked_arguments
 from hpop.models.differential_drive.driven import ahead
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.hold import CLOCK
+from hpop.options import whole
 from hpop.world import World
+
+MOST_DRAWN = 100_000
+"""Motions that are drawn at once."""
 
 
 @checked_arguments
@@ -17,6 +21,7 @@ def random_motions(rng: np.random.Generator, world: World, model: Model, kind: s
 
     Every third curve begins or ends standing, every fourth turns first one way and then the other.
     """
+    size = whole("size", size, 1, MOST_DRAWN, "a number of motions")
     x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
     x, y = (column[world.clearance(x, y) > 0.5][:size] for column in (x, y))
     yaw = rng.uniform(-np.pi, np.pi, size)

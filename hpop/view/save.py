@@ -21,6 +21,7 @@ from hpop.errors import OutputError
 from hpop.front import Front
 from hpop.frontier.atomic import replacing
 from hpop.frontier.choices import Preferring
+from hpop.options import real
 from hpop.planners.spending import Spending
 from hpop.problem import Problem
 from hpop.status import Budget
@@ -35,6 +36,7 @@ from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
 
 DPI = 200
+LEAST_DPI, MOST_DPI = 10, 1200  # a map is up to some 13 inches wide: of more pixels it takes gigabytes
 MOST_FIELD = 500_000_000  # bytes, of the map's field where nobody says: of a fine raster it takes a gigabyte, and 20 s
 OTHERS = {
     "front.png",
@@ -71,9 +73,12 @@ def save_pictures(
 
     Raises
     ------
+    OptionError
+        If ``dpi`` is not from 10 to 1,200.
     OutputError
         If the folder cannot be made or written to; no picture is then half-written.
     """
+    dpi = real("dpi", dpi, LEAST_DPI, MOST_DPI, "a number of pixels per inch")
     target = Path(folder)
     chosen = None if preference is None else {name: p.index for name, p in front.named(preference).items()}
     with ThreadPoolExecutor(1) as beside:  # one picture is compressed while the next is drawn

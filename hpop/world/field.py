@@ -134,7 +134,7 @@ class Field:
         """The padded samples, of which those that points (M,) in grid steps take are there."""
         return self.coefficients
 
-    def places(self, x: Any, y: Any) -> Places:
+    def places(self, x: Column, y: Column) -> Places:
         """Where CasADi columns of points lie in this grid; all fields on one grid can be read there."""
         import casadi
 

@@ -14,7 +14,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray, frozen
+from hpop.arrays import BoolArray, Column, FloatArray, frozen
 from hpop.errors import MapError
 from hpop.options import FARTHEST, MOST, real
 from hpop.text import shown
@@ -234,7 +234,7 @@ class Raster:
         """(z_min, z_max), m."""
         return self.z_min, self.z_max
 
-    def to_world(self, column: Any, row: Any) -> tuple[Any, Any]:
+    def to_world(self, column: Column, row: Column) -> tuple[Any, Any]:
         """World coordinates (m) of points given in cells from the lower-left corner."""
         dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
         return dx + self.origin[0], dy + self.origin[1]

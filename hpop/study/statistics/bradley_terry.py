@@ -18,9 +18,12 @@ from scipy.sparse import coo_array, csgraph
 from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray, IntArray, frozen
 from hpop.errors import StudyError
+from hpop.options import whole
 
 ALIKE = 1e-9
 """Part of a variance by single choices below which that by people is none: all of them answered alike."""
+MOST_STIMULI = 1000
+"""Of one fit: it takes time with the third power of their number."""
 MOST_STEPS = 100
 """Of Newton's method, which takes ten or so."""
 
@@ -84,6 +87,7 @@ def bradley_terry(
     >>> round(fit.chance(0, 1), 6)
     0.666667
     """
+    stimuli = whole("stimuli", stimuli, 2, MOST_STIMULI, "a number of stimuli", error=StudyError)
     pairs = np.array([first, second], dtype=np.int64).reshape(2, -1).T  # (m, 2)
     outcome = np.array([_outcome(pair, one) for pair, one in zip(pairs, chosen, strict=True)], dtype=np.int64)
     _check(pairs, outcome, [str(i) for i in range(stimuli)] if names is None else names)

@@ -10,6 +10,7 @@ from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.options import one_of
+from hpop.text import shown
 
 Correction = Literal["holm", "bonferroni", "none"]
 CORRECTIONS: tuple[Correction, ...] = ("holm", "bonferroni", "none")
@@ -27,6 +28,8 @@ def adjusted(p: Any, correction: str = "holm") -> FloatArray:
     """
     one_of("correction", correction, CORRECTIONS, error=StudyError)
     values = np.array(p, dtype=float)
+    if values.ndim != 1:
+        raise StudyError(f"p must be a list of p values (m,), got {shown(p)}")
     known = np.flatnonzero(~np.isnan(values))
     rising = known[np.argsort(values[known], kind="stable")]
     count = len(rising)

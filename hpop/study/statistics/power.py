@@ -30,6 +30,10 @@ MOST_PEOPLE = 2000
 MOST_SIMULATED = 200_000
 AT_ONCE = 2_000_000
 """Scores that are simulated at once."""
+FEW_STUDIES = 100
+"""Studies of the greatest number of people that are simulated first, to refuse an effect that is far too small."""
+SURELY = 0.35
+"""A share in so many studies is farther below the true one with a chance of less than 3e-11 (Hoeffding 1963)."""
 FEW = 25
 """People up to whom Wilcoxon's p is counted out; beyond, its normal approximation decides alike."""
 OBSERVED = (
@@ -118,7 +122,7 @@ def power(
     alpha = real("alpha", alpha, 1e-6, 0.5, "a share", error=StudyError)
     target = real("target", target, 0.01, 0.999, "a share", error=StudyError)
 
-    def of(people: int) -> Power:
+    def of(people: int, simulations: int = simulations) -> Power:
         found = _found(draw, people, k, made, alpha, simulations, np.random.default_rng([seed, people]))
         interval = share(found, simulations)
         return Power(interval.share, interval.low, interval.high, people, made, alpha, simulations, seed)
@@ -238,15 +242,23 @@ def _kruskal_statistics(values: FloatArray) -> FloatArray:
     return statistics
 
 
-def _least(of: Callable[[int], Power], target: float) -> Power:
+def _too_small(most: Power, target: float) -> StudyError:
+    """The error for an effect that the greatest number of people does not find."""
+    return StudyError(
+        f"{most.people:,} people have a power of {most.power:.2f}, below {target:g}: the effect is too small for any "
+        "study; give a larger one, or a lower target"
+    )
+
+
+def _least(of: Callable[..., Power], target: float) -> Power:
     """The least number of people whose power reaches the target: doubled until it does, then halved between."""
+    few = of(MOST_PEOPLE, FEW_STUDIES)
+    if few.power + SURELY < target:
+        raise _too_small(few, target)
     low, high = 1, 6
     while (reached := of(high)).power < target:
         if high == MOST_PEOPLE:
-            raise StudyError(
-                f"{MOST_PEOPLE:,} people have a power of {reached.power:.2f}, below {target:g}: the effect is too "
-                "small for any study; give a larger one, or a lower target"
-            )
+            raise _too_small(reached, target)
         low, high = high, min(2 * high, MOST_PEOPLE)
     while high - low > 1:
         middle = of((low + high) // 2)

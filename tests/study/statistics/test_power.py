@@ -120,6 +120,7 @@ def test_people_of_a_pilot_are_drawn():
         ({"effect": 0.5, "test": "wilcoxon"}, "of 3 stimuli the test is 'friedman' or 'kruskal', got 'wilcoxon'"),
         ({"effect": 0.5, "n": 1}, "n must be a number of people from 2"),
         ({"effect": 0.001, "k": 2, "simulations": 100}, "2,000 people have a power of"),
+        ({"effect": 0.001, "simulations": 200_000}, "2,000 people have a power of"),  # after a few studies only
         ({"effect": "big"}, "effect must be a shift"),
         ({"effect": [0.5]}, "two stimuli or more"),
         ({"effect": 0.5, "like": [1, 1]}, "scores of a pilot that differ"),
