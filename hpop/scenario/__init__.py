@@ -67,6 +67,7 @@ from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
     Choose,
+    ContentFile,
     CylinderSize,
     LandmarkEntry,
     MapFile,
@@ -271,7 +272,7 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
     if section.geojson is not None:
         given = section.geojson
         paths: dict[str, Any] = {
-            role: [folder / path for path in ([named] if isinstance(named, str) else named)]
+            role: [_content_file(file, folder) for file in (named if isinstance(named, list) else [named])]
             for role, named in (("landmarks", given.landmarks), ("flows", given.flows), ("zones", given.zones))
         }
         found = cast(dict[str, Any], world.source)["options"]  # what was not given is known now
@@ -282,6 +283,11 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
     if not (content.people or landmarks or zones):
         return world
     return world.with_content(people=content.people, groups=content.groups, landmarks=landmarks, zones=zones)
+
+
+def _content_file(file: str | ContentFile, folder: Path) -> Path | dict[str, Any]:
+    """A file of landmarks, flows or zones as its reader takes it; its path is relative to the folder."""
+    return folder / file if isinstance(file, str) else {"path": folder / file.path, "where": file.where}
 
 
 def _with_notes(world: World, notes: tuple[str, ...]) -> World:

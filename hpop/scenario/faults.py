@@ -111,7 +111,9 @@ class Faults:
         """Place in the file of a fault, without the names that pydantic gives to the branches of a choice."""
         for key in loc:
             here = (*place, key)
-            branch = isinstance(key, str) and ("[" in key or key in ("str", "int", "float", "bool"))
+            branch = isinstance(key, str) and (
+                "[" in key or key in ("str", "int", "float", "bool") or key[:1].isupper()
+            )
             if not branch or here in self._document:
                 place = here
         return place

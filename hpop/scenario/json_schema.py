@@ -22,6 +22,7 @@ from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
     Choose,
+    ContentFile,
     CylinderSize,
     FutureEntry,
     LandmarkEntry,
@@ -250,6 +251,10 @@ def _world(*, at_home: bool) -> Schema:
             _described(ways[name], parameter_docs(form) | parameter_docs(readers[name]))
         else:
             _described(ways[name], parameter_docs(form))
+    for role in ("landmarks", "flows", "zones"):
+        _, alone, several = ways["geojson"]["properties"][role]["anyOf"]
+        for file in (alone, several["items"]["anyOf"][1]):
+            _described(file, parameter_docs(ContentFile))
     _described(ways["polygons"]["properties"]["obstacles"]["items"], parameter_docs(Prism))
     ways["solids"]["properties"]["obstacles"]["items"] = _solid()
     if not at_home:

@@ -91,6 +91,16 @@ class MovingAI(MapFile):
     resolution: float = Field(default=1.0, gt=0)  # m, side of a cell
 
 
+class ContentFile(_Strict):
+    """A GeoJSON file of landmarks, flows or zones, of which the features that have some properties are read."""
+
+    path: str  # file, relative to the scenario
+    where: dict[str, Choice | list[Choice]] | None = None  # properties that its features must have
+
+
+ContentFiles = str | ContentFile | list[str | ContentFile]
+
+
 class GeoJSON(MapFile):
     """A GeoJSON floor plan; coordinates less ``origin`` times ``scale`` are metres, or they are degrees.
 
@@ -106,9 +116,9 @@ class GeoJSON(MapFile):
     wall_width: float | None = Field(default=None, gt=0)
     crs: str | None = None  # of the coordinates, such as EPSG:3857; what the file says if left out
     where: dict[str, Choice | list[Choice]] | None = None  # properties that its features must have
-    landmarks: Paths = []  # GeoJSON files whose points are landmarks
-    flows: Paths = []  # GeoJSON files whose lines are flows of visitors: one-way zones
-    zones: Paths = []  # GeoJSON files whose polygons are zones
+    landmarks: ContentFiles = []  # GeoJSON files whose points are landmarks
+    flows: ContentFiles = []  # GeoJSON files whose lines are flows of visitors: one-way zones
+    zones: ContentFiles = []  # GeoJSON files whose polygons are zones
     flow_width: float = Field(default=FLOW_WIDTH, gt=0)  # m, across a flow
 
 

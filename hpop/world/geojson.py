@@ -11,10 +11,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
-from hpop.errors import MapError, did_you_mean
+from hpop.errors import MapError
 from hpop.options import one_of
-from hpop.text import counted, shown, some
+from hpop.text import counted, shown
 from hpop.world import crs as systems
+from hpop.world.choosing import chosen_features, notes_of_levels
 from hpop.world.crossings import check_joinable
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.files import file_source, read_bytes
@@ -24,17 +25,13 @@ from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.placement import Placement, Units
 from hpop.world.rooms import SOLID, WALL_WIDTH, Door, Room, is_door, kind_of, touching, walled
 from hpop.world.shapes import Obstacle, check_heights
-from hpop.world.tags import Choice, length, values
+from hpop.world.tags import Choice, length
 from hpop.world.walls import check_width, walls
 from hpop.world.world import World
 
 Meaning = Literal["obstacles", "free", "outline", "rooms"]
-LEVELS = ("level", "floor")
-"""Properties that say on which floor a feature is."""
 FAR = 100_000.0
 """Coordinates, m, that no plan has whose origin is in the building: those of projections are larger."""
-TOLD = 8
-"""Values of a property that a message lists, at most."""
 
 
 def read(
@@ -102,7 +99,7 @@ def read(
     are_rooms = polygons == "rooms"
     width = width or (WALL_WIDTH if are_rooms else None)
     kinds = POLYGONS if width is None else POLYGONS + LINES
-    features, said = _chosen(document.features, chosen, path, doors=are_rooms)
+    features, said = chosen_features(document.features, chosen, path, by_level=is_door if are_rooms else None)
     of, shapes = _shapes(features, kinds, noted, doors=are_rooms)
     placement, shapes, options = _placed_by(given, crs, document, of, shapes, path)
     plan = _Plan([], [], [])
@@ -122,7 +119,7 @@ def read(
     notes = (*document.notes, *placement.note(path, options.get("crs")), *said)
     if given.units is None and crs is None and options["scale"] == 1.0 and placement.units == "m":
         notes += _in_metres(document.crs, shapes, path)
-    notes += (*noted.lines(), *hint, *more, *_levels(of, chosen, path))
+    notes += (*noted.lines(), *hint, *more, *notes_of_levels(of, chosen, path))
     return World(ground, notes=notes).read_from(source)
 
 
@@ -172,51 +169,6 @@ def _shapes(
     of, shapes = shaped(others, kinds, noted)
     of_doors, shapes_of_doors = shaped(opening, POLYGONS + LINES + POINTS, noted)
     return of + of_doors, np.concatenate([shapes, shapes_of_doors])
-
-
-def _chosen(
-    features: Sequence[Feature], choice: Choice, path: str | Path, *, doors: bool
-) -> tuple[list[Feature], tuple[str, ...]]:
-    """The features that are asked for, and a note; `MapError` where there are none."""
-    if not choice:
-        return list(features), ()
-    found = [
-        feature
-        for feature in features
-        if choice.takes(feature.properties, LEVELS if doors and is_door(feature) else None)
-    ]
-    if found:
-        return found, (f"{path}: {len(found):,} of {len(features):,} features are read, those with {choice}.",)
-    for key in choice.given:
-        there: dict[str, None] = {}
-        for feature in features:
-            if key in feature.properties:
-                there.update(dict.fromkeys(sorted(values(key, feature.properties[key]))))
-        if not there:
-            known = dict.fromkeys(str(name) for feature in features for name in feature.properties)
-            raise MapError(
-                f"{path}: where: no feature has a property {shown(key)}.{did_you_mean(key, known)} Properties there: "
-                f"{shown(some(list(known), TOLD), 300) if known else 'none'}."
-            )
-        if not any(Choice({key: choice.given[key]}).takes(feature.properties) for feature in features):
-            raise MapError(
-                f"{path}: where: no feature has {key}: {shown(choice.given[key])}. Its values there: "
-                f"{shown(some(list(there), TOLD), 300)}."
-            )
-    raise MapError(f"{path}: where: no feature has all of {choice}.")
-
-
-def _levels(of: Sequence[Feature], choice: Choice, path: str | Path) -> Iterator[str]:
-    """A note where features of several floors are read as one."""
-    for key in LEVELS:
-        if key in choice.given:
-            continue
-        there = sorted({v for feature in of if key in feature.properties for v in values(key, feature.properties[key])})
-        if len(there) > 1:
-            yield (
-                f"{path}: its features have several values of {key} ({shown(some(there, TOLD), 200)}), all read as one "
-                f"floor. where: {{{key}: {there[0]}}} chooses."
-            )
 
 
 def _placed_by(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.errors import MapError
 from hpop.text import shown
 from hpop.world import crs as systems
+from hpop.world.choosing import chosen_features, notes_of_levels
 from hpop.world.content import Content, Landmark, Zone
 from hpop.world.crossings import check_widenable
 from hpop.world.features import Feature, FeatureNotes
@@ -24,18 +25,20 @@ from hpop.world.geojson_shapes import LINES, POINTS, POLYGONS, WORDS, placed, sh
 from hpop.world.geojson_text import read_document
 from hpop.world.placement import MOST_DEGREES, Placement, Units
 from hpop.world.shapes import check_positive
-from hpop.world.tags import length, number, truth
+from hpop.world.tags import Choice, length, number, truth
 
 FLOW_WIDTH = 3.0
 """Width of the way along a flow, m."""
-Paths = str | Path | Sequence[str | Path]
+ContentFile = str | Path | Mapping[str, Any]
+"""A path, or a mapping with a ``path`` and ``where``: the properties that its features must have."""
+ContentFiles = ContentFile | Sequence[ContentFile]
 
 
 def read(
     *,
-    landmarks: Paths = (),
-    flows: Paths = (),
-    zones: Paths = (),
+    landmarks: ContentFiles = (),
+    flows: ContentFiles = (),
+    zones: ContentFiles = (),
     scale: float = 1.0,
     origin: tuple[float, float] = (0.0, 0.0),
     units: Units | None = "m",
@@ -44,16 +47,19 @@ def read(
 ) -> tuple[Content, tuple[str, ...]]:
     """Read the content of a world from GeoJSON files: ``world.with_content(landmarks=content.landmarks, ...)``.
 
+    A file is a path, or a mapping such as ``{"path": "zones.geojson", "where": {"level": 0}}``, of which those features
+    are read that have all properties of ``where``, as `hpop.world.geojson.read` has it.
+
     Parameters
     ----------
-    landmarks : path or paths
+    landmarks : file or files
         Each point is a `Landmark`. Its name is the first that is there of the properties ``name``, ``label`` and
         ``title``, the feature's ``id``, and the properties ``id`` and ``type``; the properties ``z`` (m), ``facing``
         (rad) and ``weight`` are the landmark's.
-    flows : path or paths
+    flows : file or files
         Each line is a one-way `Zone` in the direction in which it is drawn, ``width`` across, or as the property
         ``width`` (m) says; it ends where the line ends.
-    zones : path or paths
+    zones : file or files
         Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, yes, or a
         number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
     scale, origin, units, crs
@@ -66,20 +72,20 @@ def read(
     Returns
     -------
     The content, and notes on what was left out or mended: features without geometry, properties, or a rule, and those
-    of another geometry than was asked for.
+    of another geometry than was asked for; how many features were chosen, and that several levels are read as one.
 
     Raises
     ------
     MapError
-        If a file is missing or no GeoJSON, has nothing of the geometry that was asked for, or a property makes no
-        sense.
+        If a file is missing or no GeoJSON, has nothing of the geometry that was asked for, no feature has the
+        properties of ``where``, or a property makes no sense.
     """
     width = check_positive("width", width)
     plan = systems.DEGREES if crs is None else systems.crs_of(crs)
     if plan != systems.DEGREES:
         ((x, y),) = systems.degrees_of(np.array([origin]), plan, "the plan's origin").tolist()
         origin, units = (x, y), "deg"
-    source = _Source(Placement(scale, origin, units), plan, FeatureNotes())
+    source = _Source(Placement(scale, origin, units), plan, FeatureNotes(), [])
     seen = source.made(landmarks, POINTS, _landmark)
     ways = source.made(flows, LINES, lambda line, feature: _flow(line, feature, width))
     rules = source.made(zones, POLYGONS, _zone)
@@ -87,7 +93,7 @@ def read(
         landmarks=tuple(item for item in seen if isinstance(item, Landmark)),
         zones=tuple(item for item in (*ways, *rules) if isinstance(item, Zone)),
     )
-    return content, source.notes.lines()
+    return content, (*source.chosen, *source.notes.lines())
 
 
 Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
@@ -96,19 +102,23 @@ Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
 
 @dataclass(frozen=True)
 class _Source:
-    """Where files lie in the world, the crs of their plan, and notes on what they hold."""
+    """Where files lie in the world, the crs of their plan, and notes: on features, and on which were chosen."""
 
     placement: Placement
     crs: str
     notes: FeatureNotes
+    chosen: list[str]
 
-    def made(self, paths: Paths, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
+    def made(self, files: ContentFiles, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
         """What the geometries of some kinds in the files stand for."""
         things: list[Landmark | Zone] = []
-        for path in [paths] if isinstance(paths, str | Path) else paths:
+        for file in [files] if isinstance(files, str | Path | Mapping) else files:
+            path, choice = _path_and_choice(file)
             found = False
             document = read_document(read_bytes(path, "GeoJSON file"), path)
-            of, shapes = shaped(document.features, kinds, self.notes)
+            features, said = chosen_features(document.features, choice, path)
+            of, shapes = shaped(features, kinds, self.notes)
+            self.chosen.extend((*said, *notes_of_levels(of, choice, path)))
             self.placement.refuse_degrees(of, shapes)
             shapes = self._in_degrees(shapes, document.crs, path)
             for feature, parts in placed(of, shapes, self.placement.settled(of, shapes), self.notes):
@@ -133,6 +143,19 @@ class _Source:
             away = np.abs(shapely.get_coordinates(shapes)) > MOST_DEGREES
             crs = self.crs if away.any() else systems.DEGREES
         return systems.on_earth(shapes, crs, path)
+
+
+def _path_and_choice(file: ContentFile) -> tuple[str | Path, Choice]:
+    """The path of a file, and which of its features are read."""
+    if not isinstance(file, Mapping):
+        return file, Choice(None)
+    path = file.get("path")
+    if not isinstance(path, str | Path) or not file.keys() <= {"path", "where"}:
+        raise MapError(
+            "a file of landmarks, flows or zones is a path, or has a path and where, such as "
+            f"{{path: zones.geojson, where: {{level: 0}}}}; got {shown(dict(file))}."
+        )
+    return path, Choice(file.get("where"))
 
 
 def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:

@@ -217,7 +217,41 @@ def test_a_missing_content_file_is_said_at_its_world(tmp_path):
 
 def test_files_of_content_are_paths(tmp_path):
     plan = ("polygons: {extent: [[0, 0], [9, 0], [9, 6], [0, 6]]}", "geojson: {path: plan.geojson, flows: [3]}")
-    assert fault(hall(tmp_path, plan)).startswith("line 2, world.geojson.flows.0: expected text, got 3")
+    assert fault(hall(tmp_path, plan)).startswith(
+        "line 2, world.geojson.flows.0: expected text or keys with values, got 3"
+    )
+
+
+PLAN = "polygons: {extent: [[0, 0], [9, 0], [9, 6], [0, 6]]}"
+
+
+def test_a_scenario_chooses_zones_of_a_file_by_their_properties(tmp_path):
+    geojson(tmp_path, "plan.geojson", "Polygon", [[[0, 0], [20, 0], [20, 20], [0, 20], [0, 0]]])
+    square = [[[14, 2], [16, 2], [16, 4], [14, 2]]]
+    geojson(tmp_path, "zones.geojson", "Polygon", square, square, closed=1, level=2)
+    zones = "{path: zones.geojson, where: {level: [1, 2]}}"
+    section = f"{{path: plan.geojson, polygons: free, scale: 0.5, zones: {zones}}}"
+    world = load_scenario(hall(tmp_path, (PLAN, f"geojson: {section}"))).problem.world
+    assert len(world.content.zones) == 2 + 3
+    (note,) = world.notes
+    assert note.endswith("zones.geojson: 2 of 2 features are read, those with level: [1, 2].")
+    text = fault(hall(tmp_path, (PLAN, f"geojson: {section.replace('[1, 2]', '7')}")), MapError)
+    assert text.startswith("line 2, world.geojson: ")
+    assert "no feature has level: 7. Its values there: '2'" in text
+
+
+@pytest.mark.parametrize(
+    ("zones", "place", "says"),
+    [
+        ("{path: z.geojson, were: {level: 1}}", "world.geojson.zones.were", "did you mean 'where'"),
+        ("[{where: {level: 1}}]", "world.geojson.zones.0.path", "this key is missing"),
+        ("{path: 3}", "world.geojson.zones.path", "expected text, got 3"),
+    ],
+)
+def test_a_file_of_content_that_is_no_path_and_has_none_is_told_at_its_key(tmp_path, zones, place, says):
+    text = fault(hall(tmp_path, (PLAN, f"geojson: {{path: plan.geojson, zones: {zones}}}")))
+    assert text.startswith(f"line 2, {place}: ")
+    assert says in text
 
 
 def test_a_name_cannot_begin_a_line_of_the_message(tmp_path):

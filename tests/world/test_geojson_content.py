@@ -253,3 +253,52 @@ def test_a_closed_area_blocks_the_robot(tmp_path):
     world = World.from_polygons([], extent=shapely.box(-5, -5, 9, 7))
     zones = read(zones=path)[0].zones
     assert world.with_content(zones=zones).clearance(np.array([2.0, 6.0]), np.array([1.0, 1.0])).tolist() == [0.0, 2.0]
+
+
+FLOORS = {"landmarks": ("Point", [1, 1]), "flows": ("LineString", [[0, 0], [4, 0]]), "zones": ("Polygon", [RING])}
+
+
+def floors(folder, role):
+    """A file whose features are on the levels 0, 1, 0 to 2, and none."""
+    kind, coordinates = FLOORS[role]
+    given = [{"level": 0}, {"level": "1"}, {"level": "0-2"}, {}]
+    features = [feature(kind, coordinates, {"name": f"n{i}", "limit": 1, **own}) for i, own in enumerate(given)]
+    return write(folder, *features, name=f"{role}.geojson")
+
+
+@pytest.mark.parametrize("role", FLOORS)
+def test_where_chooses_the_features_of_content_that_are_read_and_a_note_says_how_many(tmp_path, role):
+    path = floors(tmp_path, role)
+    content, notes = read(**{role: {"path": path, "where": {"level": [0]}}})
+    assert [one.name for one in content.landmarks + content.zones] == ["n0", "n2"]
+    assert notes == (f"{path}: 2 of 4 features are read, those with level: [0].",)
+
+
+@pytest.mark.parametrize("role", FLOORS)
+def test_content_of_several_floors_that_is_read_as_one_is_noted(tmp_path, role):
+    content, (note,) = read(**{role: floors(tmp_path, role)})
+    assert len(content.landmarks + content.zones) == 4
+    assert "several values of level ('0, 1, 2'), all read as one floor. where: {level: 0} chooses" in note
+
+
+def test_each_file_of_content_is_chosen_from_by_itself(tmp_path):
+    other = write(tmp_path, feature("Point", [2, 2], {"name": "door"}), name="other.geojson")
+    files = [other, {"path": str(floors(tmp_path, "landmarks")), "where": {"level": 1}}]
+    assert [one.name for one in read(landmarks=files)[0].landmarks] == ["door", "n1", "n2"]
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"path": "zones.geojson", "where": {"levle": 0}}, "no feature has a property 'levle'.*Did you mean 'level'"),
+        ({"path": "zones.geojson", "where": {"level": 7}}, "no feature has level: 7. Its values there: '0, 1, 2'"),
+        ({"path": "zones.geojson", "where": "level"}, "where must name properties, each with a value"),
+        ({"path": "zones.geojson", "were": {"level": 0}}, "is a path, or has a path and where"),
+        ({"where": {"level": 0}}, "is a path, or has a path and where"),
+    ],
+)
+def test_a_choice_of_content_that_makes_no_sense_is_refused(tmp_path, monkeypatch, given, said):
+    monkeypatch.chdir(tmp_path)
+    floors(tmp_path, "zones")
+    with pytest.raises(MapError, match=said):
+        read(zones=given)
