@@ -86,11 +86,12 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
+RESERVED = 0.1  # of a time limit that reading, building and searching leave to the evaluation of what they find
 
 
 @dataclass(frozen=True)
 class Watch:
-    """The time of a planner of many jobs: since when it plans, for how long it may, and whom it tells.
+    """Clock of a planner of many jobs. Jobs end a little before the limit, for the evaluation of what they find.
 
     stage       what is being done, in words
     time_limit  s, or None
@@ -109,12 +110,12 @@ class Watch:
 
     @property
     def left(self) -> float | None:
-        """Seconds that are left; None without a limit."""
-        return None if self.time_limit is None else self.time_limit - self.seconds
+        """Seconds that are left for jobs, negative once they are over; None without a limit."""
+        return None if self.time_limit is None else (1.0 - RESERVED) * self.time_limit - self.seconds
 
     def is_late(self) -> bool:
-        """Whether the time is over."""
-        return self.time_limit is not None and self.seconds > self.time_limit
+        """Return whether the time for jobs is over."""
+        return self.left is not None and self.left < 0.0
 
     def report(self, done: int, left: int, found: int) -> None:
         """Say how many jobs are done, how many are left and what they found."""

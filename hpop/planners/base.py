@@ -237,8 +237,8 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
     if before is None or not before.trajectories:
         return now
     final = now.status.is_final
-    known = {_driven(trajectory) for trajectory in now.trajectories}
-    new = [i for i, trajectory in enumerate(before.trajectories) if _driven(trajectory) not in known]
+    known = {driven(trajectory) for trajectory in now.trajectories}
+    new = [i for i, trajectory in enumerate(before.trajectories) if driven(trajectory) not in known]
     if final and not now.filters:
         new = [i for i in new if not (now.planned <= before.planned[i]).all(axis=1).any()]
     if not new:
@@ -257,7 +257,7 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
     )
 
 
-def _driven(trajectory: Trajectory) -> tuple[Any, ...]:
+def driven(trajectory: Trajectory) -> tuple[Any, ...]:
     """What tells a trajectory from others: its motions and states."""
     states = trajectory.states
     return (trajectory.kinds, *(getattr(states, name).tobytes() for name in states.names))

@@ -16,7 +16,6 @@ from hpop.status import Status
 SHARES = (16, 4)  # of all points, one of so many, in the first sample and in the second
 MARGIN = 1.2  # what all points may take, beyond what the samples tell
 FEW, FEW_WITH_MEMORY = 60, 6  # points that are evaluated in any case, without memory and where criteria have memory
-RESERVED = 0.1  # of a time limit that reading, building and searching leave to the evaluation of what they find
 
 
 def evaluable_in_time(

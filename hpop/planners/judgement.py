@@ -154,6 +154,13 @@ def is_free(problem: Problem, trajectory: Trajectory) -> bool:
     return all(bool(free_along(collision, motions).all()) for _, motions in trajectory.batches(problem.world))
 
 
+def are_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
+    """Return whether each trajectory (n,) is free of collisions all along, on the exact geometry."""
+    if not len(trajectories):
+        return np.zeros(0, dtype=bool)
+    return _free(problem, MotionTable.of(trajectories), trajectories, range(len(trajectories)))
+
+
 def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
     """Return where each trajectory of a table leaves the map or misses an end, in words, or ""."""
     model = problem.model

@@ -23,9 +23,8 @@ import numpy as np
 from hpop import limits
 from hpop.interrupts import interrupts_held
 from hpop.planners.base import Candidates
-from hpop.planners.in_time import RESERVED
 from hpop.planners.objectives import Objectives
-from hpop.status import Budget, Status
+from hpop.status import RESERVED, Budget, Status
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget

@@ -9,16 +9,18 @@ goes on with steps. Every step is judged as candidates are: by the costs that fr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.limits import LimitPassed
 from hpop.math import wrap
 from hpop.planners.epsilon_constraint.nearby import Nearby
 from hpop.planners.polylines.polyline import Polyline
@@ -63,6 +65,7 @@ class Descent:
     scale     (k,) positive: differences of costs that matter alike
     judge     from a polyline to its exact costs (k,), or None where it is not to be trusted
     evaluate  from m polylines to their exact costs (m, k), NaN off the map; collisions are not looked for
+    free      from m polylines to whether each is free of collisions (m,)
     is_late   whether time is over
     """
 
@@ -74,6 +77,7 @@ class Descent:
     scale: FloatArray
     judge: Callable[[Polyline], FloatArray | None]
     evaluate: Callable[[Sequence[Polyline]], FloatArray]
+    free: Callable[[Sequence[Polyline]], BoolArray]
     is_late: Callable[[], bool]
 
     @cached_property
@@ -85,21 +89,31 @@ class Descent:
 
     def run(self, polyline: Polyline, costs: FloatArray) -> Descended:
         """Move the corners of a polyline with costs (k,) until no step gains, or time is over."""
-        distance, left = FIRST, np.nan
+        rest = Descended(polyline, costs, 0, np.nan)
+        with suppress(LimitPassed):
+            for rest in self._better(polyline, costs):  # noqa: B007  (the last one counts)
+                pass
+        return rest
+
+    def _better(self, polyline: Polyline, costs: FloatArray) -> Iterator[Descended]:
+        """Yield better and better polylines; the last one is where the corners came to rest."""
+        distance, left, multipliers = FIRST, np.nan, self.weights
         polyline, costs = self._shortened(polyline, costs)
         if len(polyline.vertices) < 3:
-            return Descended(polyline, costs, 0, 0.0)
-        multipliers = self.weights
+            yield Descended(polyline, costs, 0, 0.0)
+            return
         for steps in range(STEPS):
+            yield Descended(polyline, costs, steps, np.nan)
             bounds = np.minimum(np.maximum(self.aim, costs), self.most)
             bounds[self.minimise] = np.inf
             nearby = Nearby(self.problem, self.criteria, polyline, costs, bounds, self.weights, self.scale)
             if not nearby.freedom:
-                return Descended(polyline, costs, steps, 0.0)
+                yield Descended(polyline, costs, steps, 0.0)
+                return
             nearby.bend(multipliers)
             while True:
                 if self.is_late():
-                    return Descended(polyline, costs, steps, left)
+                    return
                 found, left = self._step(nearby, polyline, costs, distance)
                 if found is not None or left <= GAIN:
                     break
@@ -107,17 +121,18 @@ class Descent:
                 if distance < LAST:
                     break
             if found is None:
-                found = self._polled(nearby, polyline, costs, bounds)
-                if found is None:
-                    return Descended(polyline, costs, steps, left if left > GAIN else 0.0)
+                polled = self._polled(nearby, polyline, costs, bounds)
+                if polled is None:
+                    yield Descended(polyline, costs, steps, left if left > GAIN else 0.0)
+                    return
+                found, distance = polled
                 polyline, costs = self._tidied(*found)
-                distance = FIRST
                 continue
             gain = self._merit(costs) - self._merit(found[1])
             multipliers = nearby.multipliers
             polyline, costs = self._tidied(*found)
             distance = min(MOST, distance * (GROWS if gain > 0.5 * left else 1.0))
-        return Descended(polyline, costs, STEPS, left)
+        yield Descended(polyline, costs, STEPS, left)
 
     def _step(
         self, nearby: Nearby, polyline: Polyline, costs: FloatArray, distance: float
@@ -143,10 +158,11 @@ class Descent:
 
     def _polled(
         self, nearby: Nearby, polyline: Polyline, costs: FloatArray, bounds: FloatArray
-    ) -> tuple[Polyline, FloatArray] | None:
-        """The first displacement of one corner that gains and keeps the bounds (k,); None where there is none.
+    ) -> tuple[tuple[Polyline, FloatArray], float] | None:
+        """The displacement of one corner that gains most and keeps the bounds (k,), and its size, m; None without one.
 
-        What would turn a segment that keeps its heading, and so add a turn, is projected away.
+        Sizes are tried in turn, the largest first. What would turn a segment that keeps its heading, and so add a turn,
+        is projected away.
         """
         vertices = polyline.vertices
         ahead = np.diff(vertices, axis=0)
@@ -166,9 +182,11 @@ class Descent:
             trials = [nearby.moved(size * side) for side in sides]
             every = self.evaluate(trials)  # all at once: each call of a criterion costs more than a trial in it
             gains = (every <= bounds).all(axis=1) & (every @ self.weights < self._merit(costs) - GAIN)
-            for place in np.flatnonzero(gains):
+            places = np.flatnonzero(gains)
+            places = places[self.free([trials[place] for place in places])]
+            for place in places[np.argsort(every[places] @ self.weights, kind="stable")]:
                 if (judged := self.judge(trials[place])) is not None:
-                    return trials[place], judged
+                    return (trials[place], judged), size
         return None
 
     def _merit(self, costs: FloatArray) -> float:
@@ -176,14 +194,16 @@ class Descent:
 
     def _shortened(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:
         """Without the corners that can be left out at no cost."""
-        corner = 1
-        while corner < len(polyline.vertices) - 1 and not self.is_late():
-            fewer = Polyline(np.delete(polyline.vertices, corner, axis=0), polyline.start_yaw, polyline.goal_yaw)
-            judged = self.judge(fewer)
-            if judged is not None and self._merit(judged) <= self._merit(costs):
-                polyline, costs = fewer, judged
+        while len(polyline.vertices) > 2 and not self.is_late():
+            inner = range(1, len(polyline.vertices) - 1)
+            fewer = [polyline.without(corner) for corner in inner]
+            for one in (fewer[place] for place in np.flatnonzero(self.free(fewer))):
+                judged = self.judge(one)
+                if judged is not None and self._merit(judged) <= self._merit(costs):
+                    polyline, costs = one, judged
+                    break
             else:
-                corner += 1
+                break
         return polyline, costs
 
     def _tidied(self, polyline: Polyline, costs: FloatArray) -> tuple[Polyline, FloatArray]:

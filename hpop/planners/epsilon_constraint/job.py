@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import motion_costs, trajectory_costs
 from hpop.limits import LimitPassed, within
 from hpop.planners.epsilon_constraint.descent import Descent
 from hpop.planners.epsilon_constraint.grid import LOOSE, Cell, Found, Known, Roles
 from hpop.planners.epsilon_constraint.motions import Pieces
-from hpop.planners.epsilon_constraint.program import PolylineProgram, Solution
-from hpop.planners.judgement import accepted, exceeds, judge, on_map
+from hpop.planners.epsilon_constraint.program import REGION, PolylineProgram, Solution
+from hpop.planners.judgement import accepted, are_free, exceeds, is_free, judge, on_map
 from hpop.planners.polylines.polyline import PIECE, Polyline, PolylineStructure
 from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 QUADRATURE = 1e-3  # relative: sums over pieces against sums over whole motions
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
+AT_BORDER = 0.95  # share of the region of a program: a round that moves all vertices by less is the last
 SHARE = 0.7  # of what a bound may be exceeded by, up to which steps of the corners may do so
 KEPT = 250  # programs that a process keeps, of some 4 MB each
 NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
@@ -120,8 +121,9 @@ class _Attempt:
                 break
             if self.best is not None and self._gain(known, again) <= 0:
                 break
-            gain, known, self.best = self._gain(known, again), again.known, again
-            if gain <= GAIN * abs(known.costs[minimise]):
+            gain, moved = self._gain(known, again), again.known.polyline.farthest(known.polyline)
+            known, self.best = again.known, again
+            if gain <= GAIN * abs(known.costs[minimise]) or moved < AT_BORDER * REGION:
                 break
         if self.best is None and not self.job.deadline.is_past:
             if exceeds(self.start.costs, self.cell.epsilon, self.job.roles.criteria).any():
@@ -231,6 +233,7 @@ class _Attempt:
             self._scale(found.known),
             self._costs_if_trusted,
             self._costs_on_map,
+            self._free,
             self.is_late,
         )
         rest = descent.run(found.known.polyline, found.known.costs[smooth])
@@ -243,8 +246,17 @@ class _Attempt:
         return Found(self.cell, settled, self._planned(settled), provenance)
 
     def _costs_if_trusted(self, polyline: Polyline) -> FloatArray | None:
-        reason, costs = self._judged(polyline)
-        return None if reason else costs[list(self.job.roles.smooth)]
+        """Costs (k,) of the smooth criteria; None where it collides or exceeds a bound. Ends stay where they are."""
+        problem, roles = self.job.problem, self.job.roles
+        trajectory = polyline.trajectory(problem.model)
+        if not on_map(problem, trajectory.states).all() or not is_free(problem, trajectory):
+            return None
+        costs = trajectory_costs(roles.criteria, [trajectory], problem.world)[0]
+        return None if exceeds(costs, self.cell.epsilon, roles.criteria).any() else costs[list(roles.smooth)]
+
+    def _free(self, polylines: Sequence[Polyline]) -> BoolArray:
+        problem = self.job.problem
+        return are_free(problem, [polyline.trajectory(problem.model) for polyline in polylines])
 
     def _costs_on_map(self, polylines: Sequence[Polyline]) -> FloatArray:
         """Costs (m, k) of the smooth criteria, NaN of polylines that leave the map."""

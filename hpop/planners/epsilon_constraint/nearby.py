@@ -43,6 +43,11 @@ class Rows(NamedTuple):
     room: FloatArray
     maximum: IntArray
 
+    def within(self, distance: float) -> Rows:
+        """Return the rows that a step may reach whose coordinates are no larger than a distance, m."""
+        near = (self.maximum >= 0) | (self.room <= distance * np.abs(self.slopes).sum(axis=1))
+        return Rows(self.slopes[near], self.room[near], self.maximum[near])
+
 
 class Places(NamedTuple):
     """Parts of a polyline's segments: segment (n,), and the shares (n,) of it at which each begins and ends."""
@@ -320,7 +325,7 @@ class Nearby:
         each cost is beyond its bound.
         """
         d, k = self.freedom, len(self.criteria)
-        rows = _joined([*self._rows, *self._more], d)
+        rows = _joined([*self._rows, *self._more], d).within(distance)
         bounded = [j for j in range(k) if np.isfinite(self.bounds[j])]
         tops, beyond = np.arange(d, d + k), np.arange(d + k, d + 2 * k)
         objective, curvature = np.zeros(d + 2 * k), np.zeros((d + 2 * k, d + 2 * k))

@@ -56,7 +56,8 @@ class EpsilonConstraint:
     headings    4, 8 or 16 of that lattice
     minimise    name of the cost that is minimised; None takes the length, or the first smooth one
     divisions   count  of further bounds between a known cost and the next better one
-    rounds      count  of programs a bound, each from the last solution: every one moves vertices by at most 1 m
+    rounds      count  of programs a bound, each from the last solution: every one moves vertices by at most 1 m, and
+                there is no other where none was moved so far
     epsilon     bounds that hold throughout, by the name of a cost
     warm_start  what gives the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     max_points  count  of bounds that are tried
@@ -66,9 +67,9 @@ class EpsilonConstraint:
     others are refused by name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions
     on the exact geometry. Each is a local optimum for its number of turns, near its warm start: its corners move by the
     costs that are reported until no small step gains more than 2e-5 of the cost that is minimised. Where that does not
-    end, the provenance says as ``left`` what the next step promised, and a note counts those. The warm starts
-    themselves are not among the candidates, but where Ctrl-C or the time limit comes before there are any: then those
-    that keep ``epsilon`` are. The grid of bounds is AUGMECON's (Mavrotas
+    end, the provenance says as ``left`` what the next step promised, and a note counts those. Warm starts are among the
+    candidates only where Ctrl-C or the time limit stops the planner: those that keep ``epsilon`` and from which nothing
+    better came until then. The grid of bounds is AUGMECON's (Mavrotas
     2009; Mavrotas and Florios 2013), but spans only what the warm starts know: a bound is skipped if a looser one was
     answered within it, and tighter ones than one that was infeasible are left out.
     Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
@@ -112,17 +113,18 @@ class EpsilonConstraint:
         objectives = edge_objectives(problem.criteria, NAME)
         roles = Roles.of(objectives.optimised, self.minimise, problem)
         limits = roles.limits(self.epsilon or {}, problem)
-        warm = warm_starts(self, problem, progress, executor)
+        warm = warm_starts(self, problem, progress, executor, watch.left)
         if warm.interrupted is not None:
             return self._within(warm.interrupted, limits, roles, problem)
-        polylines, costs, dropped = warm.polylines(problem, roles.criteria)
+        warm, polylines, costs, dropped = warm.polylines(problem, roles.criteria)
         known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
         job = PolylineJob(problem, roles, self.rounds, Deadline.after(watch.left))
         run = _GridRun(self, job, Grid(roles, known, limits, self.divisions), watch)
         run.warn_of_tight_bounds()
         status = warm.ended(run.go(executor))
         found = run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
-        return found if (kept := warm.kept(found)) is found else self._within(kept, limits, roles, problem)
+        kept = warm.kept(found, {one.cell.of for one in run.grid.found})
+        return found if kept is found else self._within(kept, limits, roles, problem)
 
     def _within(self, found: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
         """Those of some candidates that keep the bounds (k,) of ``epsilon``."""

@@ -91,6 +91,16 @@ class Polyline:
         kept = np.concatenate([[True], turned >= angle, [True]]) if len(turned) else np.ones(len(self.vertices), bool)
         return Polyline(self.vertices[kept], self.start_yaw, self.goal_yaw)
 
+    def farthest(self, other: Polyline) -> float:
+        """Return the largest difference of a coordinate, m, to another polyline with as many vertices; else inf."""
+        if self.vertices.shape != other.vertices.shape:
+            return float("inf")
+        return float(np.abs(self.vertices - other.vertices).max())
+
+    def without(self, corner: int) -> Polyline:
+        """Return the polyline without one of its vertices."""
+        return Polyline(np.delete(self.vertices, corner, axis=0), self.start_yaw, self.goal_yaw)
+
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
         """A polyline whose interior vertices are displaced at random by about ``by`` metres."""
         vertices = self.vertices.copy()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
@@ -13,13 +13,14 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.front import Front
 from hpop.motions import HOLD
-from hpop.planners.base import Candidates, Planner, joined, make_planner, stages_of
+from hpop.planners.base import Candidates, Planner, driven, joined, make_planner, stages_of
 from hpop.planners.judgement import judge
 from hpop.planners.needs import refuse_moving, refuse_unsupported
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.polylines.straightened import straightened
+from hpop.planners.spending import LEAST
 from hpop.registry import planners
-from hpop.status import ProgressCallback, Status
+from hpop.status import ProgressCallback, Status, Watch
 from hpop.text import counted, shown
 from hpop.trajectory import Trajectory
 
@@ -59,31 +60,51 @@ class WarmStarts(NamedTuple):
     interrupted: Candidates | None = None
     found: Candidates | None = None
 
-    def kept(self, after: Candidates) -> Candidates:
-        """What a plan found that went on from these; where it was stopped before it found anything, these themselves.
+    def kept(self, after: Candidates, improved: Iterable[int]) -> Candidates:
+        """Return what a plan found; where a limit or Ctrl-C stopped it, also the warm starts that it did not improve.
 
-        Those that were given are known to whoever gave them, and are not returned.
+        Warm starts that were given are known to the user already, and are not returned.
+
+        Parameters
+        ----------
+        improved : places of the warm starts from which a candidate came
         """
         stopped = after.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT, Status.INTERRUPTED)
-        if after.trajectories or not stopped or self.found is None:
+        if not stopped or self.found is None:
             return after
         name = after.stats.get("planner", "it")
-        note = f"{after.status}: {name} found nothing until then; these are its warm starts as they were found"
+        if not after.trajectories:
+            note = f"{after.status}: {name} found nothing until then; these are its warm starts as they were found"
+            return replace(
+                self.found,
+                status=after.status,
+                certificate=f"{name}: incomplete ({after.status}), its warm starts; {self.found.certificate}",
+                notes=(note, *after.notes),
+                stats={**self.found.stats, **after.stats},
+            )
+        gone = {driven(self.trajectories[i]) for i in improved}
+        left = [i for i, trajectory in enumerate(self.found.trajectories) if driven(trajectory) not in gone]
+        if not left or self.found.objectives != after.objectives:
+            return after
+        others = self.found.some(left)
         return replace(
-            self.found,
-            status=after.status,
-            certificate=f"{name}: incomplete ({after.status}), its warm starts; {self.found.certificate}",
-            notes=(note, *after.notes),
-            stats={**self.found.stats, **after.stats},
+            joined(others, after),
+            certificate=f"{after.certificate}; warm starts that were not improved: {others.certificate}",
+            notes=(
+                f"{after.status}: {counted(len(left), 'warm start')} from which nothing better came until then "
+                f"{'are' if len(left) > 1 else 'is'} returned as found",
+                *after.notes,
+            ),
         )
 
     def polylines(
         self, problem: Problem, criteria: Sequence[Criterion]
-    ) -> tuple[list[Polyline], FloatArray, tuple[str, ...]]:
-        """Those that are free with their ends put on start and goal, their costs (n, k), and notes on the others."""
+    ) -> tuple[WarmStarts, list[Polyline], FloatArray, tuple[str, ...]]:
+        """Return those that are free with their ends put on start and goal, their costs (n, k), notes on the others."""
         polylines = [Polyline.of(trajectory, problem) for trajectory in self.trajectories]
         judged = judge(problem, criteria, [polyline.trajectory(problem.model) for polyline in polylines])
-        return [polylines[i] for i in judged.kept], judged.costs[judged.kept], judged.notes("warm starts")
+        free = self._replace(trajectories=[self.trajectories[i] for i in judged.kept])
+        return free, [polylines[i] for i in judged.kept], judged.costs[judged.kept], judged.notes("warm starts")
 
     def ended(self, status: Status) -> Status:
         """The status of a plan that went on from these, and ended with one."""
@@ -102,21 +123,29 @@ def check_warm_start(starting: Starting) -> None:
 
 
 def warm_starts(
-    starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+    starting: Starting,
+    problem: Problem,
+    progress: ProgressCallback | None,
+    executor: Executor | None,
+    left: float | None = None,
 ) -> WarmStarts:
     """The trajectories that a planner starts from, curves replaced by polylines.
 
     Those of a planner are planned now, on the executor if it sweeps; its front counts. Those that are given must be of
-    the problem's model. Holds are left out: no planner moves them.
+    the problem's model. Holds are left out: no planner moves them. SHARE of the seconds that are left, if they are
+    limited, may be spent on it; where that was too little to find any, all of them, as some warm starts are worth more
+    than none.
 
     Raises OptionError for trajectories of another model, and what the planner raises.
     """
-    planner = _planner_of(starting, problem)
+    watch, planner = Watch("warm starts", left), _planner_of(starting, problem, left)
     if planner is None:
         known = _given(starting, problem)
     else:
         refuse_moving(problem, f"warm start by {planner.name}")
-        known = _last(known_trajectories(starting, problem, progress, executor))
+        known = _last(known_trajectories(starting, problem, progress, executor, left))
+        if known.status is Status.TIME_LIMIT and not known.trajectories and left is not None and not watch.is_late():
+            known = _last(known_trajectories(starting, problem, progress, executor, (left - watch.seconds) / SHARE))
     straight, curves = straightened(known.trajectories, problem)
     return known._replace(trajectories=straight, notes=(*known.notes, *curves, *_contact(problem)))
 
@@ -139,10 +168,14 @@ def _last(stages: Generator[Candidates, None, WarmStarts]) -> WarmStarts:
 
 
 def known_trajectories(
-    starting: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+    starting: Starting,
+    problem: Problem,
+    progress: ProgressCallback | None,
+    executor: Executor | None,
+    left: float | None = None,
 ) -> Generator[Candidates, None, WarmStarts]:
     """The same as they are, curves too, returned after what each stage of their planner but the last finds."""
-    planner = _planner_of(starting, problem)
+    planner = _planner_of(starting, problem, left)
     if planner is None:
         return _given(starting, problem)
     found: Candidates | None = None
@@ -154,11 +187,11 @@ def known_trajectories(
     return _planned(found, problem)
 
 
-def _planner_of(starting: Starting, problem: Problem) -> Planner | None:
-    """The planner of the warm starts, if they are not given."""
+def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Planner | None:
+    """The planner of the warm starts, if they are not given; it may spend SHARE of the seconds that are left."""
     if not isinstance(starting.warm_start, str | Mapping):
         return None
-    planner = warm_planner(starting, time_limit=None if starting.time_limit is None else SHARE * starting.time_limit)
+    planner = warm_planner(starting, time_limit=None if left is None else max(LEAST, SHARE * left))
     refuse_unsupported(planner, problem.model)
     return planner
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.limits import LimitPassed, within
@@ -25,7 +24,7 @@ from hpop.planners.smoothing.guess import clearances, first_guess, structure_of
 from hpop.planners.smoothing.homotopy import homotopic
 from hpop.planners.smoothing.phases import Guess, Phases
 from hpop.planners.smoothing.program import Asked, Driven, DrivenProgram
-from hpop.planners.smoothing.settling import Settled, Settling
+from hpop.planners.smoothing.settling import Judged, refined
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ REPAIRS = 5  # solves with higher clearances after a solution that collides
 SPREAD = 1e-2  # weight of the costs that are not minimised
 OVERSHOOT = 1.2  # times its excess: by how much the bound of a worst moment is lowered inside the program
 LEAST_LEFT = 0.4  # of what it is there: more may be out of reach
-UNSETTLED = "not settled"  # what jobs count where time ended during the last steps
+LATE = "not settled"  # what jobs count where time ended during the last step
 POINTS = 20  # of each interval, by which its way is compared with the polyline
 
 
@@ -76,6 +75,11 @@ class SmoothingJob:
         """Places of the criteria that enter the program; its structure settles the others."""
         return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
 
+    @property
+    def _worst(self) -> BoolArray:
+        """Whether each of the smooth criteria takes the worst moment."""
+        return np.array([self.criteria[j].aggregate == "max" for j in self.smooth])
+
     def solve(self, trajectory: Trajectory) -> Outcome[Improved]:
         """What comes of one polyline; depends on it alone."""
         seconds, counts = {"build": 0.0, "solve": 0.0}, Counter[str]()
@@ -105,22 +109,34 @@ class SmoothingJob:
         solved = self._solve(program, polyline, epsilon, counts)
         if isinstance(solved, str):
             return solved
-        found = self._checked(solved.driven, structure, whole, epsilon, counts)
+        found, costs = self._checked(solved.driven, structure, whole, epsilon, counts)
         if isinstance(found, str):
             return found
 
-        def checked(driven: Driven) -> Improved | str:
-            better = self._checked(driven, structure, whole, epsilon, counts)
-            if isinstance(better, Improved) and better.provenance["turns"] > turns:
-                return "raises the number of turns"
-            return better
+        turns, weights = found.provenance["turns"], solved.asked.weights / solved.asked.scale
 
-        turns = found.provenance["turns"]
-        settled = self._settled(solved, epsilon, checked, counts)
-        better = checked(settled.driven)
-        found = found if isinstance(better, str) else better
-        left = {"left": settled.left} if math.isfinite(settled.left) else {}
-        return replace(found, provenance={**found.provenance, "steps": settled.steps, **left})
+        def judged(driven: Driven) -> Judged:
+            better, every = self._checked(driven, structure, whole, epsilon, counts)
+            candidate = None if isinstance(better, str) or better.provenance["turns"] > turns else better
+            costs = every[self.smooth]
+            return Judged(driven, costs, float(weights @ costs), candidate)
+
+        def asked(one: Judged) -> Asked:
+            # The program sees worst moments in samples and fields: what it is off is added to their bounds.
+            drift = np.where(self._worst, one.driven.costs - one.costs, 0.0)
+            return replace(solved.asked, epsilon=epsilon[self.smooth] + drift)
+
+        costs = costs[self.smooth]
+        begin = Judged(solved.driven, costs, float(weights @ costs), found)
+        try:
+            settled = refined(begin, program, solved.guess, asked, judged)
+        except LimitPassed:
+            settled = None
+            counts[LATE] = 1
+        if settled is None:
+            return replace(found, provenance={**found.provenance, "settled": False})
+        assert settled.candidate is not None  # it is trusted
+        return settled.candidate
 
     def _straight(self, reference: Trajectory, epsilon: FloatArray) -> Improved | str:
         """Without turns nothing is free but the speeds: as fast as they may be."""
@@ -149,8 +165,7 @@ class SmoothingJob:
         self, program: DrivenProgram, polyline: Polyline, epsilon: FloatArray, counts: Counter[str]
     ) -> _Solved | str:
         """A solution that neither collides nor has too bad a moment on exact geometry, or why there is none."""
-        smooth, model = self.smooth, on_wheels(self.problem.model)
-        worst = np.array([self.criteria[j].aggregate == "max" for j in smooth])
+        smooth, worst, model = self.smooth, self._worst, on_wheels(self.problem.model)
         weights = np.where(worst, SPREAD, 1.0) / len(smooth)
         if self.minimise is not None:
             weights = np.where(np.array(smooth) == self.minimise, 1.0, SPREAD)
@@ -187,34 +202,6 @@ class SmoothingJob:
             solution = solve()
         return f"{repaired}not converged ({solution.status})"
 
-    def _settled(
-        self, solved: _Solved, epsilon: FloatArray, checked: Callable[[Driven], Improved | str], counts: Counter[str]
-    ) -> Settled:
-        """The solution after its controls came to rest by exact costs; where time ends, as far as they came."""
-        weights = solved.asked.weights / solved.asked.scale
-        worst = np.array([self.criteria[j].aggregate == "max" for j in self.smooth])
-
-        def costs(driven: Driven) -> FloatArray:
-            found = trajectory_costs(self.criteria, [driven.goes], self.problem.world)[0][self.smooth]
-            return np.asarray(found, dtype=np.float64)
-
-        def merit(driven: Driven) -> float | None:
-            return None if isinstance(checked(driven), str) else float(weights @ costs(driven))
-
-        def asked(driven: Driven) -> Asked:
-            # The program sees worst moments in samples and fields: what it is off is added to their bounds.
-            drift = np.where(worst, driven.costs - costs(driven), 0.0)
-            return replace(solved.asked, epsilon=epsilon[self.smooth] + drift)
-
-        def is_late() -> bool:
-            if self.deadline.is_past:
-                counts[UNSETTLED] = 1
-            return self.deadline.is_past
-
-        settled = Settling(solved.program, solved.guess, asked, merit, is_late).run(solved.driven)
-        counts["steps"] += settled.steps
-        return settled
-
     def _checked(
         self,
         solution: Driven,
@@ -222,23 +209,27 @@ class SmoothingJob:
         polyline: Polyline,
         epsilon: FloatArray,
         counts: Counter[str],
-    ) -> Improved | str:
-        """A candidate that keeps its bounds, its turns and its way, or which of these it does not."""
+    ) -> tuple[Improved | str, FloatArray]:
+        """A candidate that keeps its bounds, its turns and its way, or which of these it does not; its costs (k,)."""
         goes = solution.goes
         judged = judge(self.problem, self.criteria, [goes], epsilon=epsilon[None])
+        costs = judged.costs[0]
         if judged.reasons[0]:
-            return judged.reasons[0]
+            return judged.reasons[0], costs
         turns = sum(int((np.abs(ended) > LEAST_TURN).sum()) for ended in goes.turns)
         if turns < structure.turns:
-            return "lowers the number of turns"
+            return "lowers the number of turns", costs
         path = path_points(goes)
         spaces = {id(s): s for s in map(self._space, on_wheels(self.problem.model).parts)}.values()
         if not all(homotopic(path, polyline.vertices, space) for space in spaces):
-            return "leaves the homotopy class of its polyline"
-        planned = judged.costs[0].copy()
+            return "leaves the homotopy class of its polyline", costs
+        planned = costs.copy()
         planned[self.smooth] = solution.costs
+        tolerance = self._tolerance(planned, goes)
+        if (np.abs(costs - planned) > tolerance).any():
+            return "was planned with too coarse a sum", costs
         provenance = self._provenance(solution.status, solution.iterations, turns, counts["repairs"])
-        return Improved(goes, planned, self._tolerance(planned, goes), provenance)
+        return Improved(goes, planned, tolerance, provenance), costs
 
     def _space(self, part: Any) -> Any:
         return self.problem.world.free_space((part.z_min, part.z_max))
@@ -252,6 +243,7 @@ class SmoothingJob:
             "status": status,
             "iterations": iterations,
             "repairs": repairs,
+            "settled": True,
         }
 
     def _tolerance(self, planned: FloatArray, goes: Trajectory) -> FloatArray:

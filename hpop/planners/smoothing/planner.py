@@ -18,7 +18,7 @@ from hpop.planners.programs.criteria import minimised, smooth_places
 from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import Improved, Outcome, Tally
-from hpop.planners.smoothing.job import UNSETTLED, SmoothingJob
+from hpop.planners.smoothing.job import LATE, SmoothingJob
 from hpop.planners.smoothing.program import FLAT
 from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
 
 NAME = "smoothing"
-COUNTED = ("programs", "repairs", "saved by quasi-Newton", "steps")
-NOTED = 1e-3  # of its costs: what a trajectory was still to gain is noted from here on
+COUNTED = ("programs", "repairs", "saved by quasi-Newton")
 MOST_INTERVALS = 2000  # of a program that a solver can still take
 RAMPS = (
     "smoothing: driven trajectories begin and end at rest, so their durations include the ramps at start and goal (the "
@@ -56,8 +55,9 @@ class Smoothing:
     model's wheel speeds and accelerations, has no fewer turns than its polyline, can be deformed into it without
     crossing an obstacle, and costs at most 2 % more in each smooth criterion than the polyline, planned or executed,
     whichever is more. Each is a local optimum for its sequence of turns, or lies where the objective falls no more,
-    which is said: after the program, controls move by the costs that are reported and exact distances until no small
-    step promises more than 1e-4; what it did promise is in the provenance as ``left``, and noted above 1e-3. The peak
+    which is said: a second program corrects what fields and samples of the first are off, and has a hundredth of its
+    weights of time and effort. Where that does not converge, the first solution stays, ``settled`` in the provenance is
+    false, and a note counts those. The peak
     of the optic flow, whose kinks are everywhere, may not converge, which is counted. Cost: a program is built once a
     structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and optic flow in one or two seconds, and so are
     the steps after it; what collides between two samples is solved again, once in two to eight polylines.
@@ -93,7 +93,7 @@ class Smoothing:
         criteria = objectives.optimised
         smooth_places(criteria, problem, NAME)
         place = None if self.minimise is None else minimised(self.minimise, criteria)
-        warm = warm_starts(self, problem, progress, executor)
+        warm = warm_starts(self, problem, progress, executor, watch.left)
         if warm.interrupted is not None:
             return warm.interrupted
         count = len(warm.trajectories)
@@ -104,7 +104,7 @@ class Smoothing:
 
         with Sweep(SmoothingJob.solve, job, executor) as sweep:
             outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
-        cut_short = any(CUT_SHORT in outcome.counts or UNSETTLED in outcome.counts for outcome in outcomes.values())
+        cut_short = any(CUT_SHORT in outcome.counts or LATE in outcome.counts for outcome in outcomes.values())
         if ended is Status.COMPLETE and cut_short:
             ended = Status.TIME_LIMIT
         missing = count - sum(CUT_SHORT not in outcome.counts for outcome in outcomes.values())
@@ -112,7 +112,8 @@ class Smoothing:
         notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
         found = _candidates(job, objectives, outcomes, warm.ended(ended), notes)
         stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
-        return warm.kept(replace(found, stats=stats))
+        smoothed = [place for place, outcome in outcomes.items() if outcome.found is not None]
+        return warm.kept(replace(found, stats=stats), smoothed)
 
 
 def _candidates(
@@ -146,14 +147,8 @@ def _candidates(
     flat = sum(origin["status"] == FLAT for origin in kept.provenance)
     nearly = f", {flat} of {count} only nearly: the objective fell no more" if flat else ""
     names = ", ".join(criteria[j].name for j in job.smooth)
-    more = [left for origin in kept.provenance if (left := origin.get("left", 0.0)) > NOTED]
-    promised = (
-        f"smoothing: {counted(len(more), 'trajectory')} may be no local optimum: the next step promised up to "
-        f"{100 * max(more, default=0.0):.2g} % (left, in the provenance)"
-    )
-    late = (
-        f"smoothing: {counted(tally.counts[UNSETTLED], 'trajectory')} may be no local optimum: the time was over before"
-    )
+    unsettled = sum(not origin["settled"] for origin in kept.provenance)
+    why = "the time was over before" if tally.counts[LATE] else "the last program did not converge"
     return replace(
         kept,
         certificate=(
@@ -162,8 +157,7 @@ def _candidates(
         ),
         notes=(
             *kept.notes,
-            *([promised] if more else []),
-            *([late] if tally.counts[UNSETTLED] else []),
+            *([f"smoothing: {counted(unsettled, 'trajectory')} may be no local optimum: {why}"] if unsettled else []),
             *([RAMPS] if count else []),
         ),
     )

@@ -14,7 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,8 +46,8 @@ STILL = 1e-6  # rad/s: a smaller yaw rate is none
 SAMPLES = 240  # places at which the clearance is bounded, at least
 DENSE = 0.03  # m: distance of the places at which a solution's clearance is checked
 SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
-DURATION = 2.0  # times its share of a duration a step may be
-TURNING = 0.01  # rad/s: yaw rate inside turns, at least
+TURNING = 0.01  # rad/s: yaw rate inside turns, at least, or a turn could become two
+REFINED = 0.01  # share of EFFORT and HASTE that is left where a solution is refined
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
 FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
@@ -59,6 +59,7 @@ class Driven:
     """What the solver returned.
 
     point       variables of the program
+    rates       multipliers of the variables' bounds and of the constraints
     trajectory  keeps the program's limits within KEPT; None if the solver did not converge
     costs       (k,) as the program adds them up
     status      the solver's own word, or Limits_Not_Kept where what it left could not be settled
@@ -66,6 +67,7 @@ class Driven:
     """
 
     point: FloatArray
+    rates: Bounds
     trajectory: Trajectory | None
     costs: FloatArray
     status: str
@@ -253,6 +255,11 @@ class DrivenProgram:
         """The solver that learns second derivatives on the way: slower, but not misled by kinks of costs."""
         return self._formulas.solver(_QUASI_NEWTON)
 
+    @cached_property
+    def _refining(self) -> Any:
+        """The solver that goes on from a solution, to more digits."""
+        return self._formulas.solver(_REFINING)
+
     def solve(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], *, exact: bool = True) -> Driven:
         """The local optimum near a guess.
 
@@ -263,13 +270,25 @@ class DrivenProgram:
         clearances : least field values (S,) at the samples, one array a height range
         exact : whether second derivatives are the exact ones
         """
-        solver = self._newton if exact else self._quasi_newton
         x0, parameters = self._point(guess, asked)
-        box, bounds = self._limits(guess, asked, clearances)
+        solver = self._newton if exact else self._quasi_newton
+        return self._solved(solver, guess, parameters, self._limits(guess, asked, clearances), {"x0": x0})
+
+    def refined(self, driven: Driven, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> Driven:
+        """The local optimum near a solution, with next to no weight of time and effort, to more digits."""
+        parameters = self._parameters(guess, asked, REFINED)
+        begin = {"x0": driven.point, "lam_x0": driven.rates[0], "lam_g0": driven.rates[1]}
+        return self._solved(self._refining, guess, parameters, self._limits(guess, asked, clearances), begin)
+
+    def _solved(
+        self, solver: Any, guess: Guess, parameters: FloatArray, limits: tuple[Bounds, Bounds], begin: dict[str, Any]
+    ) -> Driven:
+        """What a solver returns, on its limits."""
+        box, bounds = limits
         for stop in self._formulas.stopping.values():
             stop.begin()
         with interrupts_held():
-            found = solver(x0=x0, p=parameters, lbx=box[0], ubx=box[1], lbg=bounds[0], ubg=bounds[1])
+            found = solver(**begin, p=parameters, lbx=box[0], ubx=box[1], lbg=bounds[0], ubg=bounds[1])
         stats = solver.stats()
         self.deadline.check_solver(str(stats["return_status"]))
         status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
@@ -280,59 +299,9 @@ class DrivenProgram:
                 status = "Limits_Not_Kept"
             else:
                 point, trajectory = kept, self._trajectory(guess, kept)
-        return Driven(point, trajectory, self._costs(point, parameters), status, int(stats["iter_count"]))
-
-    def step(
-        self, driven: Driven, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], distance: float
-    ) -> tuple[Driven | None, float]:
-        """A step from a solution, along tangents, made feasible; and by how much the tangent of the objective falls.
-
-        Time and effort do not count. None where no program has a solution, or nothing feasible is near it.
-
-        Parameters
-        ----------
-        driven : a solution for the same guess
-        clearances : least field values (S,) at the samples; what the solution has already is enough
-        distance : of each variable, at most; durations by DURATION times that share of what they are
-        """
-        from scipy.optimize import linprog  # on first use
-        from scipy.sparse import vstack
-
-        point, parameters = driven.point, self._parameters(guess, asked, regular=0.0)
-        box, (low, high) = self._limits(guess, asked, clearances)
-        values, slopes = self._formulas.limits(point, parameters)
-        gradient = np.array(self._formulas.derivatives["grad_f"](point, parameters)[1]).ravel()
-        reach, lasts = np.full(point.size, distance), np.unique(self.structure.places[1])
-        reach[lasts] *= DURATION * point[lasts]
-        reach[lasts[-1] + 1 :] = np.inf  # slacks
-        rates = self.structure.places[0][4, self.structure.turning_nodes]  # that do not stop, or a turn became two
-        box[0][rates] = np.where(box[1][rates] > 0, np.minimum(TURNING, point[rates]), box[0][rates])
-        box[1][rates] = np.where(box[1][rates] > 0, box[1][rates], np.maximum(-TURNING, point[rates]))
-        back, ahead = (np.clip(room, 0.0, reach) for room in (point - box[0], box[1] - point))
-        same = low == high
-        below, above = np.isfinite(low) & ~same, np.isfinite(high) & ~same
-        among = [np.flatnonzero(which) for which in (above, below, same)]
-        inequalities: Any = vstack([slopes[among[0]], -slopes[among[1]]])
-        found: Any = linprog(
-            gradient,
-            A_ub=inequalities,
-            b_ub=np.maximum(np.concatenate([(high - values)[above], (values - low)[below]]), 0.0),
-            A_eq=cast(Any, slopes[among[2]]),
-            b_eq=(high - values)[same],
-            bounds=cast(Any, np.stack([-back, ahead], axis=1)),
-            method="highs",
-        )
-        if found.status:
-            return None, 0.0
-        bounds = (np.minimum(low, values), np.maximum(high, values))
-        bounds[0][same], bounds[1][same] = low[same], high[same]
-        moved = np.clip(point + found.x, *box)
-        kept = made_feasible(lambda x: self._formulas.limits(x, parameters), moved, box, bounds)
-        promised = -float(gradient @ found.x)
-        if kept is None:
-            return None, promised
-        costs = self._costs(kept, parameters)
-        return replace(driven, point=kept, trajectory=self._trajectory(guess, kept), costs=costs), promised
+        rates = (np.array(found["lam_x"]).ravel(), np.array(found["lam_g"]).ravel())
+        costs = self._costs(point, parameters)
+        return Driven(point, rates, trajectory, costs, status, int(stats["iter_count"]))
 
     def distances(self, driven: Driven, spare: float) -> list[FloatArray]:
         """Least field values (S,) at the samples that leave the robot ``spare`` metres, by exact distances."""
@@ -415,8 +384,8 @@ class DrivenProgram:
         highest = np.repeat(np.array([[x_max], [y_max], [np.inf], [model.speed], [0.0]]), n + 1, axis=1)
         for p, sign in enumerate(guess.signs):
             (inside,) = np.nonzero(self.structure.phase == p)
-            lowest[4, inside[1:]] = min(0.0, sign * model.turn_rate)
-            highest[4, inside[1:]] = max(0.0, sign * model.turn_rate)
+            rates = sorted((sign * TURNING, sign * model.turn_rate))
+            lowest[4, inside[1:]], highest[4, inside[1:]] = rates
         for bound in (lowest, highest):
             bound[4, self.structure.straight_nodes] = 0.0
             bound[:, 0] = guess.nodes[:, 0]
@@ -492,6 +461,23 @@ _OPTIONS: dict[str, Any] = {
     "ipopt.acceptable_constr_viol_tol": 1e-3,
     "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
     "calc_lam_p": False,
+}
+
+_REFINING: dict[str, Any] = {
+    **{
+        f"ipopt.warm_start_{what}": 1e-6
+        for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+    },
+    "ipopt.warm_start_mult_bound_push": 1e-6,
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-5,
+    "ipopt.mu_target": 0.0,
+    "ipopt.max_iter": 100,
+    "ipopt.tol": 1e-4,
+    "ipopt.constr_viol_tol": 1e-5,
+    "ipopt.acceptable_obj_change_tol": 1e-5,
+    "ipopt.acceptable_iter": 4,
+    "ipopt.acceptable_tol": 1e-1,
 }
 
 _QUASI_NEWTON: dict[str, Any] = {

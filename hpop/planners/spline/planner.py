@@ -124,7 +124,7 @@ class Spline:
         place = None if self.minimise is None else minimised(self.minimise, [criteria[j] for j in smooth])
         place = place if place is None else smooth[place]
         job = SplineJob(problem, criteria, smooth, place, self.pieces, built={"pieces": pieces})
-        warm = yield from known_trajectories(self, problem, progress, executor)
+        warm = yield from known_trajectories(self, problem, progress, executor, spending.until_limit())
         if warm.interrupted is not None:
             yield warm.interrupted
             return

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Mapping
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.errors import UnsupportedCriterion
+from hpop.limits import LimitPassed
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
@@ -33,6 +37,7 @@ if TYPE_CHECKING:
 
 NAME = "weighted-sum-corridor"
 SOLVER = "CLARABEL"
+LOADS = 1.0  # s, that cvxpy takes to load
 DIVISIONS = 6  # of the weights of more than two costs, unless said otherwise
 
 
@@ -92,8 +97,7 @@ class WeightedSumCorridor:
         watch = Watch("corridors", self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
         run = _CorridorRun(problem, objectives, self, _convex(objectives, problem))
-        shared = run.shared()
-        warm = warm_starts(self, problem, progress, executor)
+        warm = warm_starts(self, problem, progress, executor, watch.left)
         if warm.interrupted is not None:
             return warm.interrupted
         run.notes += warm.notes
@@ -104,7 +108,9 @@ class WeightedSumCorridor:
         def report(done: Mapping[int, CorridorPoints]) -> None:
             watch.report(len(done), count - len(done), sum(len(found.polylines) for found in done.values()))
 
-        with Sweep(solve_corridor, replace(shared, deadline=deadline), executor) as sweep:
+        ended, notes = Status.TIME_LIMIT, list[str]()
+        with suppress(LimitPassed), Sweep(solve_corridor, run.shared(deadline), executor) as sweep:
+            notes = sweep.notes
             run.found, ended = sweep.until(run.corridors, watch.is_late, report)
         cut_short = sum(found.is_cut_short for found in run.found.values())
         if ended is Status.COMPLETE and (cut_short or run.left):
@@ -116,9 +122,12 @@ class WeightedSumCorridor:
         ):
             if number:
                 run.notes.append(f"{ended}: {number} {what}")
-        run.notes += sweep.notes
+        run.notes += notes
         found = run.candidates(warm.ended(ended))
-        return warm.kept(replace(found, stats={**found.stats, "seconds": watch.seconds}))
+        improved = {
+            i for place, points in run.found.items() if points.polylines for i in run.corridors[place].warm_starts
+        }
+        return run.warm.kept(replace(found, stats={**found.stats, "seconds": watch.seconds}), improved)
 
 
 def _convex(objectives: Objectives, problem: Problem) -> list[int]:
@@ -150,7 +159,7 @@ class _CorridorRun:
     objectives: Objectives
     options: WeightedSumCorridor
     convex: list[int]
-    warm_starts: int = 0
+    warm: WarmStarts = field(default_factory=lambda: WarmStarts((), Status.COMPLETE, ()))
     left: int = 0
     corridors: list[Corridor] = field(default_factory=list)
     found: dict[int, CorridorPoints] = field(default_factory=dict)
@@ -160,14 +169,21 @@ class _CorridorRun:
     def criteria(self) -> tuple[Criterion, ...]:
         return self.objectives.optimised
 
-    def shared(self) -> Shared:
-        """What workers need; checks the solver and the number of weights."""
-        k = len(self.convex)
+    def __post_init__(self) -> None:
+        _ = self.weights  # checks their number before anything is planned
+
+    def shared(self, deadline: Deadline) -> Shared:
+        """Return what workers need; raises LimitPassed where the time left does not suffice to load cvxpy."""
+        if "cvxpy" not in sys.modules:
+            deadline.check("cvxpy was loaded", ahead=LOADS)
         criteria = tuple(self.criteria[j] for j in self.convex)
         solvers = solvers_from(self.options.solver)
-        return Shared(self.problem.world, in_plane(self.problem.model), criteria, self._weights(k), solvers)
+        return Shared(self.problem.world, in_plane(self.problem.model), criteria, self.weights, solvers, deadline)
 
-    def _weights(self, k: int) -> Weights | None:
+    @cached_property
+    def weights(self) -> Weights | None:
+        """Rows of one weight a convex cost; None where dichotomy finds them. Raises OptionError for other numbers."""
+        k = len(self.convex)
         if self.options.weights is not None:
             check_count(self.options.weights, [self.criteria[j] for j in self.convex])
             return self.options.weights
@@ -182,8 +198,7 @@ class _CorridorRun:
 
     def learn(self, warm: WarmStarts, deadline: Deadline) -> None:
         """Corridors of the warm starts that are free; some are left where time is over."""
-        kept, _, dropped = warm.polylines(self.problem, self.criteria)
-        self.warm_starts = len(kept)
+        self.warm, kept, _, dropped = warm.polylines(self.problem, self.criteria)
         self.corridors, refused = corridors(kept, self.problem, deadline)
         self.left = len(kept) - refused - sum(len(corridor.warm_starts) for corridor in self.corridors)
         self.notes += dropped
@@ -264,7 +279,7 @@ class _CorridorRun:
         seconds = sum(found.solve_seconds for found in every)
         return {
             "planner": NAME,
-            "warm_starts": self.warm_starts,
+            "warm_starts": len(self.warm.trajectories),
             "corridors": len(self.corridors),
             "regions": len({id(region) for corridor in self.corridors for region in corridor.regions}),
             "unsafe_regions": len({id(r) for corridor in self.corridors for r in corridor.regions if not r.safe}),

@@ -90,3 +90,17 @@ def test_trajectories_of_another_model_are_refused(front):
 def test_what_is_no_warm_start_says_what_to_do(planner, spec, message):
     with pytest.raises(OptionError, match=message):
         planner(warm_start=spec)
+
+
+def test_where_half_of_the_time_gives_no_warm_start_the_rest_is_spent_on_them_too(monkeypatch):
+    limits, stages, whole = [], Lattice.stages, Lattice(step=0.5).solve(PROBLEM)
+
+    def late_at_first(planner, problem, progress=None):
+        limits.append(planner.time_limit)
+        late = dataclasses.replace(whole.some(()), status=Status.TIME_LIMIT)
+        return iter([late]) if len(limits) == 1 else stages(planner, problem, progress)
+
+    monkeypatch.setattr(Lattice, "stages", late_at_first)
+    found = Smoothing(step=0.5, time_limit=10_000.0).solve(PROBLEM)
+    assert limits[0] <= 0.5 * 9_000.0 < limits[1] <= 9_000.0
+    assert found.trajectories

@@ -10,12 +10,18 @@ import shapely
 import hpop
 from hpop.limits import LimitPassed, within
 from hpop.planners import EpsilonConstraint, Smoothing, WeightedSumCorridor
+from hpop.planners.epsilon_constraint.grid import Cell, Known, Roles
+from hpop.planners.epsilon_constraint.job import PolylineJob
+from hpop.planners.epsilon_constraint.nearby import Nearby
 from hpop.planners.epsilon_constraint.program import PolylineProgram
+from hpop.planners.judgement import judge
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs._stop import Stop
 from hpop.planners.programs.deadline import Deadline
+from hpop.planners.smoothing.job import SmoothingJob
+from hpop.planners.smoothing.program import DrivenProgram
 from hpop.planners.smoothing.separable import Separable
-from hpop.status import Status
+from hpop.status import Status, Watch
 from hpop.world.looks import quadratics
 
 WORLD = hpop.World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
@@ -87,3 +93,53 @@ def test_a_corridor_ends_between_two_weights():
     late = WeightedSumCorridor(warm_start=list(paths), time_limit=1e-9).solve(PROBLEM)
     assert late.status is Status.TIME_LIMIT
     assert late.trajectories == ()
+
+
+def over_once(monkeypatch, of, name):
+    """A deadline that is over as soon as a method of a class is called."""
+    deadline, method = Deadline.after(3600.0), getattr(of, name)
+
+    def late(self, *arguments):
+        object.__setattr__(deadline, "at", 0.0)
+        return method(self, *arguments)
+
+    monkeypatch.setattr(of, name, late)
+    return deadline
+
+
+def test_a_curve_is_kept_where_time_ends_while_it_is_refined(monkeypatch):
+    deadline = over_once(monkeypatch, DrivenProgram, "refined")
+    polyline = PROBLEM.solve("lattice", step=1.0).trajectories[0]
+    outcome = SmoothingJob(PROBLEM, PROBLEM.criteria, None, 60, deadline).solve(polyline)
+    assert outcome.found.provenance["settled"] is False
+    assert judge(PROBLEM, PROBLEM.criteria, [outcome.found.trajectory]).reasons == ("",)
+
+
+def test_a_polyline_is_kept_where_time_ends_while_its_corners_move(monkeypatch):
+    deadline = over_once(monkeypatch, Nearby, "bend")
+    roles = Roles.of(PROBLEM.criteria, None, PROBLEM)
+    (polyline,) = (Polyline.of(t, PROBLEM) for t in PROBLEM.solve("lattice", step=1.0).trajectories[:1])
+    costs = judge(PROBLEM, roles.criteria, [polyline.trajectory(PROBLEM.model)]).costs[0]
+    outcome = PolylineJob(PROBLEM, roles, 1, deadline).solve((Cell(costs, 0, 0), Known(polyline, costs)))
+    assert outcome.found.known.costs[roles.minimise] < costs[roles.minimise]
+
+
+def test_a_tenth_of_a_limit_is_left_to_the_evaluation_of_what_is_found():
+    now = time.perf_counter()
+    assert Watch("jobs", 1000.0, began=now - 950.0).is_late()
+    assert not Watch("jobs", 1000.0, began=now - 850.0).is_late()
+    assert 40.0 < Watch("jobs", 1000.0, began=now - 850.0).left < 50.0
+
+
+@pytest.mark.parametrize("planner", [EpsilonConstraint, Smoothing])
+def test_warm_starts_that_were_not_improved_in_time_stay_beside_what_was_found(planner, monkeypatch):
+    looks = iter([False, *[True] * 1000])
+    monkeypatch.setattr(Watch, "is_late", lambda watch: next(looks))
+    lattice = PROBLEM.solve("lattice", step=1.0)
+    found = planner(step=1.0, time_limit=1000.0).solve(PROBLEM)
+    assert found.status is Status.TIME_LIMIT
+    names = sorted(origin["planner"] for origin in found.provenance)
+    assert names == sorted([planner.name, *["lattice"] * (len(lattice) - 1)])
+    front = PROBLEM.front(found)
+    for row in lattice.costs:
+        assert (front.costs <= 1.02 * row + 1e-6).all(axis=1).any()  # 2 %: what smoothing may cost more
