@@ -21,6 +21,8 @@ from hpop.errors import MapError
 
 MOST_MENDED = 1_000
 """Crossings of an outline that is mended."""
+MOST_SQUARES = 5 * MOST_MENDED**2
+"""Sum of the squared numbers of crossings of all outlines of a file that are mended: some seconds."""
 MOST_JOINED = 100_000
 """Crossings of outlines that are joined."""
 MOST_NEAR = 200_000
@@ -31,12 +33,25 @@ AT_ONCE = 1_000_000
 """Pairs of segments that are looked at together, about."""
 
 
-def check_mendable(outline: BaseGeometry, what: str) -> None:
-    """Refuse an outline that crosses itself more than `MOST_MENDED` times, or lies on itself again and again."""
+def check_mendable(outline: BaseGeometry, what: str) -> int:
+    """Return how often an outline crosses itself.
+
+    Raises MapError where that is more than `MOST_MENDED` times, or the outline lies on itself again and again.
+    """
     segments = _segments([outline])
-    _bound(what, "crosses itself", MOST_MENDED, (_crossings(*pair) for pair in _pairs(segments, what)))
+    found = _bound(what, "crosses itself", MOST_MENDED, (_crossings(*pair) for pair in _pairs(segments, what)))
     touching = (_crossings(*pair, touching=True) for pair in _pairs(segments, what))
     _bound(what, "touches itself", MOST_JOINED + 10 * len(segments), touching)  # neighbours do
+    return found
+
+
+def check_mendable_together(crossings: Sequence[int], what: str) -> None:
+    """Refuse outlines whose numbers of crossings are each within `MOST_MENDED`, but take too long together."""
+    if sum(count * count for count in crossings) > MOST_SQUARES:
+        raise MapError(
+            f"{what}: {len(crossings):,} of its outlines cross themselves {sum(crossings):,} times in all, up to "
+            f"{max(crossings):,} times each; expected a floor plan. Simplify them, or leave them out."
+        )
 
 
 def check_each_joinable(outlines: NDArray[np.object_], names: Sequence[object]) -> None:
@@ -63,8 +78,8 @@ def _may_cross(count: Any) -> Any:
     return count * count > 2 * MOST_JOINED
 
 
-def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> None:
-    """Refuse what does something more often than ``most`` times."""
+def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> int:
+    """Return how often something is done; raise MapError where that is more often than ``most`` times."""
     found = 0
     for count in counts:
         found += count
@@ -73,6 +88,7 @@ def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> None:
                 f"{what} {does} at least {found:,} times; expected a floor plan, at most {most:,} times. Simplify it, "
                 "or leave it out."
             )
+    return found
 
 
 def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tuple[FloatArray, FloatArray]]:

@@ -17,7 +17,7 @@ from hpop.arrays import BoolArray
 from hpop.errors import MapError
 from hpop.limits import READING
 from hpop.text import shown
-from hpop.world.crossings import check_each_joinable, check_mendable
+from hpop.world.crossings import check_each_joinable, check_mendable, check_mendable_together
 from hpop.world.features import Feature, FeatureNotes
 from hpop.world.geojson_text import BLOCK, two_numbers
 from hpop.world.placement import Placement
@@ -170,10 +170,12 @@ def _mended(
 ) -> NDArray[np.object_]:
     """Geometries of features, those among the areas made valid that were not."""
     check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
-    for i in np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist():
+    invalid = np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist()
+    crossings = [check_mendable(shapes[i], str(of[i])) for i in invalid]
+    check_mendable_together(crossings, str(of[0].path) if of else "")
+    for i in invalid:
         limits.check(READING)
         reason, *_ = shapely.is_valid_reason(shapes[i]).split("[")  # less where, which no other feature shares
         notes.add(of[i], f"no valid polygon ({reason}), mended")
-        check_mendable(shapes[i], str(of[i]))
         shapes[i] = shapely.make_valid(shapes[i])
     return shapes

@@ -54,6 +54,24 @@ def test_a_random_outline_is_refused_with_its_count_and_what_to_do(tmp_path, cou
         World.from_geojson(path, polygons=polygons)
 
 
+def test_many_outlines_each_just_below_the_bound_are_refused_together(tmp_path):
+    ring = comb(15)
+    turned = np.column_stack([ring[:, 1], ring[:, 0]])
+    crossed = np.concatenate([ring, turned])  # the teeth of both combs cross
+    features = [
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {"type": "Polygon", "coordinates": [(crossed + 3 * i).tolist()]},
+        }
+        for i in range(100)
+    ]
+    path = tmp_path / "plan.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    with pytest.raises(MapError, match=r"100 of its outlines cross themselves [\d,]+ times in all, .* Simplify them"):
+        World.from_geojson(path)
+
+
 def test_a_figure_of_eight_is_mended_as_ever(tmp_path):
     path = written(tmp_path / "plan.geojson", "Polygon", [[[0, 0], [2, 2], [2, 0], [0, 2], [0, 0]]])
     world = World.from_geojson(path)
