@@ -137,7 +137,10 @@ def completed(plugin: P, defaults: Mapping[str, Any]) -> P:
     for name, value in defaults.items():
         # A property of an instance may take long, so its class is asked first.
         if not (name.startswith("__") or hasattr(cls, name) or hasattr(plugin, name)):
-            setattr(cls, name, value)
+            try:
+                setattr(cls, name, value)
+            except TypeError:  # of a class that cannot be changed, such as SimpleNamespace
+                setattr(plugin, name, value)
     return plugin
 
 

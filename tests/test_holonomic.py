@@ -17,7 +17,7 @@ from hpop.motions import States, lacking
 from hpop.planners import Candidates
 from hpop.registry import make_model
 from hpop.status import Status
-from hpop.testing import random_world
+from hpop.testing import conformance, random_world
 from hpop.trajectory import Trajectory
 from hpop.verify import verify
 from hpop.view.map import draw_map
@@ -199,3 +199,25 @@ def test_it_is_made_by_its_name(robot):
     assert make_model({"holonomic": {"speed": 0.5}}) == robot(speed=0.5)
     with pytest.raises(ModelError, match=r"no parameter 'sped'.*Did you mean 'speed'\?"):
         make_model({"holonomic": {"sped": 0.5}})
+
+
+def test_a_pan_tilt_head_is_carried_by_a_base_that_slides(robot, monkeypatch):
+    monkeypatch.setattr("hpop.testing.models.JUDGED", 30)
+    monkeypatch.setattr("hpop.testing.models.PAIRS", 4)
+    head = hpop.PanTilt(base=robot(), pan=(-1.5, 1.5), tilt=(-0.4, 0.4))
+    assert head.provides == {"base", "camera", "plane", "joints"}
+    assert set(head.laws) == {"slide", "glide", "pan", "tilt", "swivel", "nod"}
+    assert head.space.weights[3:] == pytest.approx(
+        (1.0 / 1.5, 1.0)
+    )  # m that the base slides while the head turns 1 rad
+    assert [check for check in conformance(head) if check.fault] == []
+    assert make_model(head.describe()) == head
+
+
+def test_a_front_of_a_head_on_a_base_that_slides(robot):
+    head = hpop.PanTilt(base=robot())
+    problem = hpop.Problem(HALL, head, (1, 1, 0, 0, 0), (4, 1, None, 1.0, 0.2), ["length", "rotation", "duration"])
+    front = problem.solve({"roadmap": {"samples": 60, "seed": 0}})
+    assert len(front)
+    assert verify(problem, front) == []
+    assert front.trajectories[0].states.pan[-1] == pytest.approx(1.0)

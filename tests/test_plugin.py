@@ -100,6 +100,7 @@ def test_its_robot_passes_the_conformance_checks(hpop, fresh, tmp_path):
     assert {line.split()[0] for line in done.stdout.splitlines()} == {"ok"}
 
 
+@pytest.mark.proof  # with every robot; in test_lexicographic.py with one
 def test_its_planner_passes_the_conformance_checks(hpop, fresh, tmp_path):
     done = hpop("check", "lexicographic", fresh=fresh, cwd=tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -129,6 +130,17 @@ def test_without_the_plugin_its_names_are_unknown(hpop, plan):
     assert "text_plan" in done.stderr
     assert "no such key" in done.stderr
     assert "unknown criterion 'oblique'" in done.stderr
+
+
+def test_its_robot_with_joints_is_planned_for_on_a_lattice(hpop, fresh, tmp_path):
+    shutil.copy(PLUGIN / "tracked.yaml", tmp_path)
+    shutil.copy(PLUGIN / "plan.txt", tmp_path)
+    done = hpop("plan", tmp_path / "tracked.yaml", "--out", tmp_path / "out", fresh=fresh, cwd=tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    saved = json.loads((tmp_path / "out/front.json").read_text())
+    assert saved["problem"]["model"]["tracked"]["boom"] == 0.6
+    shown = hpop("show", tmp_path / "out", fresh=fresh, cwd=tmp_path)
+    assert "verified" in shown.stdout, shown.stderr
 
 
 @pytest.mark.parametrize("code", [UNDRAWN, pytest.param(DRAWN, marks=pytest.mark.proof)], ids=["undrawn", "drawn"])

@@ -64,11 +64,17 @@ hpop.math.hypot
 hpop.math.smooth_abs
 hpop.models.DifferentialDrive
 hpop.models.SerialArm
+hpop.models.base.Joint
 hpop.models.base.Mount
 hpop.models.base.Part
 hpop.models.base.PlanarModel
 hpop.models.base.plane_space
 hpop.models.driven.driven
+hpop.models.laws.Move
+hpop.models.laws.Run
+hpop.models.laws.Spin
+hpop.models.laws.Turn
+hpop.models.laws.joint_laws
 hpop.models.laws.rest_to_rest
 hpop.motions.Coupled
 hpop.motions.Curve
@@ -79,6 +85,7 @@ hpop.motions.Motions
 hpop.motions.Phase
 hpop.motions.StateSpace
 hpop.motions.States
+hpop.motions.Wheeled
 hpop.named_rows.NamedRow
 hpop.options
 hpop.planners.AnyAngle

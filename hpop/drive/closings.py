@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import shapely
@@ -82,7 +82,7 @@ class Closing:
         collision = model.collision(self.alone)
         if not self.who:
             return collision
-        return Leaving(cast(PlanarModel, model).parts, self.place, collision)
+        return Leaving(model.platform, self.place, collision)
 
     @cached_property
     def zone(self) -> Zone:
@@ -161,7 +161,7 @@ def listed(closed: Sequence[Closing]) -> str:
 
 def reach_of(model: PlanarModel) -> float:
     """How far, m, a robot reaches from its place."""
-    return max(float(part.reach) for part in model.parts)
+    return max(float(part.reach) for part in model.platform)
 
 
 def states_by_place(graph: StateGraph) -> tuple[States, float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from hpop.batches import batches
 from hpop.contacts import STEP, first_contact
 from hpop.drive.closings import Closing
 from hpop.drive.plan import SAME, Plan, between
-from hpop.models.base import PlanarModel
 from hpop.motions import Collision, laws_of
 from hpop.trajectory import Trajectory
 from hpop.world import Person, World
@@ -48,7 +47,7 @@ def cut_of(
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
     if people:
         # By the plan's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
-        way, parts = plan.announced, cast(PlanarModel, plan.announced.model).parts
+        way, parts = plan.announced, plan.announced.model.platform
         ways = {way, way.execution()} if way.punctual else {way}
         for one, least in product(ways, {0.0, margin}):  # a margin may be left within a second, but nobody be touched
             met, begin = first_contact(parts, people, one, least, begin=t), t

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 
 from hpop.arrays import FloatArray
 from hpop.drive.closings import Closing
-from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, laws_of
 from hpop.planners.smoothing.homotopy import holes, word
 from hpop.trajectory import Trajectory
@@ -78,7 +77,7 @@ def same_side(way: Trajectory, other: Trajectory, world: World, closings: Sequen
     if np.abs(one[-1] - two[-1]).max() > ALIKE:
         return None
     loop = np.concatenate([one, two[::-1], one[:1]])
-    heights = {(part.z_min, part.z_max) for part in cast(PlanarModel, way.model).parts}
+    heights = {(part.z_min, part.z_max) for part in way.model.platform}
     points = [holes(loop, world.ground.free_space(z)) for z in sorted(heights)]
     # A point too many is harmless: two in one obstacle, or one that no free loop goes about.
     areas = [part for closing in closings for part in shapely.get_parts(closing.area)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from hpop.criteria.base import trajectory_costs
 from hpop.drive.closings import Closing
 from hpop.drive.cuts import closed_ways
 from hpop.drive.plan import SAME, joined, part
-from hpop.models.base import PlanarModel
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.objectives import Objectives
@@ -58,7 +57,7 @@ def clear_ways(
     latest   s, from then on, by which they arrive; None for whenever
     enough   whether no more of them are looked at
     """
-    parts, people = cast(PlanarModel, problem.model).parts, problem.world.content.people
+    parts, people = problem.model.platform, problem.world.content.people
     for way in ways:
         if enough():
             return

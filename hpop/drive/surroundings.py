@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from shapely.geometry.base import BaseGeometry
@@ -13,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.ways import OF_PEOPLE, bare
 from hpop.errors import DriveError, did_you_mean
-from hpop.models.base import PlanarModel
 from hpop.motions import States
 from hpop.planners.timed.safety import LEAVING
 from hpop.scalars import is_whole
@@ -130,7 +129,7 @@ class Surroundings:
         None where nobody would within some seconds. A person does not walk through a robot, and nothing that it does
         makes room in time for one who is predicted to.
         """
-        parts = cast(PlanarModel, self.problem.model).parts
+        parts = self.problem.model.platform
         reach = max(float(part.reach) for part in parts)
         x, y = float(state.x[0]), float(state.y[0])
         people = self._people_at(now)

@@ -4,24 +4,36 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod, update_abstractmethods
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from inspect import isfunction
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
-
-import numpy as np
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, Column, FloatArray, IntArray
+from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.collision.leaving import planar_collision
 from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.execution import rest_to_rest_execution
+from hpop.models.joints import Joint, beyond_stops, largest_change, legs_of_joints, stop_faults
 from hpop.models.laws import Move, Turn
 from hpop.models.legs import turn_move_turn
-from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body
+from hpop.models.rigid import (
+    CarriedPose,
+    CarriedTwist,
+    CarriedTwistRate,
+    Mount,
+    PlanarLaw,
+    RigidPose,
+    RigidTwist,
+    RigidTwistRate,
+    carried_body,
+    farthest,
+    rigid_body,
+)
+from hpop.models.stations import Stations, grid_of_stations, stops_of
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.options import FARTHEST
 from hpop.registry import completed, models
@@ -30,7 +42,7 @@ from hpop.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.world import World
 
-__all__ = ["Mount", "Part", "PlanarModel", "model", "plane_space"]
+__all__ = ["Joint", "Mount", "Part", "PlanarModel", "model", "plane_space"]
 
 T = TypeVar("T", bound=type)
 
@@ -56,25 +68,21 @@ def model(name: str) -> Callable[[T], T]:
 
 
 @checked_arguments
-def plane_space(metres_a_radian: float) -> StateSpace:
-    """Where a base is and how it is turned; a radian is as far apart as some metres."""
-    bounds = (FARTHEST, FARTHEST, math.pi)
-    low = tuple(-bound for bound in bounds)
-    weights = (1.0, 1.0, metres_a_radian)
-    return StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), low, bounds, weights, frozenset({"yaw"}))
+def plane_space(metres_a_radian: float, joints: Iterable[Joint] = (), speed: float = 1.0) -> StateSpace:
+    """Where a base is and how it is turned, then its joints; a radian is as far apart as some metres.
 
-
-class Stations(NamedTuple):
-    """States in which a model may be at one place of a lattice, and its motions in place.
-
-    states    (S,)  x and y are 0
-    headings  (S,)  the heading of each, as its place among those of the lattice, along which its moves go
-    motions         tails and heads (E,), stations, of the motions in place by kind
+    A change of a joint is as far apart as a base at a speed, m/s, goes meanwhile.
     """
-
-    states: States
-    headings: IntArray
-    motions: Mapping[str, tuple[IntArray, IntArray]]
+    joints = tuple(joints)
+    bounds = (FARTHEST, FARTHEST, math.pi)
+    return StateSpace(
+        ("x", "y", "yaw", *(joint.name for joint in joints)),
+        ("m", "m", "rad", *(joint.unit for joint in joints)),
+        (*(-bound for bound in bounds), *(joint.low for joint in joints)),
+        (*bounds, *(joint.high for joint in joints)),
+        (1.0, 1.0, metres_a_radian, *(speed / joint.speed for joint in joints)),
+        frozenset({"yaw"}),
+    )
 
 
 @checked_arguments
@@ -115,63 +123,89 @@ class PlanarModel(Model):
 
     @property
     def platform(self) -> tuple[Part, ...]:
-        """The parts: x, y and yaw place them."""
-        return self.parts
+        """The parts as x, y and yaw place them: one that joints carry is all that it sweeps."""
+        return tuple(part.swept for part in self.parts)
+
+    @property
+    def carrying(self) -> tuple[Joint, ...]:
+        """The joints that carry its parts and bodies, each once."""
+        if len(self.space.names) == 3:
+            return ()
+        carried: list[Mount | Part] = [*self.mounts.values(), *self.parts]
+        return tuple(dict.fromkeys(joint for one in carried for joint in one.on))
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the states that are joints."""
+        return tuple(joint.name for joint in self.carrying)
 
     @property
     def provides(self) -> frozenset[str]:
-        """Its bodies, in the plane; "turn-move" and "rigid" where the laws and the states say so."""
+        """Its bodies, in the plane; "turn-move", "rigid" and "joints" where the laws and the states say so."""
         found = {"plane", *self.mounts}
         if isinstance(self.laws.get("turn"), Turn) and isinstance(self.laws.get("move"), Move):
             found.add("turn-move")
         if set(self.space.names) == {"x", "y", "yaw"}:
             found.add("rigid")
+        if self.joints:
+            found.add("joints")
         return frozenset(found)
 
     def pose(self, body: str, states: States) -> Pose:
         """Pose of a body in each of the states."""
-        return RigidPose(self._mount(body), states)
+        mount = self._mount(body)
+        return (CarriedPose if mount.on else RigidPose)(mount, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
         """How fast a body moves and turns."""
-        return RigidTwist(self._mount(body), states, rates)
+        mount = self._mount(body)
+        return (CarriedTwist if mount.on else RigidTwist)(mount, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
         """How fast that changes."""
-        return RigidTwistRate(self._mount(body), states, rates, changes)
+        mount = self._mount(body)
+        return (CarriedTwistRate if mount.on else RigidTwistRate)(mount, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
         """What a body does in each of the motions; in closed form if the law knows its way and rotation."""
+        mount = self._mount(name)
+        if mount.on:
+            return carried_body(name, mount, motions)
         known = isinstance(motions.law, PlanarLaw)
-        return rigid_body(name, self._mount(name), motions) if known else integrated(name, motions)
+        return rigid_body(name, mount, motions) if known else integrated(name, motions)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """How far (M,), m and rad, no body moves or turns farther: levers lengthen their ways."""
-        return farthest(motions, max(mount.lever for mount in self.mounts.values()))
+        lever = max(mount.lever for mount in self.mounts.values())
+        moved, turned = farthest(motions, lever)
+        joints = [joint for joint in self.carrying if joint.name in motions.law.varies]
+        if not joints:
+            return moved, turned
+        farther, more = largest_change(joints, motions.start, motions.end, lever)
+        return moved + farther, turned + more
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """A turn towards b, a straight move, a turn to its heading: of a robot that turns and moves."""
+        """A turn towards b, a straight move, a turn to its heading; then one joint after the other."""
         if not {"turn", "move"} <= self.laws.keys():
             raise ModelError(
                 f"{self.name} has no laws turn and move, its laws are {', '.join(self.laws)}; give it connect(a, b), "
                 "the legs by which it gets from states to others"
             )
-        return turn_move_turn(self.space, a, b)
+        legs = turn_move_turn(self.space, a, b)
+        return legs_of_joints(self.space, legs, a, b, self.joints) if self.joints else legs
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """One a heading (H,), rad, and a turn between each two; a model with other states says itself which.
+        """Each heading (H,), rad, with both stops of each joint and 0 or their middle, and what joins these in place.
 
-        Raises UnsupportedModel where it does not.
+        Raises UnsupportedModel for a model with other states, which says itself which.
         """
-        if other := [name for name in self.space.names if name not in ("x", "y", "yaw")]:
+        joints = self.joints
+        if other := [name for name in self.space.names if name not in ("x", "y", "yaw", *joints)]:
             raise UnsupportedModel(
                 f"{self.name} has {', '.join(other)} among its states; for lattices give it stations(yaw), which says "
                 "at which of them it may be at each heading, and how it changes them in place"
             )
-        zero, places = np.zeros(yaw.size), np.arange(yaw.size)
-        tails, heads = np.divmod(np.arange(yaw.size**2), yaw.size)
-        other = tails != heads
-        return Stations(States(x=zero, y=zero, yaw=yaw), places, {"turn": (tails[other], heads[other])})
+        return grid_of_stations(yaw, {joint: stops_of(self.space, joint) for joint in joints})[0]
 
     def _mount(self, body: str) -> Mount:
         if body not in self.mounts:
@@ -191,12 +225,12 @@ class PlanarModel(Model):
         return rest_to_rest_execution(trajectory, self.executed)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """None: what the laws lead to can be done."""
-        return iter(())
+        """Joints beyond their stops; what else the laws lead to can be done."""
+        return stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """No motion (M,)."""
-        return np.zeros(start.size, dtype=bool)
+        """Motions (M,) with a joint beyond a stop."""
+        return beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
 
     def describe(self) -> dict[str, Any]:
         """JSON-able parameters, enough to build the same robot: of models within it their own.

@@ -14,12 +14,14 @@ Curves, which are planned as they are executed, are in :mod:`hpop.models.differe
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from hpop.arrays import Column
 from hpop.math import hypot, is_symbolic, smooth_abs
+from hpop.models.joints import Joint
 from hpop.motions import LawDefaults, Phase, States
 
 TINY = 1e-12  # m or rad: below this a rest-to-rest time has no usable slope
@@ -67,7 +69,7 @@ class _Straight(LawDefaults):
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         return linear(name, start, end, share)
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
+    def travel(self, start: States, end: States, lever: Column) -> Column:
         return hypot(end.x - start.x, end.y - start.y)
 
     def turned(self, start: States, end: States) -> Column:
@@ -82,7 +84,7 @@ class _InPlace(LawDefaults):
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         return linear(name, start, end, share)
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
+    def travel(self, start: States, end: States, lever: Column) -> Column:
         return lever * smooth_abs(end.yaw - start.yaw)
 
     def turned(self, start: States, end: States) -> Column:
@@ -137,3 +139,60 @@ class Spin(_InPlace):
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         return rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
+
+
+@dataclass(frozen=True)
+class JointMove(LawDefaults):
+    """One joint moves from rest to rest while the base stands.
+
+    kind          name of the law
+    joint         the state that changes
+    speed         rad/s or m/s
+    acceleration  rad/s² or m/s²
+    loss          s, of stopping and starting the base, half of it before and half after
+    """
+
+    kind: str
+    joint: str
+    speed: float
+    acceleration: float
+    loss: float = 0.0
+
+    @property
+    def varies(self) -> frozenset[str]:
+        """The joint alone."""
+        return frozenset({self.joint})
+
+    def change(self, start: States, end: States) -> Column:
+        """Signed change (M,), rad or m, of the joint."""
+        change: Column = getattr(end, self.joint) - getattr(start, self.joint)
+        return change
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """From rest to rest, the base standing."""
+        motion = rest_to_rest(smooth_abs(self.change(start, end)), self.speed, self.acceleration)
+        return standing(motion, self.loss) if self.loss else motion
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        """State ``name`` where a share of the change is done."""
+        return linear(name, start, end, share)
+
+    def travel(self, start: States, end: States, lever: Column) -> Column:
+        """No way of the base."""
+        return 0.0 * start.x
+
+    def turned(self, start: States, end: States) -> Column:
+        """No rotation of the base."""
+        return 0.0 * start.yaw
+
+
+def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
+    """Return two laws of each joint: under its name as it is planned, under NAME_run as it is executed.
+
+    loss : s, that the base takes to stop for it and to start again
+    """
+    laws = dict[str, JointMove]()
+    for joint in joints:
+        for kind, lost in ((joint.name, loss), (f"{joint.name}_run", 0.0)):
+            laws[kind] = JointMove(kind, joint.name, joint.speed, joint.acceleration, lost)
+    return laws

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hpop.math import wrap
-from hpop.motions import Leg, States, StateSpace
+from hpop.models.laws import Move
+from hpop.motions import Leg, Model, States, StateSpace
 
 UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
 ALIGNED = 1e-9  # rad: a turn by less is none
@@ -28,3 +29,17 @@ def turn_move_turn(space: StateSpace, a: States, b: States, *, turn: str = "turn
         Leg(move, States(**own | place | {"yaw": a.yaw + first}), apart),
         Leg(turn, States(**own | place | {"yaw": a.yaw + first + second}), second != 0.0),
     ]
+
+
+def cruise_speed(base: Model) -> float:
+    """Return the speed, m/s, at which a base in the plane goes straight on for one metre, as it is planned."""
+    move = base.laws.get("move")
+    if isinstance(move, Move):
+        return move.speed
+    begin, end = (States(x=np.full(1, x), y=np.zeros(1), yaw=np.zeros(1)) for x in (0.0, 1.0))
+    lasts = 0.0
+    for leg in base.connect(begin, end):
+        phases = base.laws[leg.kind].phases(begin, leg.end)
+        lasts += float(sum(phase.duration for phase in phases)[0]) if leg.present[0] else 0.0
+        begin = leg.end
+    return 1.0 / lasts

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
@@ -11,7 +11,8 @@ import numpy as np
 from hpop.arguments import checked_arguments
 from hpop.arrays import Column
 from hpop.math import hypot, norm, smooth_abs
-from hpop.motions import Body, Curve, Law, Motions, States, is_curve
+from hpop.models.joints import Joint, carried, reach_of, total
+from hpop.motions import Body, Curve, Law, Motions, States, integrated, is_curve
 from hpop.motions.states import Vector
 
 
@@ -21,17 +22,19 @@ class Mount:
     """Where a body is on the base: ahead and to the left of the axis, and above the floor, m.
 
     It looks where the base does, unless ``view`` is its yaw in the world, rad: of a picture turned back in software.
+    ``on`` are the joints that carry it, the one on the base first; it is in its place while all of them are at 0.
     """
 
     ahead: float = 0.0
     left: float = 0.0
     height: float = 0.0
     view: float | None = None
+    on: tuple[Joint, ...] = ()
 
     @property
     def lever(self) -> float:
-        """Distance from the axis, m."""
-        return math.hypot(self.ahead, self.left)
+        """Distance from the axis, m; of a carried body, a bound on it."""
+        return reach_of((self.ahead, self.left), self.on)
 
 
 @dataclass(frozen=True)
@@ -132,11 +135,72 @@ class RigidTwistRate:
         return 0.0, 0.0, self.changes.yaw if self.mount.view is None else 0.0
 
 
+@dataclass(frozen=True)
+class CarriedPose(RigidPose):
+    """Pose of a body that joints of the base carry."""
+
+    @cached_property
+    def _place(self) -> tuple[Column, Column]:
+        return carried((self.mount.ahead, self.mount.left), self.mount.on, self.states).place
+
+    @property
+    def x(self) -> Column:
+        return self._place[0]
+
+    @property
+    def y(self) -> Column:
+        return self._place[1]
+
+    @property
+    def z(self) -> Column:
+        return super().z + total(self.mount.on, "up", self.states)
+
+    @property
+    def yaw(self) -> Column:
+        return super().yaw + (0.0 if self.mount.view is not None else total(self.mount.on, "round", self.states))
+
+
+@dataclass(frozen=True)
+class CarriedTwist(RigidTwist):
+    """How fast a carried body moves and turns."""
+
+    @property
+    def velocity(self) -> Vector:
+        mount = self.mount
+        found = carried((mount.ahead, mount.left), mount.on, self.states, self.rates)
+        return *found.velocity, total(mount.on, "up", self.rates)
+
+    @property
+    def rotation(self) -> Vector:
+        turn_rate = super().rotation[2]
+        return (
+            0.0,
+            0.0,
+            turn_rate if self.mount.view is not None else turn_rate + total(self.mount.on, "round", self.rates),
+        )
+
+
+@dataclass(frozen=True)
+class CarriedTwistRate(RigidTwistRate):
+    """How fast the twist of a carried body changes."""
+
+    @property
+    def velocity(self) -> Vector:
+        mount = self.mount
+        found = carried((mount.ahead, mount.left), mount.on, self.states, self.rates, self.changes)
+        return *found.acceleration, total(mount.on, "up", self.changes)
+
+    @property
+    def rotation(self) -> Vector:
+        change = super().rotation[2]
+        return 0.0, 0.0, change if self.mount.view is not None else change + total(self.mount.on, "round", self.changes)
+
+
 @runtime_checkable
 class PlanarLaw(Law, Protocol):
     """A law of a base in the plane that knows the way and the rotation of its motions in closed form."""
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
+    def travel(self, start: States, end: States, lever: Column) -> Column:
         """Path length (M,), m, of a point ``lever`` metres from the axis; along curves no less than that."""
 
     def turned(self, start: States, end: States) -> Column:
@@ -188,4 +252,23 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
         stays=not law.varies & {"x", "y"} and not (mount.lever and "yaw" in law.varies),
         steady="yaw" not in law.varies or mount.view is not None,
         upright=True,
+    )
+
+
+def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
+    """What a body that joints carry does in each of the motions: integrated where these move, else as a rigid one."""
+    m, law, joints = motions, motions.law, {joint.name: joint.along for joint in mount.on}
+    turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
+    if isinstance(law, PlanarLaw) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:
+        start, rotation = m.model.pose(name, m.start), law.turned(m.start, m.end)
+        lever = hypot(start.x - m.start.x, start.y - m.start.y)
+        end, length, turned = m.model.pose(name, m.end), law.travel(m.start, m.end, lever), smooth_abs(rotation)
+        body = Body(start, end, length, turned, rotation, (rotation,))
+    else:
+        body = integrated(name, motions)
+    return replace(
+        body,
+        upright=True,
+        stays=not law.varies & {"x", "y", "yaw", *joints},
+        steady=mount.view is not None or not law.varies & turning,
     )

@@ -25,6 +25,7 @@ class Collision(Protocol):
     least_clearance  method of motions (M,) of laws that are not coupled and a distance: the least clearance (M,), m,
                      along each, at most that distance; None where samples of ``clearance`` stand for it
     is_uncompiled    whether the first question takes longer, for kernels that are not compiled yet; False
+    posture_matters  whether what is free depends on more than x, y and yaw, in the plane; False
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -49,8 +50,16 @@ class WholeCollision(Collision, Protocol):
     @property
     def is_uncompiled(self) -> bool: ...
 
+    @property
+    def posture_matters(self) -> bool: ...
 
-COLLISION_DEFAULTS: dict[str, Any] = {"clearance": None, "least_clearance": None, "is_uncompiled": False}
+
+COLLISION_DEFAULTS: dict[str, Any] = {
+    "clearance": None,
+    "least_clearance": None,
+    "is_uncompiled": False,
+    "posture_matters": False,
+}
 """What a collision has of the contract without saying so."""
 
 
@@ -72,6 +81,9 @@ class PlaneCollision(Collision, Protocol):
     @property
     def yaw_matters(self) -> bool:
         """Whether a position that is not :meth:`clear` can still be free at some yaw."""
+
+    @property
+    def posture_matters(self) -> bool: ...
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether each position (P,) is free at every yaw, and so is every turn there."""

@@ -220,6 +220,7 @@ class Model(Protocol):
     parts          what collides, in a form of the model's own; ()
     platform       upright prisms, :class:`hpop.models.base.Part`, that x, y and yaw place and in which the robot stays
                    whatever its other states are; the parts of a model that provides "plane", () of others
+    mounts         where bodies are that the base carries, by name, as :class:`hpop.models.base.Mount`; {}
     joints         names of the states that are joints; ()
     executed       the law by which motions of a planned law are done, by kind; {}
     notes          what was assumed of the robot, in words, which fronts repeat; ()
@@ -233,7 +234,7 @@ class Model(Protocol):
         "tool"            a body as well: what the robot works with
         "joints"          angles or lengths that motors set; ``joints`` names these states, without those of the base
         "heading"         the base looks where it goes
-        "wheels"          two driven wheels, speeds and accelerations: what curves are planned for
+        "wheels"          two driven wheels or tracks at either side of an axis, as :class:`Wheeled` says
         "plane"           x, y and yaw are among the states, and the robot is made of upright ``parts``, so that its
                           collisions are a :class:`PlaneCollision`
         "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
@@ -307,6 +308,10 @@ class Model(Protocol):
             return ()
 
         @property
+        def mounts(self) -> Mapping[str, Any]:
+            return {}
+
+        @property
         def joints(self) -> tuple[str, ...]:
             return ()
 
@@ -317,6 +322,41 @@ class Model(Protocol):
         @property
         def notes(self) -> tuple[str, ...]:
             return ()
+
+
+class Wheeled(Model, Protocol):
+    """A model that provides "wheels": two driven wheels or tracks, at either side of the axis of its base.
+
+    Where it is "rigid" as well, curves are planned for it, by the law "drive" and within the limits of its base.
+    """
+
+    @property
+    def wheel_base(self) -> float:
+        """Distance between them, m."""
+
+    @property
+    def wheel_speed(self) -> float:
+        """Largest speed of each, m/s."""
+
+    @property
+    def wheel_acceleration(self) -> float:
+        """Largest acceleration of each, m/s²."""
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of a rigid base, m/s."""
+
+    @property
+    def acceleration(self) -> float:
+        """Largest acceleration of a rigid base, m/s²."""
+
+    @property
+    def turn_rate(self) -> float:
+        """Largest yaw rate of a rigid base, rad/s."""
+
+    @property
+    def turn_acceleration(self) -> float:
+        """Largest angular acceleration of a rigid base, rad/s²."""
 
 
 class _Name:
@@ -339,6 +379,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "bodies": lambda model, states: (),
     "parts": (),
     "platform": _Platform(),
+    "mounts": {},
     "joints": (),
     "executed": {},
     "notes": (),

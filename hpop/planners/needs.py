@@ -6,9 +6,8 @@ from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, cast
 
 from hpop.errors import QueryError, UnsupportedModel
-from hpop.models import DifferentialDrive
 from hpop.models.base import PlanarModel
-from hpop.motions import Model
+from hpop.motions import Model, Wheeled
 from hpop.planners.base import UNDECLARED, Planner
 from hpop.registry import graphs, planners
 
@@ -59,12 +58,14 @@ def in_plane(model: Model) -> PlanarModel:
     return cast(PlanarModel, _having(model, "plane"))
 
 
-def on_wheels(model: Model) -> DifferentialDrive:
-    """The model as one that provides "wheels": curves are planned for two wheels at either side of an axis.
-
-    Raises UnsupportedModel for others.
-    """
-    return cast(DifferentialDrive, _having(model, "wheels"))
+def on_wheels(model: Model) -> Wheeled:
+    """The model as one that provides "wheels", and has the law of curves; UnsupportedModel for others."""
+    if "drive" not in _having(model, "wheels").laws:
+        raise UnsupportedModel(
+            f"curves are planned by the law 'drive', hpop.models.driven.Drive(), which {model.name} does not have: its "
+            f"laws are {', '.join(model.laws)}"
+        )
+    return cast(Wheeled, model)
 
 
 def _having(model: Model, what: str) -> Model:

@@ -28,6 +28,7 @@ from hpop.planners.lattice.grid import Headings
 from hpop.randomness import RNG, seed_of
 from hpop.registry import completed, make_model
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
+from hpop.testing.contracts import criterion_says
 from hpop.testing.models import drawn_motions
 from hpop.testing.motions import random_motions
 from hpop.testing.predictions import predicted_batches, prediction_checks
@@ -93,6 +94,10 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         def ask(asked: Criterion) -> FloatArray:
             return np.concatenate([motion_costs(asked, motions) for motions in batches])
 
+    declared = Check("declares what its protocol asks", fault_of(lambda: criterion_says(criterion)))
+    yield declared
+    if declared.fault:
+        return
     first: list[FloatArray] = []  # what it costs, once it has costs: what is asked later is compared with that
 
     def costs() -> str:
@@ -109,6 +114,11 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
         "gives the same costs when asked again",
         fault_of(lambda: differ("the second time", before, ask(criterion), 0.0)),
     )
+    if (stand_in := criterion.integral) is not None:
+        yield Check(
+            "costs as much as what stands in for it",
+            fault_of(lambda: differ(f"{stand_in.name} of a motion", before, ask(stand_in), 1e-9)),
+        )
     if not criterion.world_frame:
         yield Check(
             "costs the same wherever the world's frame lies", fault_of(lambda: _reframed(criterion, world, tours))

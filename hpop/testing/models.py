@@ -14,10 +14,12 @@ from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.possible import STILL
+from hpop.planners.needs import in_plane
 from hpop.randomness import RNG, seed_of
 from hpop.registry import completed, make_model
 from hpop.testing.bodies import axes_of, bounded, measured, twisted, upright
 from hpop.testing.checks import SAME, Check, differ, fault_of, raise_faults
+from hpop.testing.contracts import law_says, model_says
 from hpop.testing.motions import holds, random_motions
 from hpop.testing.worlds import random_world
 from hpop.text import shown
@@ -48,11 +50,13 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     Laws of curves are looked at where hpop can draw motions of them, which it can of "drive".
     """
     completed(model, MODEL_DEFAULTS)
-    random = np.random.default_rng(seed_of(rng))
+    seed = seed_of(rng)
+    random = np.random.default_rng(seed)
     world = random_world(random)
     yield Check("is made again from its description", fault_of(lambda: _described(model)))
     yield Check("reads and writes its states", fault_of(lambda: _spaced(model, world, random)))
     yield Check("provides what it says", fault_of(lambda: _provided(model, world)))
+    yield Check("says of itself what its protocol asks", fault_of(lambda: _says(model, world, seed)))
     batches: list[Motions] = []
     led = Check("has laws that lead from start to end", fault_of(lambda: _led(model, world, random, batches)))
     yield led
@@ -68,8 +72,8 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     yield connected
     if connected.fault:  # the others look at trajectories, which are made of these
         return
-    if isinstance(model, PlanarModel) and "turn-move" in model.provides:
-        yield Check("has stations that motions in place join", fault_of(lambda: _stationed(model)))
+    if model.provides >= {"plane", "turn-move"}:
+        yield Check("has stations that motions in place join", fault_of(lambda: _stationed(in_plane(model))))
     yield Check("executes a plan between its ends", fault_of(lambda: _executed(model, world, random)))
     yield Check("finds no fault in what it connects", fault_of(lambda: _faultless(model, world, random)))
 
@@ -119,6 +123,11 @@ def _provided(model: Model, world: World) -> str:
     if "turn-move" in provides and not {"turn", "move"} <= set(model.laws):
         return f"turn-move, but it has the laws {', '.join(model.laws)}"
     return ""
+
+
+def _says(model: Model, world: World, seed: int) -> str:
+    own = np.random.default_rng((seed, 1))  # the other checks are shown what a seed has always given them
+    return model_says(model, world, drawn_states(model, world, own, STATES))
 
 
 # What it does
@@ -180,6 +189,8 @@ def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Mot
                 return fault
             done = phase.end + 0.0 * ones
         if fault := differ(f"share of a {kind} done at its end", ones, done, SAME, 1.0):
+            return fault
+        if fault := law_says(motions):
             return fault
         batches.append(motions)
     return "" if batches else "none of which motions can be drawn"

@@ -318,7 +318,7 @@ def test_it_has_what_its_base_has_and_joints_but_is_not_rigid():
 @pytest.mark.parametrize(
     ("parameters", "said"),
     [
-        ({"base": "omni"}, "a head is carried by a differential drive"),
+        ({"base": "omni"}, "a head is carried by a base in the plane that has no joints of its own"),
         ({"base": hpop.DifferentialDrive(view="unwound")}, "a head turns a camera that is fixed to its base"),
         ({"pan": (1.0, -1.0)}, "the pan's low stop must not be above its high one, got (1, -1)"),
         (

@@ -19,6 +19,8 @@ FRAME = "costs the same wherever the world's frame lies"
 BOUND = "bounds the cost of every trajectory from below"
 WALK = "adds up along lattice edges to the trajectory's cost"
 PICKLE = "survives pickling"
+DECLARED = "declares what its protocol asks"
+STANDS_IN = "costs as much as what stands in for it"
 FINITE = "costs a finite number >= 0 for each motion"
 AGAIN = "gives the same costs when asked again"
 EDGES = "costs the same on a trajectory as on its edges"
@@ -265,6 +267,52 @@ class Haunted(Likeliest):
         return sum(weight / (0.1 + np.hypot(*offset(person, x, y, t))) for weight, person in each)
 
 
+@dataclass(frozen=True)
+class Mean(Base):
+    """A mean that something else stands in for."""
+
+    aggregate: ClassVar[str] = "time-mean"
+
+    def cost(self, m):
+        return m.base.length
+
+    @property
+    def integral(self):
+        return Square()
+
+
+def declaring(**declared):
+    """A length that declares something else of itself."""
+    return type("Declaring", (Base,), {"cost": lambda self, m: m.base.length, **declared})()
+
+
+DECLARES = {
+    "group is one of P, C, R, O, got 'X'": {"group": "X"},
+    "aggregate is one of sum, time-mean, max, trajectory, got 'total'": {"aggregate": "total"},
+    "role is one of None, duration, length, turns, got 'way'": {"role": "way"},
+    "smooth is one of True, False, got 'yes'": {"smooth": "yes"},
+    "world_frame is one of True, False, got None": {"world_frame": None},
+    "unit is a word, got ''": {"unit": ""},
+    r"requires is a tuple of names, such as \('camera',\), got 'camera'": {"requires": "camera"},
+    "instead names lenght, which is no criterion": {"instead": ("lenght",)},
+    "quantum is a positive number, got 0": {"quantum": 0},
+    "bound is a method or None, got 1.0": {"bound": 1.0},
+    "convex is a method or None, got True": {"convex": True},
+    "integral stands in for a time-mean, and this is a sum": {"integral": Square()},
+}
+
+
+@pytest.mark.parametrize("said", DECLARES)
+def test_a_criterion_is_told_what_it_declares_otherwise_than_its_protocol_asks(said):
+    with pytest.raises(CriterionError, match=f"fails 1 check:\n  {DECLARED}: {said}"):
+        check_criterion(declaring(**DECLARES[said]))
+
+
+def test_what_stands_in_for_a_mean_costs_as_much():
+    with pytest.raises(CriterionError, match=f"{STANDS_IN}: wrong of a motion: expected"):
+        check_criterion(Mean())
+
+
 WRONG = [
     (Negative(), FINITE, "0 or more|>= 0"),
     (NotANumber(), FINITE, "nan"),
@@ -311,7 +359,7 @@ def test_a_mistake_fails_the_check_that_names_it(criterion, claim, text):
 @pytest.mark.parametrize("criterion", [wrong for wrong, claim, _ in WRONG if claim == FINITE], ids=repr)
 def test_a_criterion_that_gives_no_costs_is_told_so_once(criterion):
     """Every other check needs costs, and would say the same under a name that misleads."""
-    assert [check.claim for check in conformance(criterion)] == [FINITE]
+    assert [check.claim for check in conformance(criterion)] == [DECLARED, FINITE]
 
 
 #: Sums, means, worst moments and complements of what another one takes, which is checked.
@@ -362,15 +410,15 @@ def test_a_good_criterion_in_an_unusual_unit_passes():
 
 def test_smooth_criteria_alone_are_checked_on_symbols_and_memory_ends_early():
     claims = [check.claim for check in conformance(make_criterion("turns"))]
-    assert claims == [FINITE, PICKLE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES, CUT]
+    assert claims == [DECLARED, FINITE, PICKLE, AGAIN, FRAME, EDGES, WALK, ALONE, HALVES, CUT]
     assert [check.claim for check in conformance(make_criterion("length"))] == [
-        *claims[:4],
+        *claims[:5],
         BOUND,
-        *claims[4:],
+        *claims[5:],
         SYMBOLS,
         GRADIENT,
     ]
-    assert [check.claim for check in conformance(Memory())] == [FINITE, PICKLE, AGAIN, FRAME]
+    assert [check.claim for check in conformance(Memory())] == [DECLARED, FINITE, PICKLE, AGAIN, FRAME]
     check_criterion(Memory())
 
 

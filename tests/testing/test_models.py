@@ -24,6 +24,7 @@ PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 DESCRIBED = "is made again from its description"
 SPACE = "reads and writes its states"
 PROVIDES = "provides what it says"
+SAYS = "says of itself what its protocol asks"
 LED = "has laws that lead from start to end"
 AXES = "has poses with axes at right angles"
 TWISTS = "has twists that say how its poses change"
@@ -34,7 +35,7 @@ CONNECTED = "connects states by motions that lead there"
 STATIONS = "has stations that motions in place join"
 EXECUTED = "executes a plan between its ends"
 FAULTLESS = "finds no fault in what it connects"
-CLAIMS = DESCRIBED, SPACE, PROVIDES, LED, AXES, TWISTS, BODIES, EXTENT, JUDGED, CONNECTED, EXECUTED, FAULTLESS
+CLAIMS = DESCRIBED, SPACE, PROVIDES, SAYS, LED, AXES, TWISTS, BODIES, EXTENT, JUDGED, CONNECTED, EXECUTED, FAULTLESS
 
 
 def plugin() -> ModuleType:
@@ -280,6 +281,22 @@ class Backwards(Slide):
         return (phase._replace(duration=-phase.duration),)
 
 
+@dataclass(frozen=True)
+class Sluggish(Slide):
+    """A law that says it goes back as it came, and takes longer."""
+
+    reversible = True
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        (phase,) = super().phases(start, end)
+        return (phase._replace(duration=phase.duration * (1.0 + (end.x > start.x))),)
+
+
+@dataclass(frozen=True)
+class Vague(Slide):
+    extra = "clock"
+
+
 def law(cls: type) -> Callable[..., Any]:
     return lambda laws: {**laws, "slide": cls(1.0, 1.5)}
 
@@ -299,6 +316,27 @@ def halved(right: Callable[..., Any]) -> Callable[..., Any]:
     """A pose that comes back only after two turns."""
     return lambda body, states: right(body, States(x=states.x, y=states.y, yaw=0.5 * states.yaw))
 
+
+def says(answer: Any) -> Callable[..., Any]:
+    return lambda right: answer
+
+
+def measuring(distance: float) -> Callable[..., Any]:
+    """A collision that measures a clearance."""
+
+    def collision(right: Callable[..., Any]) -> Callable[..., Any]:
+        def of(world: Any) -> Any:
+            names = ("clear", "yaw_matters", "posture_matters", "states_free", "motions_free", "why_blocked")
+            answers = {name: getattr(right(world), name) for name in names}
+            return SimpleNamespace(**answers, clearance=lambda states: np.full(states.size, distance))
+
+        return of
+
+    return collision
+
+
+SMALL = (hpop.models.base.Part(((0.0, 0.0),), 0.1, 0.0, 2.0),)
+BOX = hpop.world.solids.Box((0.1, 0.1, 0.1))
 
 MISTAKES = [
     (TWISTS, "rotation of the base in a slide", {"twist": turned_about}),
@@ -325,6 +363,20 @@ MISTAKES = [
     (SPACE, "base after a whole turn of yaw", {"pose": halved}),
     (PROVIDES, "neither of the bodies", {"provides": lambda has: has - {"base", "camera"}}),
     (PROVIDES, "turn-move, but it has the laws slide, glide", {"provides": lambda has: has | {"turn-move"}}),
+    (SAYS, "name is a word, got ''", {"name": says("")}),
+    (SAYS, r"field_of_view is \(horizontal, vertical\)", {"field_of_view": says(1.0)}),
+    (SAYS, "notes is a tuple of sentences, got 'sure'", {"notes": says("sure")}),
+    (SAYS, "joints is a tuple of states besides x, y and yaw, got .'lift'", {"joints": says(("lift",))}),
+    (SAYS, "joints names none, but provides has 'joints'", {"provides": lambda has: has | {"joints"}}),
+    (SAYS, "executed does a slide by 'fly', but the laws are glide, slide", {"executed": says({"slide": "fly"})}),
+    (SAYS, "wheels, but its wheel_base is None", {"provides": lambda has: has | {"wheels"}}),
+    (SAYS, "plane, but its platform is empty", {"platform": says(())}),
+    (SAYS, "a part reaches 0.43[0-9]* m from the axis, its platform 0.1 m", {"platform": says(SMALL)}),
+    (SAYS, "bodies are shapes of hpop.world.solids", {"bodies": says(lambda states: [("box", np.eye(4))])}),
+    (SAYS, "the poses of a body have the shape .3, 4, 4.", {"bodies": says(lambda s: [(BOX, np.ones((3, 4, 4)))])}),
+    (SAYS, "clearance of its collision is a distance >= 0", {"collision": measuring(-1.0)}),
+    (LED, "duration of a slide, which is reversible, back", {"laws": law(Sluggish)}),
+    (LED, "extra of a slide is a tuple of names of states, got 'clock'", {"laws": law(Vague)}),
     (DESCRIBED, "not equal to it|described as", {}),
 ]
 
@@ -369,7 +421,7 @@ def test_what_raises_is_a_fault_and_no_crash() -> None:
 
 
 def test_laws_that_lead_nowhere_end_the_checks() -> None:
-    assert [check.claim for check in conformance(Wrong(answers={"laws": law(Halting)}))] == [*CLAIMS[:4]]
+    assert [check.claim for check in conformance(Wrong(answers={"laws": law(Halting)}))] == [*CLAIMS[:5]]
 
 
 @pytest.mark.parametrize(("given", "said"), [(Holonomic, r"Holonomic\(\)"), ("holonomic", r"DifferentialDrive\(\)")])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from typing import cast
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from hpop.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.math import hinge, is_symbolic
-from hpop.motions import Instants, Motions
+from hpop.motions import Instants, Motions, Wheeled
 from hpop.options import MOST, set_reals
 
 
@@ -45,7 +46,7 @@ class Energy:
 
     def cost(self, m: Motions) -> Column:
         """Energy (M,), J."""
-        half = 0.5 * m.model.wheel_base  # type: ignore[attr-defined]  # "wheels" is required
+        half = 0.5 * cast(Wheeled, m.model).wheel_base
 
         def power(s: Instants) -> Column:
             v, a, turn, change = s.speed, s.acceleration, half * s.turn_rate, half * s.turn_acceleration

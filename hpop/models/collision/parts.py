@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,7 @@ import shapely
 
 from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
+from hpop.models.joints import Joint, carried, swept_corners, total
 from hpop.motions import States
 
 
@@ -22,30 +24,63 @@ class Part:
     corners       (x ahead, y left) m; one corner is a disc
     radius        m, by which the hull of the corners is grown
     z_min, z_max  m above the floor
+    on            joints that carry it, the one on the base first; it is as given while all of them are at 0
     """
 
     corners: tuple[tuple[float, float], ...]
     radius: float
     z_min: float
     z_max: float
+    on: tuple[Joint, ...] = ()
 
     @cached_property
     def reach(self) -> float:
-        """Distance of the farthest point from the axis of the base, m."""
+        """Distance of the farthest point from the axis of the base, m, wherever its joints are."""
+        if self.on:
+            return self.swept.reach
         return max(math.hypot(*corner) for corner in self.corners) + self.radius
 
     @property
     def on_axis(self) -> bool:
         """Whether turning in place leaves the part where it is: a disc on the axis."""
-        return self.corners == ((0.0, 0.0),)
+        return self.corners == ((0.0, 0.0),) and all(joint.along == "up" for joint in self.on)
+
+    @cached_property
+    def swept(self) -> Part:
+        """A part without joints that holds this one wherever its joints are; itself, if it has none."""
+        if not self.on:
+            return self
+        points, grown = swept_corners(np.array(self.corners, float), self.on)
+        hull = shapely.get_coordinates(shapely.convex_hull(shapely.MultiPoint(points)))
+        corners = tuple((x, y) for x, y in (hull[:-1] if len(hull) > 3 else hull).tolist())
+        lifts = [(joint.low, joint.high) for joint in self.on if joint.along == "up"]
+        low, high = (sum(stops) for stops in zip((0.0, 0.0), *lifts, strict=True))
+        return Part(corners, self.radius + grown, self.z_min + low, self.z_max + high)
+
+    def between(self, low: float, high: float) -> Part:
+        """Return the part without its joints, between two heights, m."""
+        return replace(self, z_min=low, z_max=high, on=())
+
+    def lift(self, states: States) -> FloatArray:
+        """How much (N,), m, joints lift it in each state."""
+        return np.asarray(np.zeros(states.size) + total(self.on, "up", states))
 
     def placed(self, states: States) -> FloatArray:
         """Corners (N, c, 2), m, world frame, in each state."""
+        if self.on:
+            columns = {name: getattr(states, name)[:, None] for name in ("x", "y", "yaw", *joints_of([self]))}
+            ahead, left = np.array(self.corners, float).T[:, None]  # (1, c) each
+            return np.stack(carried((ahead, left), self.on, States(**columns)).place, axis=2)
         ahead, left = np.array(self.corners).T
         cos, sin = np.cos(states.yaw)[:, None], np.sin(states.yaw)[:, None]
         x = states.x[:, None] + cos * ahead - sin * left
         y = states.y[:, None] + sin * ahead + cos * left
         return np.stack([x, y], axis=2)
+
+
+def joints_of(parts: Iterable[Part]) -> tuple[str, ...]:
+    """Return the names of the joints that carry some parts, each once."""
+    return tuple(dict.fromkeys(joint.name for part in parts for joint in part.on))
 
 
 def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: float) -> tuple[Part, ...]:

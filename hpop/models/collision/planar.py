@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hpop import limits
 from hpop.arrays import BoolArray, FloatArray
-from hpop.models.collision.parts import Part
+from hpop.models.collision.parts import Part, joints_of
 from hpop.models.collision.words import reason
 from hpop.motions import Motions, States, is_curve
 
@@ -30,20 +30,22 @@ TOUCH = 1e-9  # m: a disc may touch
 TURN_SAMPLE = math.radians(5.0)  # rad: a turn is covered by hulls of outlines at most this far apart
 LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map lie in the box of each part
 TOGETHER = 4096  # hulls that are checked between two looks at the limits
+LEVEL = 0.01  # m: to multiples of this the heights of parts on joints are rounded
 CURVE_MARGIN = 2e-3  # m: a curve is covered by hulls of outlines so near to each other that they are grown by this
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarCollision:
-    """Tells which states and motions of a robot are free in a world; of its states only x, y and yaw place its parts.
+    """Tells which states and motions of a robot are free in a world.
 
     parts  upright prisms in the frame of the base
     world
 
     Straight moves are exact. Turns of parts off the axis are covered by hulls that are never too small, and too large
     by at most 4.5 % of the part's reach: 2 sin(1.25 degrees) for the hull of two outlines 5 degrees apart, and the
-    sagitta. Motions that turn on their way are covered likewise. Curves are too, by hulls too large by 2 mm and what an
-    outline turns between samples; their states have a ``speed`` and a ``turn_rate``, which change linearly with time.
+    sagitta. Motions that turn on their way are covered likewise, and so are parts that joints carry, whose heights are
+    rounded outwards. Curves are too, by hulls too large by 2 mm and what an outline turns between samples; their states
+    have a ``speed`` and a ``turn_rate``, which change linearly with time.
     """
 
     parts: tuple[Part, ...]
@@ -52,12 +54,17 @@ class PlanarCollision:
     @property
     def yaw_matters(self) -> bool:
         """Whether a position that is not :meth:`clear` can still be free at some yaw."""
-        return not all(part.on_axis for part in self.parts)
+        return not all(part.on_axis and not part.on for part in self.parts)
+
+    @property
+    def posture_matters(self) -> bool:
+        """Whether what is free depends on more than x, y and yaw: on the joints that carry parts."""
+        return any(part.on for part in self.parts)
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether the circles that the parts sweep about positions (P,) are free: then every yaw and turn is."""
         reaches: dict[FreeSpace, float] = {}  # of the widest part in each: mostly all parts have one in common
-        for part in self.parts:
+        for part in (part.swept for part in self.parts):
             space = self._space(part)
             reaches[space] = max(part.reach, reaches.get(space, 0.0))
         free = np.ones(x.size, dtype=bool)
@@ -72,7 +79,7 @@ class PlanarCollision:
 
     def part_free(self, part: Part, states: States) -> BoolArray:
         """Whether one part of the robot is free in each state (N,)."""
-        return self._hulls_free(part, part.placed(states), part.radius)
+        return self._outlines_free(part, part.placed(states), part.radius, states)
 
     def motions_free(self, motions: Motions) -> BoolArray:
         """Whether the robot is free all along each motion (M,), ends included."""
@@ -82,6 +89,8 @@ class PlanarCollision:
 
         def free(part: Part, at: BoolArray) -> BoolArray:
             start, end = motions.start.take(at), motions.end.take(at)
+            if part.on:
+                return self._carried_free(part, start, end)
             if turning and not part.on_axis:
                 return self._turns_free(part, start, end, moving=moving)
             return self._straight_free(part, part.placed(start), part.placed(end))
@@ -91,7 +100,11 @@ class PlanarCollision:
     def why_blocked(self, state: States) -> str:
         """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
         blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)
-        return "" if blocked is None else reason(self.world, blocked, float(state.x[0]), float(state.y[0]))
+        if blocked is None:
+            return ""
+        lift = float(blocked.lift(state)[0])
+        blocked = blocked.between(blocked.z_min + lift, blocked.z_max + lift) if blocked.on else blocked
+        return reason(self.world, blocked, float(state.x[0]), float(state.y[0]))
 
     def _space(self, part: Part) -> FreeSpace:
         return self.world.free_space((part.z_min, part.z_max))
@@ -101,6 +114,50 @@ class PlanarCollision:
         for part in self.parts:
             left = free.copy()
             free[left] = test(part, left)
+        return free
+
+    def _outlines_free(self, part: Part, corners: FloatArray, margin: float, *ends: States) -> BoolArray:
+        """Whether hulls of corners (N, c, 2), grown by a margin, are free at the heights of a part between some states.
+
+        Heights of carried parts are rounded outwards, so that few are told apart.
+        """
+        if not part.on:
+            return self._hulls_free(part, corners, margin)
+        lifts = [part.lift(states) for states in ends]
+        low, high = part.z_min + np.minimum.reduce(lifts), part.z_max + np.maximum.reduce(lifts)
+        spans = np.stack([np.floor(low / LEVEL), np.ceil(high / LEVEL)], axis=1) * LEVEL
+        each, which = np.unique(spans, axis=0, return_inverse=True)
+        free = np.zeros(len(corners), dtype=bool)
+        for i, (z_min, z_max) in enumerate(each.tolist()):
+            at = which.ravel() == i
+            free[at] = self._hulls_free(part.between(z_min, z_max), corners[at], margin)
+        return free
+
+    def _carried_free(self, part: Part, start: States, end: States) -> BoolArray:
+        """Cover motions of a part that joints carry by hulls of outlines at neighbouring states.
+
+        All states change evenly. In a piece in which base and hinges turn by Δ together and slides go S, a point at
+        distance r from their axes leaves its chord by no more than (r Δ² + 2 Δ S)/8.
+        """
+        names = ("x", "y", "yaw", *joints_of([part]))
+        change = {name: getattr(end, name) - getattr(start, name) for name in names}
+        hinges = [joint for joint in part.on if joint.along == "round"]
+        slides = [joint.name for joint in part.on if joint.along in ("ahead", "left")]
+        turned = sum(np.abs(change[name]) for name in ("yaw", *(joint.name for joint in hinges)))
+        pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
+        owner = np.repeat(np.arange(start.size), pieces)
+        piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        ends = [
+            States(**{n: getattr(start, n)[owner] + number / pieces[owner] * change[n][owner] for n in names})
+            for number in (piece, piece + 1)
+        ]
+        turn = float((turned / pieces).max(initial=0.0))
+        slid = float(sum(np.abs(change[name] / pieces) for name in slides).max(initial=0.0)) if slides else 0.0
+        lever = part.reach + max((joint.lever for joint in hinges), default=0.0)
+        margin = part.radius + (lever * turn + 2.0 * slid) * turn / 8.0
+        outlines = np.concatenate([part.placed(states) for states in ends], axis=1)
+        free = np.ones(start.size, dtype=bool)
+        np.logical_and.at(free, owner, self._outlines_free(part, outlines, margin, *ends))
         return free
 
     def _hulls_free(self, part: Part, corners: FloatArray, margin: float) -> BoolArray:
@@ -191,10 +248,11 @@ class PlanarCollision:
         for number in (piece, piece + 1):
             share = number / pieces[owner]
             columns = {name: law.interpolate(name, begin, finish, share) for name in ("x", "y", "yaw")}
+            columns |= {name: getattr(begin, name) for name in joints_of([part])}  # no curve moves a joint
             corners.append(part.placed(States(**columns)))
         free = np.ones(start.size, dtype=bool)
         outlines = np.concatenate(corners, axis=1)
-        np.logical_and.at(free, owner, self._hulls_free(part, outlines, part.radius + CURVE_MARGIN))
+        np.logical_and.at(free, owner, self._outlines_free(part, outlines, part.radius + CURVE_MARGIN, begin))
         return free
 
 

@@ -6,8 +6,8 @@ Slower than :mod:`hpop.models.collision.planar` and independent of it, so it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.collision.parts import Part
+from hpop.models.collision.parts import Part, joints_of
 from hpop.models.collision.words import reason
 from hpop.motions import Law, Motions, States, is_curve, slopes
 
@@ -34,7 +34,7 @@ AXES = ("x", "y", "yaw")
 class SolidCollision:
     """Tells which states collide: obstacles, keep-out zones and the border of the extent, in three dimensions.
 
-    parts  upright prisms in the frame of the base, which x, y and yaw of a state place
+    parts  upright prisms in the frame of the base, which x, y and yaw of a state place, and the joints that carry them
     world
 
     Motions are looked at in states no further apart than 5 cm or 3 degrees; those that several share, once.
@@ -45,7 +45,12 @@ class SolidCollision:
 
     @cached_property
     def _top(self) -> float:
-        return max(part.z_max for part in self.parts)
+        return max(part.swept.z_max for part in self.parts)
+
+    @cached_property
+    def _names(self) -> tuple[str, ...]:
+        """States that place the parts."""
+        return (*AXES, *joints_of(self.parts))
 
     @cached_property
     def _obstacles(self) -> Any:
@@ -80,21 +85,23 @@ class SolidCollision:
     def _robot(self) -> list[tuple[Part, Any]]:
         import fcl
 
-        return [(part, fcl.CollisionObject(_part_geometry(part), fcl.Transform())) for part in self.parts]
+        return [
+            (part, fcl.CollisionObject(_part_geometry(replace(part, on=())), fcl.Transform())) for part in self.parts
+        ]
 
     def states_free(self, states: States) -> BoolArray:
         """Whether the robot is free in each state (N,)."""
-        rows = np.stack([getattr(states, name) for name in AXES], axis=1)
+        rows = np.stack([getattr(states, name) for name in self._names], axis=1)
         return self._rows_free(rows)
 
     def motions_free(self, motions: Motions) -> BoolArray:
         """Whether the robot is free in states along each motion (M,), both ends included."""
         law, start, end = motions.law, motions.start, motions.end
         free = np.ones(len(motions), dtype=bool)
-        counts = _sample_counts(law, start, end)
+        counts = _sample_counts(law, start, end, self._names)
         together = np.cumsum(counts) // SAMPLES
         for part in (np.flatnonzero(together == number) for number in np.unique(together)):
-            rows, owner = _dense(law, start.take(part), end.take(part), counts[part])
+            rows, owner = _dense(law, start.take(part), end.take(part), counts[part], self._names)
             free[part] = np.bincount(owner, ~self._rows_free(rows), minlength=part.size) == 0
         return free
 
@@ -119,17 +126,19 @@ class SolidCollision:
         return ~np.asarray(near, dtype=bool)
 
     def _rows_free(self, rows: FloatArray) -> BoolArray:
-        """Whether the robot is free at each place and heading (N, 3)."""
+        """Whether the robot is free at each place and heading, and values of joints (N, 3 + k)."""
         import fcl
 
         yaw = np.zeros(len(rows)) if all(part.on_axis for part in self.parts) else rows[:, 2] % (2 * np.pi)
-        places = np.round(np.column_stack([rows[:, :2], yaw]), 9)  # a disc on the axis is the same at every yaw
+        places = np.round(
+            np.column_stack([rows[:, :2], yaw, rows[:, 3:]]), 9
+        )  # a disc on the axis is the same at every yaw
         places, inverse = np.unique(places, axis=0, return_inverse=True)
         free = np.asarray(shapely.intersects_xy(self.world.extent, places[:, 0], places[:, 1]))
         for i in np.flatnonzero(free & ~self._in_the_open(places)):
-            place = places[i].tolist()
+            place = dict(zip(self._names, places[i].tolist(), strict=True))
             for part, body in self._robot:
-                body.setTransform(_placed(part, *place))
+                body.setTransform(_placed(part, place))
                 data = fcl.CollisionData()
                 self._obstacles.collide(body, data, fcl.defaultCollisionCallback)
                 if data.result.is_collision:
@@ -139,25 +148,25 @@ class SolidCollision:
         return found
 
 
-def _sample_counts(law: Law, start: States, end: States) -> IntArray:
+def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -> IntArray:
     """How many states (M,) of motions of one law, both ends included, are no further apart than SPACING."""
     if is_curve(law):
         shares = np.linspace(0.0, 1.0, CURVE_STEPS + 1)
-        rates = (slopes(law, name, start, end, share)[0] for share in shares for name in AXES)
+        rates = (slopes(law, name, start, end, share)[0] for share in shares for name in names)
         longest = np.max([np.abs(rate) for rate in rates], axis=0)
     else:
-        longest = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in AXES], axis=0)
+        longest = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in names], axis=0)
     pieces: IntArray = np.maximum(1, np.ceil(longest / SPACING - 1e-9)).astype(np.int64)
     return pieces + 1
 
 
-def _dense(law: Law, start: States, end: States, counts: IntArray) -> tuple[FloatArray, IntArray]:
-    """So many places and headings (N, 3) along each of some motions (M,), evenly spaced; and their motions (N,)."""
+def _dense(law: Law, start: States, end: States, counts: IntArray, names: Sequence[str]) -> tuple[FloatArray, IntArray]:
+    """So many rows of states (N, k) along each of some motions (M,), evenly spaced; and their motions (N,)."""
     owner = np.repeat(np.arange(counts.size), counts)
     share = (np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts - 1)[owner]
     begin, stop = start.take(owner), end.take(owner)
     columns = (
-        law.interpolate(name, begin, stop, share) if name in law.varies else getattr(begin, name) for name in AXES
+        law.interpolate(name, begin, stop, share) if name in law.varies else getattr(begin, name) for name in names
     )
     return np.stack([*columns], axis=1), owner
 
@@ -173,7 +182,24 @@ def _part_geometry(part: Part) -> Any:
     return _convex(shrunk, part.z_min + MARGIN, part.z_max - MARGIN)
 
 
-def _placed(part: Part, x: float, y: float, yaw: float) -> Any:
+def _placed(part: Part, place: dict[str, float]) -> Any:
+    import fcl
+
+    if not part.on:
+        return _on_base(part, place["x"], place["y"], place["yaw"])
+    frame = _shifted(place["x"], place["y"], 0.0) @ _rotated(place["yaw"])
+    for joint in part.on:
+        value, (ahead, left) = place[joint.name], joint.at
+        if joint.along == "round":
+            frame = frame @ _shifted(ahead, left, 0.0) @ _rotated(value) @ _shifted(-ahead, -left, 0.0)
+        else:
+            frame = frame @ _shifted(*(value * (joint.along == axis) for axis in ("ahead", "left", "up")))
+    if len(part.corners) == 1:
+        frame = frame @ _shifted(*part.corners[0], (part.z_min + part.z_max) / 2)
+    return fcl.Transform(frame[:3, :3], frame[:3, 3])
+
+
+def _on_base(part: Part, x: float, y: float, yaw: float) -> Any:
     import fcl
 
     cos, sin = math.cos(yaw), math.sin(yaw)
@@ -183,6 +209,15 @@ def _placed(part: Part, x: float, y: float, yaw: float) -> Any:
     ahead, left = part.corners[0]
     middle = (part.z_min + part.z_max) / 2
     return fcl.Transform(rotation, np.array([x + cos * ahead - sin * left, y + sin * ahead + cos * left, middle]))
+
+
+def _rotated(yaw: float) -> FloatArray:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, 0.0, 0.0], [sin, cos, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+
+
+def _shifted(x: float, y: float, z: float) -> FloatArray:
+    return np.array([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]])
 
 
 def _convex(corners: FloatArray, z_min: float, z_max: float) -> Any:

@@ -75,7 +75,7 @@ class Drive(LawDefaults):
         off = self.defect(name, start, end)
         return lasts * speed * ahead + off, lasts * (gain * ahead + speed * turning * aside)
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
+    def travel(self, start: States, end: States, lever: Column) -> Column:
         """Path length (M,), m, of the base; no less than that of a point ``lever`` metres off the axis."""
         length = _absolute(end.clock - start.clock, start.speed, end.speed)
         return length + lever * self.swept(start, end) if lever else length

@@ -41,6 +41,32 @@ class WheelTrack(NamedTuple):
     right_acceleration: FloatArray
 
 
+class OnBase:
+    """The wheels of a robot whose ``base`` has them."""
+
+    base: Any
+
+    @property
+    def wheel_base(self) -> float:
+        """Distance between the wheels of the base, m."""
+        return float(self.base.wheel_base)
+
+    @property
+    def wheel_speed(self) -> float:
+        """Largest speed of a wheel, m/s."""
+        return float(self.base.wheel_speed)
+
+    @property
+    def wheel_acceleration(self) -> float:
+        """Largest acceleration of a wheel, m/s²."""
+        return float(self.base.wheel_acceleration)
+
+    def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
+        """Speeds and accelerations of the base's wheels."""
+        found: WheelTrack = self.base.wheels(trajectory, times)
+        return found
+
+
 @model("differential_drive")
 @dataclass(frozen=True)
 class DifferentialDrive(PlanarModel):

@@ -16,7 +16,7 @@ from hpop.models.base import model
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
-from hpop.models.differential_drive.model import FIXED, DifferentialDrive, WheelTrack
+from hpop.models.differential_drive.model import FIXED, DifferentialDrive, OnBase
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.field_of_view import FieldOfView
 from hpop.models.legs import turn_move_turn
@@ -48,7 +48,7 @@ DRIVES = (MOVE, TURN)
 
 @model("mobile_arm")
 @dataclass(frozen=True)
-class MobileArm(Model):
+class MobileArm(OnBase, Model):
     """A base with two driven wheels that carries an arm; states x, y (m), yaw (rad) and the arm's joints.
 
     arm     its ``base`` is where its root stands on the mobile one: x ahead of the axis, y to the left, z above the
@@ -127,15 +127,6 @@ class MobileArm(Model):
     def laws(self) -> Mapping[str, Law]:
         """Runs and spins of the base, and "reach" of the arm: each from rest to rest, as it is executed."""
         return {**{kind: self.base.laws[kind] for kind in DRIVES}, "reach": self.arm.laws["reach"]}
-
-    @property
-    def wheel_base(self) -> float:
-        """Distance between the wheels of the base, m."""
-        return self.base.wheel_base
-
-    def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
-        """Speeds and accelerations of the base's wheels."""
-        return self.base.wheels(trajectory, times)
 
     @cached_property
     def chain(self) -> Chain:

@@ -1,8 +1,4 @@
-"""Motion laws of a head on a base that stands: an axis alone, or the base and the pan against each other.
-
-All go from rest to rest. Planned ones last v/a longer, as turns of the base do (:mod:`hpop.models.laws`): the base has
-stopped for them. Executed ones have no such loss.
-"""
+"""The motion law of a head that turns back as its base turns: the base and the pan against each other."""
 
 from __future__ import annotations
 
@@ -11,52 +7,7 @@ from dataclasses import dataclass
 from hpop.arrays import Column
 from hpop.math import smooth_abs
 from hpop.models.laws import Turn, linear, rest_to_rest, standing
-from hpop.motions import LawDefaults, Phase, States
-
-
-@dataclass(frozen=True)
-class AxisTurn(LawDefaults):
-    """One axis of the head turns.
-
-    kind          its name
-    axis          the state that changes: "pan" or "tilt"
-    speed         rad/s
-    acceleration  rad/s²
-    loss          s, of stopping and starting the base, half of it before and half after
-    """
-
-    kind: str
-    axis: str
-    speed: float
-    acceleration: float
-    loss: float = 0.0
-
-    @property
-    def varies(self) -> frozenset[str]:
-        """The axis alone."""
-        return frozenset({self.axis})
-
-    def change(self, start: States, end: States) -> Column:
-        """Signed angle (M,), rad, by which the axis turns."""
-        change: Column = getattr(end, self.axis) - getattr(start, self.axis)
-        return change
-
-    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """From rest to rest, the base standing."""
-        turn = rest_to_rest(smooth_abs(self.change(start, end)), self.speed, self.acceleration)
-        return standing(turn, self.loss) if self.loss else turn
-
-    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """State ``name`` where a share of the angle is done."""
-        return linear(name, start, end, share)
-
-    def travel(self, start: States, end: States, lever: float) -> Column:
-        """No way: the camera is where the axes meet."""
-        return 0.0 * start.x
-
-    def turned(self, start: States, end: States) -> Column:
-        """No rotation of the base."""
-        return 0.0 * start.yaw
+from hpop.motions import Phase, States
 
 
 @dataclass(frozen=True)

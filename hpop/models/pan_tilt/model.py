@@ -13,31 +13,36 @@ import numpy as np
 from hpop.arrays import BoolArray, Column, FloatArray
 from hpop.errors import ModelError
 from hpop.math import hypot, smooth_abs
-from hpop.models.base import PlanarModel, Stations, model
+from hpop.models.base import PlanarModel, model
 from hpop.models.collision.parts import Part
-from hpop.models.differential_drive.model import FIXED, SLOWEST, DifferentialDrive, WheelTrack
+from hpop.models.differential_drive.model import FIXED, SLOWEST, DifferentialDrive, OnBase
 from hpop.models.field_of_view import FieldOfView, checked_field_of_view
-from hpop.models.legs import ALIGNED
+from hpop.models.joints import legs_of_joints, stop_faults
+from hpop.models.laws import JointMove, Turn
+from hpop.models.legs import cruise_speed
 from hpop.models.pan_tilt.head import HeadPose, HeadTwist, HeadTwistRate
-from hpop.models.pan_tilt.laws import AxisTurn, Unwind
+from hpop.models.pan_tilt.laws import Unwind
 from hpop.models.pan_tilt.stations import stations
 from hpop.models.rigid import Mount
-from hpop.motions import Body, Law, Leg, Motions, Pose, States, StateSpace, Twist
+from hpop.models.stations import Stations
+from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, is_curve
 from hpop.options import MOST, Angle, real, set_reals
+from hpop.registry import completed
 from hpop.text import shown
 from hpop.trajectory import Trajectory
 
 ALL_ROUND: Literal["all round"] = "all round"  # a pan without end stops
 FARTHEST_TURNED = 4.0 * math.pi  # rad: no cable is wound further
-BEYOND = 1e-6  # rad: so far beyond a stop is still at it
+CARRIES = frozenset({"plane", "rigid", "base", "camera"})  # what a base provides that can carry a head
 
 
 @model("pan_tilt")
 @dataclass(frozen=True)
-class PanTilt(PlanarModel):
-    """A base with two driven wheels whose camera is on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
+class PanTilt(OnBase, PlanarModel):
+    """A base in the plane whose camera is on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
 
-    base               carries it: the head is at the base's ``camera_offset`` and ``camera_height``, within its mast
+    base               a model in the plane without joints, which carries it: the head is where the base has its camera,
+                       and is taken to be within what holds that
     pan                rad     (low, high), the end stops that a cable sets, or "all round"; relative to the base, 0
                                ahead, counter-clockwise, continuous: a pan of -pi is not one of pi
     tilt               rad     (low, high), up positive; equal where the head does not tilt
@@ -54,14 +59,7 @@ class PanTilt(PlanarModel):
 
     joints: ClassVar[tuple[str, ...]] = ("pan", "tilt")
 
-    executed: ClassVar[Mapping[str, str]] = {
-        **PlanarModel.executed,
-        "pan": "swivel",
-        "tilt": "nod",
-        "unwind": "counterspin",
-    }
-
-    base: DifferentialDrive = field(default_factory=DifferentialDrive)
+    base: PlanarModel = field(default_factory=DifferentialDrive)
     pan: tuple[Angle, Angle] | Literal["all round"] = (-math.radians(170), math.radians(170))
     tilt: tuple[Angle, Angle] = (-math.radians(30), math.radians(30))
     pan_rate: float = 1.5
@@ -82,46 +80,54 @@ class PanTilt(PlanarModel):
     @property
     def provides(self) -> frozenset[str]:
         """What criteria and planners can ask for: all that the base has, but for its being rigid; and joints."""
-        return super().provides | {"heading", "wheels", "joints"}
+        return super().provides | {"joints"} | (self.base.provides & {"heading", "wheels"})
+
+    @cached_property
+    def _turn(self) -> Turn | None:
+        """How the base turns in place, if it does."""
+        law = self.base.laws.get("turn")
+        return law if isinstance(law, Turn) else None
+
+    @property
+    def executed(self) -> Mapping[str, str]:  # type: ignore[override]  # of its base
+        """Those of the base, and of the head."""
+        return {**self.base.executed, "pan": "swivel", "tilt": "nod", "unwind": "counterspin"}
 
     @cached_property
     def space(self) -> StateSpace:
         """The base's states and those of the head, apart by how far the base moves in the time in which they change."""
-        plane, turns = self.base.space, self.pan == ALL_ROUND
+        plane, turns, speed = self.base.space, self.pan == ALL_ROUND, cruise_speed(self.base)
         pan = (-math.pi, math.pi) if self.pan == ALL_ROUND else self.pan
         return StateSpace(
             (*plane.names, "pan", "tilt"),
             (*plane.units, "rad", "rad"),
             (*plane.low, pan[0], self.tilt[0]),
             (*plane.high, pan[1], self.tilt[1]),
-            (*plane.weights, self.base.speed / self.pan_rate, self.base.speed / self.tilt_rate),
+            (*plane.weights, speed / self.pan_rate, speed / self.tilt_rate),
             plane.turning | {"pan"} if turns else plane.turning,
         )
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
         """Those of the base but for curves, which know no head; and those of the head."""
-        loss = self.base.speed / self.base.acceleration
+        loss = self._turn.loss if self._turn else 0.0
         pan, tilt = (self.pan_rate, self.pan_acceleration), (self.tilt_rate, self.tilt_acceleration)
-        both = min(self.base.turn_rate, self.pan_rate), min(self.base.turn_acceleration, self.pan_acceleration)
-        return {
-            **{kind: self.base.laws[kind] for kind in ("move", "turn", "run", "spin")},
-            "pan": AxisTurn("pan", "pan", *pan, loss),
-            "tilt": AxisTurn("tilt", "tilt", *tilt, loss),
-            "unwind": Unwind(*both, loss),
-            "swivel": AxisTurn("swivel", "pan", *pan),
-            "nod": AxisTurn("nod", "tilt", *tilt),
-            "counterspin": Unwind(*both, kind="counterspin"),
+        turn = self._turn
+        both = (
+            None
+            if turn is None
+            else (min(turn.turn_rate, self.pan_rate), min(turn.turn_acceleration, self.pan_acceleration))
+        )
+        laws: dict[str, Law | None] = {kind: law for kind, law in self.base.laws.items() if not is_curve(law)}
+        laws |= {
+            "pan": JointMove("pan", "pan", *pan, loss),
+            "tilt": JointMove("tilt", "tilt", *tilt, loss),
+            "unwind": None if both is None else Unwind(*both, loss),
+            "swivel": JointMove("swivel", "pan", *pan),
+            "nod": JointMove("nod", "tilt", *tilt),
+            "counterspin": None if both is None else Unwind(*both, kind="counterspin"),
         }
-
-    @property
-    def wheel_base(self) -> float:
-        """Distance between the wheels of the base, m."""
-        return self.base.wheel_base
-
-    def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
-        """Speeds and accelerations of the base's wheels."""
-        return self.base.wheels(trajectory, times)
+        return {kind: law for kind, law in laws.items() if law is not None}
 
     @property
     def mounts(self) -> Mapping[str, Mount]:
@@ -152,7 +158,7 @@ class PanTilt(PlanarModel):
     def body(self, name: str, motions: Motions) -> Body:
         """What the base or the camera does in each of the motions, in closed form; a tilt is no turn."""
         body, law = super().body(name, motions), motions.law
-        if name != "camera" or not isinstance(law, AxisTurn | Unwind):
+        if name != "camera" or not isinstance(law, JointMove | Unwind):
             return body
         pan, tilt = _view_change(motions)
         return replace(
@@ -161,7 +167,7 @@ class PanTilt(PlanarModel):
             rotation=pan,
             turns=(pan,),
             steady=isinstance(law, Unwind),
-            upright=isinstance(law, Unwind) or law.axis == "pan",
+            upright=isinstance(law, Unwind) or law.joint == "pan",
         )
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
@@ -171,16 +177,7 @@ class PanTilt(PlanarModel):
 
     def connect(self, a: States, b: States) -> list[Leg]:
         """What the base does, the head as it is; then the head pans, then it tilts."""
-        legs = super().connect(a, b)
-        end = legs[-1].end
-        for axis in ("pan", "tilt"):
-            asked = getattr(b, axis)
-            goal = States(**end.__dict__ | {axis: np.where(np.isnan(asked), getattr(end, axis), asked)})
-            change = self.space.differences(end, goal)[axis]
-            there = np.abs(change) > ALIGNED
-            end = States(**end.__dict__ | {axis: np.where(there, getattr(end, axis) + change, getattr(end, axis))})
-            legs.append(Leg(axis, end, there))
-        return legs
+        return legs_of_joints(self.space, self.base.connect(a, b), a, b, self.joints)
 
     def stations(self, yaw: FloatArray) -> Stations:
         """Pans at the multiples of 45 degrees within the stops and three tilts at each heading (H,), rad."""
@@ -189,41 +186,33 @@ class PanTilt(PlanarModel):
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """What the base cannot do, and a head beyond its end stops."""
         yield from self.base.faults(trajectory)
-        states, space = trajectory.states, self.space
-        for axis in ("pan", "tilt"):
-            if axis in space.turning:
-                continue
-            column, value = space.names.index(axis), getattr(states, axis)
-            for stop, beyond in ((space.low[column], -1.0), (space.high[column], 1.0)):
-                over = beyond * (value - stop)
-                if over.max() > BEYOND:
-                    i = int(np.argmax(over))
-                    yield f"has a {axis} of {value[i]:.6g} rad in state {i}, beyond its stop at {stop:.6g}"
+        yield from stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Motions (M,) of the base that are doubtful, and those that begin or end with the head beyond a stop."""
-        found, space = self.base.doubtful(law, start, end), self.space
-        for axis in {"pan", "tilt"} - space.turning:
-            column = space.names.index(axis)
-            for value in (getattr(start, axis), getattr(end, axis)):
-                found = found | (value < space.low[column] - BEYOND) | (value > space.high[column] + BEYOND)
-        return found
+        return self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
 
 
 def _view_change(motions: Motions) -> tuple[Column, Column]:
     """Signed angles (M,), rad, by which the camera turns about the vertical, and up."""
     law, start, end = motions.law, motions.start, motions.end
     still = 0.0 * start.yaw
-    if isinstance(law, AxisTurn):
+    if isinstance(law, JointMove):
         change = law.change(start, end)
-        return (change, still) if law.axis == "pan" else (still, change)
+        return (change, still) if law.joint == "pan" else (still, change)
     return (still if isinstance(law, Unwind) else end.yaw - start.yaw), still
 
 
 def _check_base(base: Any) -> None:
-    if not isinstance(base, DifferentialDrive):
-        raise ModelError(f"a head is carried by a differential drive, base=DifferentialDrive(...); got {shown(base)}")
-    if base.view != FIXED:
+    what = "a head is carried by a base in the plane that has no joints of its own, such as base=DifferentialDrive(...)"
+    if (
+        isinstance(base, type)
+        or not isinstance(base, Model)
+        or not base.provides >= CARRIES
+        or "camera" not in completed(base, MODEL_DEFAULTS).mounts
+    ):
+        raise ModelError(f"{what}; got {shown(base)}")
+    if base.mounts["camera"].view is not None:
         raise ModelError(f"a head turns a camera that is fixed to its base; its view must be {FIXED!r}: leave it out")
     if base.field_of_view is not None:
         raise ModelError("the camera is the head's: give field_of_view to the pan_tilt, not to its base")

@@ -13,8 +13,8 @@ import numpy as np
 from hpop.arrays import FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.math import wrap
-from hpop.models.base import Stations
-from hpop.motions import States, StateSpace
+from hpop.models.stations import Stations, grid_of_stations, stops_of
+from hpop.motions import StateSpace
 
 ALIKE = 1e-9  # rad: two angles that differ by less are one
 COARSEST = math.radians(90.0)  # between neighbouring pans
@@ -26,18 +26,9 @@ def stations(space: StateSpace, yaw: FloatArray) -> Stations:
 
     Raises OptionError for headings that no pan can turn back, and for stops without a pan between them.
     """
-    pans, tilts = _pans(space, yaw), _tilts(space)
-    heading, pan, tilt = (index.ravel() for index in np.indices((yaw.size, pans.size, tilts.size)))
-    zero = np.zeros(heading.size)
-    states = States(x=zero, y=zero, yaw=yaw[heading], pan=pans[pan], tilt=tilts[tilt])
-    number = np.arange(heading.size).reshape(yaw.size, pans.size, tilts.size)
-    motions = {
-        "turn": _joined(number, 0),
-        "pan": _joined(number, 1),
-        "tilt": _joined(number, 2),
-        "unwind": _unwound(number, space, yaw, pans),
-    }
-    return Stations(states, heading, motions)
+    pans = _pans(space, yaw)
+    found, number = grid_of_stations(yaw, {"pan": pans, "tilt": stops_of(space, "tilt")})
+    return found._replace(motions={**found.motions, "unwind": _unwound(number, space, yaw, pans)})
 
 
 def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
@@ -64,20 +55,6 @@ def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
 def _off(angles: FloatArray, step: float) -> FloatArray:
     """How far (N,), rad, angles are from a multiple of a step."""
     return np.asarray(angles - step * np.round(angles / step))
-
-
-def _tilts(space: StateSpace) -> FloatArray:
-    """Tilts, rad, rising: both stops, and 0 or the middle."""
-    column = space.names.index("tilt")
-    low, high = space.low[column], space.high[column]
-    return np.unique([low, 0.0 if low <= 0.0 <= high else 0.5 * (low + high), high])
-
-
-def _joined(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
-    """Tails and heads of motions between any two stations that differ in one axis alone."""
-    lines = np.moveaxis(number, axis, -1).reshape(-1, number.shape[axis])
-    a, b = np.nonzero(~np.eye(lines.shape[1], dtype=bool))
-    return lines[:, a].ravel(), lines[:, b].ravel()
 
 
 def _unwound(number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatArray) -> tuple[IntArray, IntArray]:

@@ -11,7 +11,6 @@ import shapely
 
 from hpop.arrays import BoolArray, FloatArray
 from hpop.planners.goals import one_goal, start_of
-from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -30,7 +29,7 @@ def least_length(problem: Problem) -> float:
     """
     start, goal = np.array(start_of(problem)[:2]), np.array(one_goal(problem, "a bound of the length")[:2])
     bounds = [math.dist(start, goal)]
-    for part in in_plane(problem.model).parts:
+    for part in problem.model.platform:
         if part.on_axis:
             free = problem.world.free_space((part.z_min, part.z_max)).region
             space = shapely.buffer(shapely.buffer(free, -part.radius, quad_segs=4), SLACK, join_style="mitre")

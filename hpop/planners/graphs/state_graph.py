@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hpop.arrays import BoolArray, IntArray
 from hpop.copies import copied
 from hpop.criteria.base import Criterion, motion_costs
-from hpop.motions import Motions, PlaneCollision, States, onward
+from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
@@ -105,7 +105,7 @@ class StateGraph(TrajectoryGraph):
     @cached_property
     def collision(self) -> PlaneCollision:
         """What tells free states and motions."""
-        return self.model.collision(self.world)
+        return cast(PlaneCollision, collision_of(self.model, self.world))
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
         """Edges (M,) as motions; what comes round goes the shorter way, half a turn counter-clockwise."""

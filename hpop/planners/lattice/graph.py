@@ -26,7 +26,7 @@ from hpop.planners.lattice.separation import what_separates
 from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:
-    from hpop.models.base import Stations
+    from hpop.models.stations import Stations
     from hpop.problem import Problem
 
 REACH = 1.5 + 1e-9  # steps: a start or goal that is none of the lattice's states is joined to those within
@@ -125,11 +125,26 @@ class StateLattice(StateGraph):
         return ("move", *self.stations.motions)
 
     @cached_property
-    def _at_heading(self) -> IntArray:
-        """A station (H,) at each heading that has one: what is free depends on place and heading alone."""
-        stations = np.zeros(self.headings.count, np.int64)
-        stations[self.stations.headings[::-1]] = np.arange(self._width)[::-1]  # the first of each
+    def _stance(self) -> IntArray:
+        """Stance of each station (S,): of those with one stance all are free at a place, or none.
+
+        That is the heading, or, where the posture matters, the station itself.
+        """
+        return np.arange(self._width) if self.collision.posture_matters else self.stations.headings
+
+    @cached_property
+    def _at_stance(self) -> IntArray:
+        """A station in each stance (Z,) that has one."""
+        count = self._width if self.collision.posture_matters else self.headings.count
+        stations = np.zeros(count, np.int64)
+        stations[self._stance[::-1]] = np.arange(self._width)[::-1]  # the first of each
         return stations
+
+    def _standing(self, stance: IntArray, x: FloatArray, y: FloatArray) -> States:
+        """States (N,) in stances at places, m."""
+        if self.collision.posture_matters:
+            return States(**self.stations.states.take(stance).__dict__ | {"x": x, "y": y})
+        return States(x=x, y=y, yaw=self.headings.yaw[stance])
 
     @cached_property
     def first(self) -> tuple[int, int]:
@@ -188,21 +203,20 @@ class StateLattice(StateGraph):
 
     @cached_property
     def free(self) -> BoolArray:
-        """Positions and headings (rows, columns, H) at which the robot is free."""
-        every = np.broadcast_to(self.clear[:, :, None], (*self.shape, self.headings.count))
+        """Positions and stances (rows, columns, Z) at which the robot is free."""
+        every = np.broadcast_to(self.clear[:, :, None], (*self.shape, self._at_stance.size))
         return self.shared("free", self._free) if self.collision.yaw_matters else every
 
     def _free(self) -> BoolArray:
-        free = np.repeat(self.clear[:, :, None], self.headings.count, axis=2)
+        free = np.repeat(self.clear[:, :, None], self._at_stance.size, axis=2)
 
         def at_some_yaw(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
-            rows, columns, heading = np.nonzero(
+            rows, columns, stance = np.nonzero(
                 (~self.clear[part] & self._kept[part])[:, :, None] & np.ones_like(free[0, 0])
             )
             rows += part.start
-            x, y = self.position(rows, columns)
-            states = States(x=x, y=y, yaw=self.headings.yaw[heading])
-            return (rows, columns, heading), self.collision.states_free(states)
+            states = self._standing(stance, *self.position(rows, columns))
+            return (rows, columns, stance), self.collision.states_free(states)
 
         for at, found in self.spending.each(at_some_yaw, self._rows(), self._laid):
             free[at] = found
@@ -211,7 +225,7 @@ class StateLattice(StateGraph):
 
     @cached_property
     def cells(self) -> tuple[IntArray, IntArray]:
-        """Rows and columns (P,) of the positions where at least one heading is free."""
+        """Rows and columns (P,) of the positions where at least one stance is free."""
         rows, columns = np.nonzero(self.free.any(axis=2))
         return rows, columns
 
@@ -230,7 +244,7 @@ class StateLattice(StateGraph):
     def state(self, row: int, column: int, station: int) -> int:
         """Id of a state, -1 where it is not free or off the grid."""
         inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
-        if not inside or not self.free[row, column, self.stations.headings[station]]:
+        if not inside or not self.free[row, column, self._stance[station]]:
             return -1
         return int(self.number[row, column]) * self._width + station
 
@@ -297,12 +311,12 @@ class StateLattice(StateGraph):
         self.spending.check(self._laid, places * width * (to.shape[1] + 1) * (4 + 1 + 4 + 1))
         heads = np.empty((places, width, to.shape[1] + 1), np.int32)
         heads[:, :, :-1] = to + np.arange(0, places * width, width, dtype=np.int32)[:, None, None]
-        reached = self._steps[:, self.stations.headings]  # (P, S)
+        reached = self._steps[:, self._stance]  # (P, S)
         heads[:, :, -1] = np.where(reached >= 0, reached * width + np.arange(width, dtype=np.int32), -1)
         if (to < 0).any():
             heads[:, :, :-1][:, to < 0] = -1
         if self.collision.yaw_matters:
-            heads[:, :, :-1][~self._in_place_free(to)] = -1
+            heads[:, :, :-1][~self._in_place_free(to, of_kind)] = -1
         there = heads >= 0
         start = np.zeros(self.size + 1, np.int64)
         np.cumsum(there.sum(axis=2).ravel(), out=start[1:])
@@ -311,22 +325,23 @@ class StateLattice(StateGraph):
 
     @property
     def _steps(self) -> NDArray[np.int32]:
-        """The position (P, H) that one step from each position along each heading reaches, -1 where none is free."""
-        count, places = self.headings.count, self.cells[0].size
+        """The position (P, Z) that one step from each position in each stance reaches, -1 where none is free."""
+        count, places = self._at_stance.size, self.cells[0].size
+        headings = self.stations.headings if self.collision.posture_matters else np.arange(count)
         steps = np.full(places * count, -1, np.int32)
         mirrored = not self.collision.yaw_matters  # a round robot is free on a move where it is on the move back
-        for heading, step in enumerate(self.headings.steps):
+        for stance, heading in enumerate(headings.tolist()):
             rows, columns, to_rows, to_columns = steps_from(
-                self.free[:, :, heading], step, corner_cutting=self.corner_cutting
+                self.free[:, :, stance], self.headings.steps[heading], corner_cutting=self.corner_cutting
             )
-            steps[self.number[rows, columns] * count + heading] = self.number[to_rows, to_columns]
+            steps[self.number[rows, columns] * count + stance] = self.number[to_rows, to_columns]
 
         def blocked(part: slice) -> IntArray:
             tails: IntArray = part.start + np.flatnonzero(steps[part] >= 0)
             if mirrored:
                 tails = tails[tails % count < count // 2]
-            place, heading = np.divmod(tails, count)
-            station = self._at_heading[heading]
+            place, stance = np.divmod(tails, count)
+            station = self._at_stance[stance]
             ends = (place * self._width + station, steps[tails].astype(np.int64) * self._width + station)
             return tails[~self.collision.motions_free(self.motions("move", *ends))]
 
@@ -337,8 +352,13 @@ class StateLattice(StateGraph):
             steps[tails] = -1
         return steps.reshape(places, count)
 
-    def _in_place_free(self, to: NDArray[np.int32]) -> BoolArray:
-        """Which motions in place (P, S, W) are free: those that turn the base by their turns, others by their place."""
+    def _in_place_free(self, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
+        """Which motions in place (P, S, W) are free.
+
+        Those that turn the base by their turns, others by their place; each by itself where the posture matters.
+        """
+        if self.collision.posture_matters:
+            return self._each_in_place_free(to, of_kind)
         count = self.headings.count
         others = np.array([[b for b in range(count) if b != a] for a in range(count)], np.int32)
         turns = self._turns_free(others)  # (P, H, H - 1)
@@ -346,6 +366,26 @@ class StateLattice(StateGraph):
         there = self.stations.headings[to]
         turned = turns[:, here, np.where(there < here, there, there - 1) % (count - 1)]
         free: BoolArray = np.where(there == here, self.free[self.cells][:, here], turned)
+        return free
+
+    def _each_in_place_free(self, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
+        """The same, each looked at."""
+        stances = self.free[self.cells]  # (P, S)
+        free: BoolArray = stances[:, :, None] & stances[:, to] & (to >= 0)
+        sure = self.clear[self.cells]
+
+        def blocked(part: slice) -> tuple[IntArray, ...]:
+            place, station, column = np.nonzero(free[part] & ~sure[part, None, None])
+            tails, heads = ((place + part.start) * self._width + at for at in (station, to[station, column]))
+            wrong = np.zeros(place.size, dtype=bool)
+            kinds = of_kind[station, column]
+            for kind in np.unique(kinds).tolist():
+                of = np.flatnonzero(kinds == kind)
+                wrong[of] = ~self.collision.motions_free(self.motions(self.kinds[kind], tails[of], heads[of]))
+            return place[wrong] + part.start, station[wrong], column[wrong]
+
+        for at in self.spending.each(blocked, blocks(len(free), to.size), self._laid):
+            free[at] = False
         return free
 
     def _turns_free(self, others: NDArray[np.int32]) -> BoolArray:
@@ -358,7 +398,7 @@ class StateLattice(StateGraph):
         def found(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
             place, a, b = np.nonzero(possible[part] & ~sure[part, None, None])
             tails, heads = (
-                (place + part.start) * self._width + self._at_heading[heading] for heading in (a, others[a, b])
+                (place + part.start) * self._width + self._at_stance[heading] for heading in (a, others[a, b])
             )
             return (place + part.start, a, b), self.collision.motions_free(self.motions("turn", tails, heads))
 

@@ -74,7 +74,7 @@ def _room(lattice: StateLattice) -> FloatArray:
     rows, columns = np.indices(lattice.shape).reshape(2, -1)
     x, y = lattice.position(rows, columns)
     room = np.full(x.shape, np.inf)
-    for part in lattice.model.parts:
+    for part in lattice.model.platform:
         clearance = np.asarray(lattice.world.clearance(x, y, z=(part.z_min, part.z_max)))
         room = np.minimum(room, np.where(clearance > 0, clearance - part.reach, -np.inf))
     free = lattice.free.any(axis=2).ravel()
@@ -87,7 +87,7 @@ def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]
     ends = np.hstack([np.stack(steps_from(possible, step, corner_cutting=True)) for step in STEPS_8[:4]])
     segments = (*lattice.position(ends[0], ends[1]), *lattice.position(ends[2], ends[3]))
     free = np.ones(ends.shape[1], dtype=bool)
-    for z in {(part.z_min, part.z_max) for part in lattice.model.parts}:
+    for z in {(part.z_min, part.z_max) for part in lattice.model.platform}:
         free &= lattice.world.segments_free(*segments, margin=0.0, z=z)
     columns = lattice.shape[1]
     cells = lattice.cells[0] * columns + lattice.cells[1]

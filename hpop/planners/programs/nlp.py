@@ -16,7 +16,6 @@ from hpop.math import is_symbolic
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import lift, sparse_lookup
-from hpop.planners.needs import in_plane
 from hpop.world import World
 from hpop.world.field import Field, Places
 from hpop.world.ground import WHOLE, Heights
@@ -51,7 +50,7 @@ def vector(column: Column, size: int) -> Any:
 def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:
     """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
     found: dict[int, tuple[Heights, float]] = {}
-    for part in in_plane(problem.model).parts:
+    for part in problem.model.platform:
         z = (part.z_min, part.z_max)
         key = id(problem.world.free_space(z))
         found[key] = max(found.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])
@@ -141,7 +140,7 @@ class Rounded(LawDefaults):
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         return self.exact.interpolate(name, start, end, share)
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
+    def travel(self, start: States, end: States, lever: Column) -> Column:
         return self.exact.travel(start, end, lever)
 
     def turned(self, start: States, end: States) -> Column:

@@ -13,7 +13,7 @@ from hpop.motions import States
 from hpop.planners.rrt.query import Base, Query, WheelLimits, of_wheels
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.motions import Wheeled
 
 CLOSED = 1e-9  # m, rad, m/s, rad/s
 LEAST_CHANGED = 16  # drives
@@ -69,7 +69,7 @@ def _ending(query: Query, base: Base, controls: FloatArray) -> FloatArray | None
     return None
 
 
-def _ends(model: DifferentialDrive, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
+def _ends(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
     """End states (B, 5) from a state, by k drives each with wheel accelerations (B, k, 2)."""
     acceleration, turn_acceleration = of_wheels(model, wheels[..., 0], wheels[..., 1])
     speed = _summed(base.speed, acceleration * lasts)  # (B, k + 1)

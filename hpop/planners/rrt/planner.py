@@ -19,7 +19,7 @@ from hpop.options import one_of, set_wholes
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import trusted
-from hpop.planners.needs import on_wheels
+from hpop.planners.needs import in_plane, on_wheels
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.roadmap.positions import checked_ends
 from hpop.planners.rrt.query import Query
@@ -112,7 +112,7 @@ class RRT:
             )
         checked_ends(problem)
         model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")
-        collision = model.collision(problem.world)
+        collision = in_plane(model).collision(problem.world)
         for what, (x, y, _) in (("start", start), ("goal", goal)):
             if not collision.clear(np.array([x]), np.array([y]))[0]:
                 content = problem.world.content

@@ -15,7 +15,7 @@ from hpop.models.differential_drive.driven import NODES, driven
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.motions import Wheeled
     from hpop.world import World
     from hpop.world.planar import FreeSpace
 
@@ -44,7 +44,7 @@ class WheelLimits(NamedTuple):
     wheel_acceleration: float  # m/s²
 
     @classmethod
-    def of(cls, model: DifferentialDrive, share: float = 1.0) -> WheelLimits:
+    def of(cls, model: Wheeled, share: float = 1.0) -> WheelLimits:
         """The limits that follow from a model's, or a share of each."""
         half = 0.5 * model.wheel_base
         return cls(
@@ -75,7 +75,7 @@ class Query:
     until       s since 1970, which workers share: a tree that still grows then is dropped; None for never
     """
 
-    model: DifferentialDrive
+    model: Wheeled
     world: World
     start: tuple[float, float, float]
     goal: tuple[float, float, float | None]
@@ -102,7 +102,7 @@ class Query:
     @cached_property
     def spaces(self) -> tuple[tuple[FreeSpace, float], ...]:
         """The free space of each part of the robot, and the radius, m, of the circle that the part sweeps."""
-        return tuple((self.world.free_space((part.z_min, part.z_max)), part.reach) for part in self.model.parts)
+        return tuple((self.world.free_space((part.z_min, part.z_max)), part.reach) for part in self.model.platform)
 
     def clear(self, x: FloatArray, y: FloatArray, margin: float) -> bool:
         """Whether the circles that the robot's parts sweep about positions (P,) have a margin, m."""
@@ -157,6 +157,6 @@ class Query:
         return apart if self.goal[2] is None else max(apart, abs(float(wrap(base.yaw - self.goal[2]))) / NEAR_YAW)
 
 
-def of_wheels(model: DifferentialDrive, left: T, right: T) -> tuple[T, T]:
+def of_wheels(model: Wheeled, left: T, right: T) -> tuple[T, T]:
     """Acceleration, m/s², and angular acceleration, rad/s², of the base."""
     return 0.5 * (left + right), (right - left) / model.wheel_base

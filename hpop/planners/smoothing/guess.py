@@ -15,7 +15,7 @@ from hpop.planners.smoothing.program import DrivenProgram
 from hpop.trajectory import STRAIGHT
 
 if TYPE_CHECKING:
-    from hpop.models import DifferentialDrive
+    from hpop.motions import Wheeled
 
 CORNER = 0.35  # m: a turn begins and ends so far from its vertex, at most
 MARGIN = 0.04  # m: kept beside the robot's reach, for what lies between two samples
@@ -61,7 +61,7 @@ def legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
     return np.array(places), np.array(angles)
 
 
-def first_guess(polyline: Polyline, structure: Phases, model: DifferentialDrive) -> Guess:
+def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
     """Places, headings and speeds along a polyline whose corners are cut by parabolas."""
     places, angles = legs(polyline)
     yaw, columns, lasts = polyline.start_yaw, [], []

@@ -48,7 +48,7 @@ class Forward(Drive):
         bend = share * (1.0 - share) * ((1.0 - share) * (first - span) - share * (last - span))
         return getattr(start, name) + span * share + bend
 
-    def travel(self, start: States, end: States, lever: float) -> Column:
+    def travel(self, start: States, end: States, lever: Column) -> Column:
         length = 0.5 * (end.clock - start.clock) * (start.speed + end.speed)
         return length + lever * self.swept(start, end) if lever else length
 

@@ -220,7 +220,7 @@ class SmoothingJob:
         if turns < structure.turns:
             return "lowers the number of turns", costs
         path = path_points(goes)
-        spaces = {id(s): s for s in map(self._space, on_wheels(self.problem.model).parts)}.values()
+        spaces = {id(s): s for s in map(self._space, self.problem.model.platform)}.values()
         if not all(homotopic(path, polyline.vertices, space) for space in spaces):
             return "leaves the homotopy class of its polyline", costs
         planned = costs.copy()

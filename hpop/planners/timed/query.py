@@ -153,7 +153,7 @@ class TimedQuery:
         if self.timed.ramps is None or self.timed.safety.about_start:
             doubtful[:] = True
         rows = np.flatnonzero(doubtful)
-        people, parts = self.problem.world.content.people, self.timed.arcs.inner.model.parts
+        people, parts = self.problem.world.content.people, self.timed.arcs.inner.model.platform
         for i, trajectory in zip(rows.tolist(), plans.trajectories(rows), strict=True):
             each = (trajectory, trajectory.execution())
             found[i] = any(contact(parts, people, one, self.options.margin) for one in each)

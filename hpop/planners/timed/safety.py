@@ -103,7 +103,7 @@ class Safety:
         people = tuple(each for person in company.people for _, each in person.hypotheses)
         ramps = Ramps.of(model)
         stray = 0.0 if ramps is None else ramps.stray  # where that is not known, each execution is looked at
-        return cls(model.parts, people, Clock(options.tick), horizon, options.margin, starts, stray, spending)
+        return cls(model.platform, people, Clock(options.tick), horizon, options.margin, starts, stray, spending)
 
     @cached_property
     def reach(self) -> float:

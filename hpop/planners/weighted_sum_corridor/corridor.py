@@ -253,7 +253,7 @@ def _region(segment: FloatArray, regions: list[Region], problem: Problem) -> int
 def spaces(model: PlanarModel, world: World) -> list[tuple[FreeSpace, float]]:
     """The free spaces at the heights of the robot's parts, each with the largest reach of its parts there, m."""
     found: dict[int, tuple[FreeSpace, float]] = {}
-    for part in model.parts:
+    for part in model.platform:
         space = world.free_space((part.z_min, part.z_max))
         found[id(space)] = (space, max(part.reach, found.get(id(space), (space, 0.0))[1]))
     return list(found.values())

@@ -1,0 +1,239 @@
+"""Joints by which parts and bodies of a robot in the plane follow a state: lifts, slides and hinges.
+
+A joint keeps what it carries upright, so a part on a lift or on a boom remains an upright prism. Joints stand in a
+chain, the one on the base first; places are those that parts and bodies have while every joint is at 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from hpop.arguments import checked_arguments
+from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.errors import ModelError
+from hpop.math import smooth_abs
+from hpop.motions import Leg, States, StateSpace
+from hpop.options import MOST, one_of, real
+
+ALONG = ("up", "ahead", "left", "round")
+STEP = math.radians(5.0)
+"""Largest turn between the outlines that cover what a hinge sweeps."""
+BEYOND = 1e-6
+"""A joint may be so far beyond a stop, m or rad."""
+ALIGNED = 1e-9
+"""A joint that changes by less does not move, m or rad."""
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Joint:
+    """A slide, or a hinge about an upright axis.
+
+    name          of its state
+    along         "up", "ahead" or "left" of a slide; "round" of a hinge, counter-clockwise
+    low, high     m or rad, its stops
+    speed         m/s or rad/s
+    acceleration  m/s² or rad/s²
+    at            m, (ahead, left) of the axis of a hinge
+    """
+
+    name: str
+    along: Literal["up", "ahead", "left", "round"]
+    low: float
+    high: float
+    speed: float = 0.5
+    acceleration: float = 0.5
+    at: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        one_of("along", self.along, ALONG, error=ModelError)
+        for name in ("low", "high"):
+            real(f"{name} of the joint {self.name!r}", getattr(self, name), -MOST, MOST, "m or rad", error=ModelError)
+        if self.low > self.high:
+            raise ModelError(
+                f"the low stop of the joint {self.name!r} must not be above its high one, got {self.low:g} and "
+                f"{self.high:g}"
+            )
+        for name in ("speed", "acceleration"):
+            value = getattr(self, name)
+            if not (isinstance(value, int | float) and 0.0 < value < math.inf):
+                raise ModelError(f"{name} of the joint {self.name!r} must be a positive number, got {value!r}")
+
+    @property
+    def unit(self) -> str:
+        """Unit of its state."""
+        return "rad" if self.along == "round" else "m"
+
+    @property
+    def lever(self) -> float:
+        """Distance of the axis of a hinge from that of the base, m."""
+        return math.hypot(*self.at)
+
+    @property
+    def stroke(self) -> float:
+        """How far a slide in the plane carries something at most, m."""
+        return max(abs(self.low), abs(self.high)) if self.along in ("ahead", "left") else 0.0
+
+
+def reach_of(point: tuple[float, float], on: Sequence[Joint]) -> float:
+    """Return a bound on the distance, m, of a carried point from the axis of the base, whatever its joints."""
+    reach = math.hypot(*point)
+    for joint in reversed(on):
+        reach += joint.stroke + (2.0 * joint.lever if joint.along == "round" else 0.0)
+    return reach
+
+
+class Carried(NamedTuple):
+    """A carried point (x, y) in the world, and its first and second derivatives by time, m, m/s and m/s²."""
+
+    place: tuple[Column, Column]
+    velocity: tuple[Column, Column] = (0.0, 0.0)
+    acceleration: tuple[Column, Column] = (0.0, 0.0)
+
+
+def carried(
+    point: tuple[Column, Column],
+    on: Sequence[Joint],
+    states: States,
+    rates: States | None = None,
+    changes: States | None = None,
+) -> Carried:
+    """Return where the joints and the base carry a point (ahead, left), m, and how fast, given the rates.
+
+    changes : second derivatives of the states, for accelerations
+    """
+    found = Carried(point)
+    for joint in reversed(on):
+        if joint.along == "round":
+            found = _turned(found, joint.name, joint.at, states, rates, changes)
+        elif joint.along != "up":
+            found = _slid(found, joint.name, int(joint.along == "left"), states, rates, changes)
+    found = _turned(found, "yaw", (0.0, 0.0), states, rates, changes)
+    for axis, name in enumerate("xy"):
+        found = _slid(found, name, axis, states, rates, changes)
+    return found
+
+
+def _slid(
+    found: Carried, name: str, axis: int, states: States, rates: States | None, changes: States | None
+) -> Carried:
+    columns = []
+    for old, source in zip(found, (states, rates, changes), strict=True):
+        new = list(old)
+        if source is not None:
+            new[axis] = new[axis] + getattr(source, name)
+        columns.append((new[0], new[1]))
+    return Carried(*columns)
+
+
+def _turned(
+    found: Carried, name: str, at: tuple[float, float], states: States, rates: States | None, changes: States | None
+) -> Carried:
+    """Rotate about a place: p = a + R d, its rate R d' + w J R d, and so on, with w the rate of the angle."""
+    angle = getattr(states, name)
+    cos, sin = np.cos(angle), np.sin(angle)
+
+    def turned(x: Column, y: Column) -> tuple[Column, Column]:
+        return cos * x - sin * y, sin * x + cos * y
+
+    ux, uy = turned(found.place[0] - at[0], found.place[1] - at[1])
+    place = at[0] + ux, at[1] + uy
+    if rates is None:
+        return Carried(place)
+    rate, (rx, ry) = getattr(rates, name), turned(*found.velocity)
+    velocity = rx - rate * uy, ry + rate * ux
+    if changes is None:
+        return Carried(place, velocity)
+    change, (bx, by) = getattr(changes, name), turned(*found.acceleration)
+    square = rate * rate
+    return Carried(
+        place,
+        velocity,
+        (bx - 2.0 * rate * ry - change * uy - square * ux, by + 2.0 * rate * rx + change * ux - square * uy),
+    )
+
+
+def total(on: Sequence[Joint], along: str, states: States) -> Column:
+    """Return the sum of the states of the joints along one direction: the lift (N,), m, or the turn (N,), rad."""
+    return sum((getattr(states, joint.name) for joint in on if joint.along == along), 0.0)
+
+
+def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray, float]:
+    """Return points (n, 2), m, whose hull, grown by a radius, m, holds corners (c, 2) wherever the joints are."""
+    points, grown = corners, 0.0
+    for joint in reversed(on):
+        if joint.along == "round":
+            count = max(1, math.ceil((joint.high - joint.low) / STEP))
+            angles = np.linspace(joint.low, joint.high, count + 1)[:, None]
+            ux, uy = (points - joint.at).T
+            cos, sin = np.cos(angles), np.sin(angles)
+            turned = np.stack([cos * ux - sin * uy, sin * ux + cos * uy], axis=-1).reshape(-1, 2)
+            points = turned + joint.at
+            lever = float(np.hypot(*(turned.T)).max()) + grown
+            grown += lever * (1.0 - math.cos(0.5 * (joint.high - joint.low) / count))
+        elif joint.along != "up":
+            slide = np.array([1.0, 0.0] if joint.along == "ahead" else [0.0, 1.0])
+            points = np.concatenate([points + joint.low * slide, points + joint.high * slide])
+    return points, grown
+
+
+def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joints: Sequence[str]) -> list[Leg]:
+    """Return legs of a base, and after them one of each joint by the law of its name; NaN in b leaves it as it is."""
+    end = States(**{name: getattr(a, name) for name in space.names})
+    made = []
+    for leg in legs:
+        end = States(**{name: getattr(leg.end if name in leg.end.names else a, name) for name in space.names})
+        made.append(leg._replace(end=end))
+    for joint in joints:
+        asked = getattr(b, joint)
+        goal = States(**end.__dict__ | {joint: np.where(np.isnan(asked), getattr(end, joint), asked)})
+        change = space.differences(end, goal)[joint]
+        there = np.abs(change) > ALIGNED
+        end = States(**end.__dict__ | {joint: np.where(there, getattr(end, joint) + change, getattr(end, joint))})
+        made.append(Leg(joint, end, there))
+    return made
+
+
+def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Iterator[str]:
+    """Say which joints are beyond a stop in states (N,), where and by how much at the worst."""
+    for joint, low, high in _stops(space, joints):
+        value = getattr(states, joint)
+        for stop, beyond in ((low, -1.0), (high, 1.0)):
+            over = beyond * (value - stop)
+            if over.max() > BEYOND:
+                i = int(np.argmax(over))
+                unit = space.units[space.names.index(joint)]
+                yield f"has a {joint} of {value[i]:.6g} {unit} in state {i}, beyond its stop at {stop:.6g}"
+
+
+def beyond_stops(space: StateSpace, joints: Sequence[str], states: States) -> BoolArray:
+    """Whether a joint is beyond a stop in each state (N,)."""
+    found = np.zeros(states.size, dtype=bool)
+    for joint, low, high in _stops(space, joints):
+        value = getattr(states, joint)
+        found |= (value < low - BEYOND) | (value > high + BEYOND)
+    return found
+
+
+def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, float, float]]:
+    """The joints that have stops."""
+    for joint in joints:
+        if joint not in space.turning:
+            column = space.names.index(joint)
+            yield joint, space.low[column], space.high[column]
+
+
+def largest_change(joints: Sequence[Joint], start: States, end: States, lever: float) -> tuple[Column, Column]:
+    """Return how far (M,), m and rad, joints carry something at most, no farther than a lever, m, from any axis."""
+    moved: Column = 0.0
+    turned: Column = 0.0
+    for joint in joints:
+        change = smooth_abs(getattr(end, joint.name) - getattr(start, joint.name))
+        moved = moved + (lever * change if joint.along == "round" else change)
+        turned = turned + (change if joint.along == "round" else 0.0)
+    return moved, turned
