@@ -12,8 +12,8 @@ import click
 from hpop.cli import results
 from hpop.cli.command import NO_PATH, NOTHING_FOUND, imports_option, user_errors
 from hpop.cli.terminal import echo
-from hpop.errors import OutputError, QueryError
-from hpop.text import argument
+from hpop.errors import OptionError, OutputError, QueryError
+from hpop.text import argument, shown
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -80,6 +80,8 @@ def look(
     from hpop.view.look import look as looked
     from hpop.view.save import save_figure
 
+    if out is not None and out.suffix.lower() != ".png":
+        raise OutputError(f"the picture is a PNG file, so the name must end in .png, got {shown(str(out))}")
     user_code.register(imports)
     if reader is None and new.is_scenario(path):
         if options or resolution is not None or radius is not None:
@@ -137,6 +139,12 @@ def new(
     file = Path(f"{path.stem}_scenario.yaml") if out is None else out
     if file.exists():
         raise OutputError(f"{file} is there already; remove it, or choose another --out")
+    if reader is None and scenarios.is_scenario(path):
+        shell = argument(path)
+        raise OptionError(
+            f"{path} is a scenario already: hpop look {shell} draws it and hpop plan {shell} plans it; for a new one "
+            "give its map"
+        )
     given = scenarios.GivenMap.of(path, reader, resolution, scenarios.checked_options(options))
     draft = scenarios.first_draft(given.read(), radius, start, goal)
     problem = draft.problem

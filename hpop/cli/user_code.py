@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import is_dataclass
 from importlib import import_module, invalidate_caches
 from importlib.metadata import entry_points
@@ -21,7 +21,7 @@ from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, di
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
 from hpop.registry import Registry, criteria, formats, goals, models, needed, planners, readers
-from hpop.text import shown
+from hpop.text import shown, some
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
 HOME = Path(__file__).parents[1]
@@ -86,7 +86,7 @@ def named(spec: str) -> Criterion | Model | Planner:
     return make_planner(made) if callable(getattr(made, "solve", None)) else make_criterion(made)
 
 
-def _unregistered(spec: str, known: Iterable[str]) -> UnknownName:
+def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
     """The error for a name that nothing has that is imported so far, with how to check it."""
     packages = ("criteria", "planners", "models")
     home = [file for package in packages for file in HOME.glob(f"{package}/**/*.py") if file.stem == spec]
@@ -100,10 +100,17 @@ def _unregistered(spec: str, known: Iterable[str]) -> UnknownName:
         )
     else:
         way_out = "one of your own is not imported yet: hpop check FILE.py:NAME, or give --import FILE.py as well"
+        if own := [name for name, thing in known.items() if not _is_at_home(thing)]:
+            way_out = f"not of hpop are {some(own)}; {way_out}"
     return UnknownName(
         f"no criterion, model or planner called {shown(spec)} is imported.{did_you_mean(spec, known)} `hpop criteria`, "
         f"`hpop models` and `hpop planners` list what there is; {way_out}"
     )
+
+
+def _is_at_home(thing: Any) -> bool:
+    """Whether a registered class is one of hpop's."""
+    return str(getattr(thing, "__module__", "")).partition(".")[0] == "hpop"
 
 
 def _named_in(module: ModuleType, name: str) -> Any:

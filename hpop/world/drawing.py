@@ -103,7 +103,8 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
         raise MapError(f"{error} layers chooses which are read, such as those of walls: {said(by_layer)}.") from None
     limits.check(READING)
     union = shapely.disjoint_subset_union_all(solid)  # in a thirtieth of the time of union_all
-    size = f"{len(starts) - 1:,} lines and fills of {width:.4g} x {height:.4g} m"
+    several = "lines and fills" if len(starts) > 2 else "line or fill"
+    size = f"{len(starts) - 1:,} {several} of {width:.4g} x {height:.4g} m"
     notes = [f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(by_layer)}", left]
     if thick := words["wide"] + np.count_nonzero(wide > asked.wall_width):
         notes.append(f"lines as thick as they are drawn: {thick:,}")

@@ -128,6 +128,12 @@ def test_a_criterion_is_checked_by_its_file_its_module_or_its_name(hpop: Hpop, m
         assert done.stdout.count("ok") > 5
 
 
+def test_a_check_of_an_unknown_name_tells_what_was_imported(hpop: Hpop, mine: Path) -> None:
+    done = hpop("check", "warmth", "--import", "ways.py", cwd=mine)
+    assert done.returncode == 7
+    assert "my_way; one of your own is not imported yet" in done.stderr
+
+
 def test_the_example_is_planned_as_it_says(hpop: Hpop, tmp_path: Path) -> None:
     lines = (EXAMPLES / "own_criterion.yaml").read_text().splitlines()
     (command,) = (line.removeprefix("#").split() for line in lines if "hpop plan" in line)

@@ -237,6 +237,21 @@ def test_a_look_at_a_scenario_draws_it_and_tells_of_ends_that_cannot_be_used(
     assert out.exists()  # it shows where
 
 
+@pytest.mark.parametrize("name", ["look", "look.jpg"])
+def test_a_look_whose_file_is_no_png_by_its_name_is_refused(
+    run: Callable[..., Result], refused: Callable[..., None], room: Path, name: str
+) -> None:
+    refused(run("look", room / "room.yaml", "--out", room / name), 12, "the name must end in .png, got")
+    assert not (room / name).exists()
+
+
+def test_a_new_scenario_of_a_scenario_is_refused_with_what_to_do(
+    run: Callable[..., Result], refused: Callable[..., None], room: Path, tmp_path: Path
+) -> None:
+    result = run("new", room / "room.yaml", "--out", tmp_path / "z.yaml")
+    refused(result, 10, "room.yaml is a scenario already: hpop look")
+
+
 def test_a_look_at_a_map_needs_nothing_else(run: Callable[..., Result], tmp_path: Path) -> None:
     result = run("look", _image(tmp_path), "--resolution", "0.05", "--radius", "0.2", "--out", tmp_path / "look.png")
     assert result.exit_code == 0, result.output
