@@ -44,7 +44,8 @@ def contact(
 
     Of somebody uncertain, or with several futures, when that is so in more than 5 % of what is predicted. A robot that
     begins within a margin, or into whose margin somebody comes within a second, may leave; so may one that begins in
-    contact, as long as the gap does not shrink. Of those who stand the ones whom it leaves count, by number.
+    contact, as long as it does not make the gap smaller by itself. Of those who stand the ones whom it leaves count, by
+    number.
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
@@ -120,15 +121,21 @@ def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], ma
 
 
 def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray) -> int:
-    """How many moments after its beginning a robot is still in contact while no gap to what is predicted shrinks."""
+    """How many moments after its beginning a robot is still in contact, and does not make a gap smaller by itself.
+
+    A person may follow faster than the robot leaves.
+    """
     apart = np.flatnonzero(~near)
     until = int(apart[0]) if apart.size else near.size
     for _, likely in person.hypotheses:
         x, y = (np.broadcast_to(column, times.shape)[:until] for column in likely.at(times))
-        gap = _distance(parts, states.take(np.arange(until)), np.stack([x, y], axis=1))
+        places = np.stack([x, y], axis=1)
+        gap = _distance(parts, states.take(np.arange(until)), places)
         if gap[0] >= person.radius - TOUCH:  # where the person is predicted to be there is no contact
             return 0
-        shrinks = np.flatnonzero(gap < np.maximum.accumulate(gap) - TOUCH)
+        own = _distance(parts, states.take(np.arange(1, until)), places[:-1]) - gap[:-1]
+        nearer = np.append(0.0, np.cumsum(np.maximum(own, np.diff(gap)).clip(max=0.0)))
+        shrinks = np.flatnonzero(nearer < -TOUCH)
         until = int(shrinks[0]) if shrinks.size else until
     return until
 

@@ -13,6 +13,7 @@ from hpop.contacts import contact
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.front import Front
 from hpop.further import claimable, criteria_of
+from hpop.models.execution import needed_about
 from hpop.motion_table import MotionTable
 from hpop.motions import Motions, States, free_along
 from hpop.motions.space import Values
@@ -20,6 +21,7 @@ from hpop.options import MOST
 from hpop.planners.judgement import on_map
 from hpop.problem import Problem
 from hpop.trajectory import Trajectory
+from hpop.world.yielding import with_stops
 
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
 CLOSE = 1e-5  # m or rad: two states written in decimals are the same
@@ -73,11 +75,22 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
         margin = front.provenance[i].get("margin")
         kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
         parts = problem.model.platform
+        people = with_stops(
+            problem.world.content.people,
+            _numbers(front.provenance[i].get("people_who_stop")),
+            (float(trajectory.states.x[0]), float(trajectory.states.y[0])),
+            needed_about(problem.model, kept),
+        )
         if fault := contact(parts, people, trajectory, kept, left):
             yield f"trajectory {i} {fault}"
         done = trajectory.execution()
         if done is not trajectory and (fault := contact(parts, people, done, kept, left)):
             yield f"trajectory {i}, as it is executed, {fault}"
+
+
+def _numbers(given: Any) -> list[int]:
+    """Return the numbers of people that a provenance names; none where it names something else."""
+    return [number for number in given if isinstance(number, int)] if isinstance(given, list) else []
 
 
 def lost_trajectories(problem: Problem, front: Front) -> list[str]:

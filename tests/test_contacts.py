@@ -109,3 +109,11 @@ def test_a_front_that_touches_somebody_is_at_fault():
     among = Problem(walker, ROBOT, (1, 0, 0), (9, 0, None), ["length"])
     assert any("touches Ann at 3.7" in fault for fault in verify(among, front))
     assert not verify(among, among.solve(planner={"lattice": {"step": 0.5}}))
+
+
+def test_a_robot_that_drives_off_does_not_touch_who_follows_more_quickly_than_it_starts():
+    follows = Person(0.52, 0.0, velocity=(0.1, 0.0), until=5.0, name="Ann")  # 2 cm within its body
+    assert not touched(follows, STRAIGHT.execution())
+    assert touched(follows, Trajectory.from_poses(ROBOT, [(1, 0, math.pi), (0.8, 0, math.pi)])).startswith(
+        "touches Ann"
+    )

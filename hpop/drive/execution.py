@@ -112,8 +112,9 @@ class Execution(Telling):
         Where nobody waits, options are those of :meth:`options` meanwhile. Wait where time is told and does not pass.
         """
         self._lay_out(now := self._now() if now is None else now)
-        if self.surroundings.moving and not (commit := self.commit(now, 0.0)).arrives:
-            self._network.among(self.surroundings, commit)
+        for deadline in (0.0, DEADLINE) if self.surroundings.moving else ():
+            if not (commit := self.commit(now, deadline)).arrives:
+                self._network.ready(self.surroundings, commit)
 
     # Where it is
 
@@ -205,19 +206,35 @@ class Execution(Telling):
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
 
     def _options(self, now: float, deadline: float, answer: Any, *, again: bool = False) -> tuple[Options, Found]:
-        """Options, and what was found for them; ``again`` as before, however long that takes."""
-        commit, surroundings = self.commit(now, deadline), self.surroundings
+        """Options, and what was found for them; ``again`` as before, however long that takes.
+
+        Where no path leads on, since people walk against the robot, they are taken to stop before it.
+        """
+        commit, seconds = self.commit(now, deadline), None if again else deadline
+        if answer is not None and answer.get("stopping"):
+            stopping = self.surroundings.with_people_who_stop(commit.places.states, commit.places.times)
+        else:
+            options, found = self._options_from(commit, now, seconds, answer)
+            if found.candidates.status is not Status.NO_PATH:
+                return options, found
+            stopping = self._network.stopping(self.surroundings, commit)
+        if stopping is not None:
+            before = part(self._plan.driven, 0, commit.place)
+            self._change(now, stopping, ())
+            commit = commit if self._plan.begins_with(before) else self.commit(now, deadline)
+            options, found = self._options_from(commit, now, seconds, answer)
+            if found.answer is not None:
+                found = found._replace(answer={**found.answer, "stopping": True})
+        return options, found
+
+    def _options_from(self, commit: Commit, now: float, deadline: float | None, answer: Any) -> tuple[Options, Found]:
+        """Options from a commit on, and what was found for them."""
+        surroundings = self.surroundings
         announced = self._plan.announced
         begins = float(self._plan.driven.times[commit.place])
         rest = between(announced, begins, announced.duration)
-        kept = rest if self._plan.stops is None else None
-        found = self._network.found(surroundings, commit, kept, None if again else deadline, answer)
-        if found.candidates.status is Status.NO_PATH and (
-            waits := surroundings.waiting(commit.state, commit.time, now)
-        ):
-            self._change(now, waits, ())
-            options, found = self._options(now, deadline, answer, again=again)
-            return options, found
+        kept = rest if self._plan.stops is None and not commit.stands else None
+        found = self._network.found(surroundings, commit, kept, deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
         before = Plan(commit.before)
         gone = partial(past, before, before.end, self._stretches, self.problem.criteria)

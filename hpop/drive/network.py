@@ -27,6 +27,7 @@ from hpop.planners.spending import CORES, Spending
 from hpop.planners.timed.clock import GOLDEN, TimeOptions
 from hpop.planners.timed.reading import reading_time
 from hpop.search.prepared import Prepared
+from hpop.status import Status
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ class Network:
         self._among: TimedWays | None = None
         self._other: TimedWays | None = None  # where nobody is near the robot, if somebody was, or the other way round
         self._met: list[TimedPlan] = []  # what was found last among them
+        self._met_on: object = None  # the graph whose arcs these are
         self._driven: Sequence[Trajectory] = ()  # the same as trajectories
         self._aside = Aside()
         self._making: _Making | None = None
@@ -127,15 +129,19 @@ class Network:
             if among is None:
                 return self._rechecked(problem, known)
             deadline = max(0.0, deadline - (time.perf_counter() - began))
-        node = int(among.ways.nodes(commit.state)[0])
+        if among.instead_of is now:
+            nothing = replace(rechecked(self.planner.name, problem, self.objectives, []), status=Status.NO_PATH)
+            return Found(nothing, math.inf, 0, None)
+        node = among.node(commit.state)
         node = among.start if node < 0 else node
         if answer is None:
             given = among.plans(self._given, self._began)
             present = [] if kept is None else among.plans([kept], commit.time)
-            paths = among.rests(node, commit.time, [*present, *given, *self._met], deadline)
+            met = self._met if self._met_on is among.ways.query.space else []  # other ends number arcs differently
+            paths = among.rests(node, commit.time, [*present, *given, *met], deadline)
         else:
             paths = among.told(node, commit.time, answer)
-        self._met = among.found(paths)
+        self._met, self._met_on = among.found(paths), among.ways.query.space
         again = None if paths.status.is_final else among.described(paths)
         candidates = among.candidates(self.planner.name, problem, commit, node, paths)
         self._driven = candidates.trajectories
@@ -192,6 +198,8 @@ class Network:
             self._among = made
             if making.commit.time == commit.time:
                 return made
+        if serving.instead_of is now:
+            return serving
         if serving is self._other:
             self._among, self._other = serving, self._among
         if serving.near and self._other is None and self._making is None:  # ahead of when the robot has left them
@@ -201,14 +209,34 @@ class Network:
     def _serving(self, now: Surroundings, commit: Commit) -> TimedWays | None:
         """The graph that has the answers to questions from a commit on, if it is there."""
         ways = self._without
-        if ways is None or ways.world is not now.problem.world:
+        if ways is None:
             return None
-        graphs = (made for made in (self._among, self._other) if made is not None)
+        graphs = [made for made in (self._among, self._other) if made is not None]
+        if refusing := next((made for made in graphs if made.refuses(now, commit, ways)), None):
+            return refusing
+        if ways.world is not now.problem.world:
+            return None
         return next((made for made in graphs if made.serves(now, commit, ways)), None)
+
+    def stopping(self, now: Surroundings, commit: Commit) -> Surroundings | None:
+        """Return the surroundings in which people stop before a robot for which no path leads from a commit.
+
+        None where nobody walks against it.
+        """
+        if self._among is not None and self._among.instead_of is now:
+            return self._among.stopping
+        return now.with_people_who_stop(commit.places.states, commit.places.times)
+
+    def ready(self, now: Surroundings, commit: Commit) -> None:
+        """Wait until questions from a commit on have their graph, however long that takes."""
+        made = self.among(now, commit)
+        assert made is not None
+        if made.instead_of is not now:
+            self._among = self._passable(now, commit, made)
 
     def _made(self, now: Surroundings, commit: Commit, *, is_far: bool = False) -> TimedWays:
         """The graph on a clock for questions from a commit on, or for later ones with nobody near; ready for them."""
-        ways = self._plain(now)
+        base = ways = self._plain(now)
         node = int(ways.nodes(commit.state)[0])
         if node < 0:
             ways = ways.from_beside(now.at(commit.state, commit.time))
@@ -217,9 +245,22 @@ class Network:
         if options.arrive_by is not None:  # since the robot left
             left = options.arrive_by - (now.since - self._began)
             options = replace(options, arrive_by=max(left, options.tick))
-        made = TimedWays.laid_out(ways, node, commit, now, self.objectives, options, self._among, is_far=is_far)
+        made = TimedWays.laid_out(ways, base, node, commit, now, self.objectives, options, self._among, is_far=is_far)
         _ = made.prepared  # ahead of the next question
-        return made
+        return made if is_far else self._passable(now, commit, made)
+
+    def _passable(self, now: Surroundings, commit: Commit, made: TimedWays) -> TimedWays:
+        """The graph, or that among people who stop before a robot for which no path leads from a commit."""
+        node = made.node(commit.state)
+        node = made.start if node < 0 else node
+        if made.prepared.paths(node, made.tick(commit.time), deadline=LOOK).status is not Status.NO_PATH:
+            return made
+        stopping = now.with_people_who_stop(commit.places.states, commit.places.times)
+        if stopping is None:
+            return made
+        if stopping.moving:
+            made = self._made(stopping, commit)
+        return replace(made, instead_of=now, stopping=stopping)
 
     def _plain(self, now: Surroundings) -> Ways:
         """The graph with the costs that read no time, among the people of now."""

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hpop.arguments import checked_arguments
 from hpop.arrays import FloatArray
 from hpop.drive.departures import leaves, next_turn
@@ -50,6 +52,13 @@ class Commit:
     arrives: bool
     before: Trajectory
     later: Later
+
+    @property
+    def places(self) -> Later:
+        """The commit's own place and those soon after it."""
+        here, later = self.state.__dict__, self.later.states
+        states = States(**{name: np.append(column, getattr(later, name)) for name, column in here.items()})
+        return Later(np.append(self.time, self.later.times), states)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
+from hpop.arrays import FloatArray
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.ways import OF_PEOPLE, bare
 from hpop.errors import DriveError, did_you_mean
+from hpop.models.execution import needed_about
 from hpop.motions import States
-from hpop.planners.timed.safety import LEAVING
 from hpop.scalars import is_whole
 from hpop.text import shown
 from hpop.world import Person, World
 from hpop.world.content import Content
+from hpop.world.yielding import taken_to_stop, yielding
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
 
-STEP = 0.01  # s between the moments at which somebody is looked for
-GAP = 0.02  # m before a robot at which a person is taken to stop
 GONE = 1e5  # m: nobody who is so far away matters
 
 
@@ -39,6 +39,7 @@ class Surroundings:
     since     s, of the drive: when its people were predicted
     bodies    of the people who stand, which are closed as well
     margin    m, that is kept from them
+    stopping  notes on people who are taken to stop before the robot, which would have no path otherwise
     """
 
     problem: Problem
@@ -48,6 +49,7 @@ class Surroundings:
     since: float
     bodies: dict[Person, Closing]
     margin: float = 0.0
+    stopping: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, problem: Problem, since: float, margin: float = 0.0) -> Surroundings:
@@ -123,20 +125,26 @@ class Surroundings:
         people[place] = _standing(people[place])
         return self._changed(now, tuple(people))
 
-    def waiting(self, state: States, time: float, now: float) -> Surroundings | None:
-        """With people who stop before a robot that they would walk into, where it is in a state (1,) at a time, s.
+    def with_people_who_stop(self, states: States, times: FloatArray) -> Surroundings | None:
+        """Return the surroundings in which people stop before a robot in each of some states (n,).
 
-        None where nobody would within some seconds. A person does not walk through a robot, and nothing that it does
-        makes room in time for one who is predicted to.
+        None where nobody comes there soon. Predictions begin when they did.
+
+        Parameters
+        ----------
+        times : (n,) s, of the drive, from when on the robot is in each state
         """
-        parts = self.problem.model.platform
-        reach = max(float(part.reach) for part in parts)
-        x, y = float(state.x[0]), float(state.y[0])
-        people = self._people_at(now)
-        stopped = tuple(_stopping(person, x, y, reach, time - now + LEAVING) for person in people)
-        if all(one is other for one, other in zip(stopped, people, strict=True)):
+        reach = needed_about(self.problem.model, self.margin)
+        people = self.people
+        begins = np.maximum(times - self.since, 0.0).tolist()
+        for x, y, begin in zip(states.x.tolist(), states.y.tolist(), begins, strict=True):
+            people = tuple(yielding(person, (x, y), reach, begin) for person in people)
+        stopped = [i for i, person in enumerate(people) if person is not self.people[i]]
+        if not stopped:
             return None
-        return self._changed(now, stopped)
+        at_once = (one.moves and one.until == 0.0 and one.afterwards == "stays" for one in people)
+        people = tuple(_standing(one) if stops else one for one, stops in zip(people, at_once, strict=True))
+        return replace(self._changed(self.since, people), stopping=(taken_to_stop(self.people, stopped),))
 
     def _place_of(self, person: Any) -> int:
         """The number of a person."""
@@ -191,7 +199,8 @@ class Surroundings:
         problem = replace(self.problem, world=world)
         known = self.known if known is None else known
         bodies = _bodies(problem.world.content.people, self.bodies, self.margin)
-        return Surroundings(problem, self.bare, closings, known, since, bodies, self.margin)
+        stopping = self.stopping if problem.world.content.people == self.people else ()
+        return Surroundings(problem, self.bare, closings, known, since, bodies, self.margin, stopping)
 
 
 def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: float) -> dict[Person, Closing]:
@@ -202,21 +211,6 @@ def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: 
         closing = Closing(body, who=person.name or "somebody", place=(person.x, person.y))
         found[person] = before.get(person) or closing
     return found
-
-
-def _stopping(person: Person, x: float, y: float, reach: float, within: float) -> Person:
-    """A person who stops before a robot that reaches so far about a place, m; the same one who does not come there."""
-    if not person.moves or person.recorded or person.futures:
-        return person
-    times = np.arange(0.0, within, STEP)
-    px, py = (np.broadcast_to(column, times.shape) for column in person.at(times))
-    apart = np.hypot(px - x, py - y)
-    near = (apart < reach + person.radius + GAP) & (person.there(times) > 0)
-    nearer = np.append(np.diff(apart) < 0.0, False)
-    if not (near & nearer).any():
-        return person
-    until = float(times[max(0, int(np.argmax(near & nearer)) - 1)])
-    return replace(person, until=until, afterwards="stays") if until > 0.0 else _standing(person)
 
 
 def _standing(person: Person) -> Person:

@@ -17,6 +17,7 @@ import numpy as np
 
 from hpop.arrays import FloatArray, IntArray
 from hpop.drive.options import Commit
+from hpop.drive.plan import SAME
 from hpop.drive.surroundings import Surroundings
 from hpop.drive.ways import Ways
 from hpop.motions import States
@@ -57,9 +58,14 @@ class TimedWays:
     timed       the graph on the clock; its tick 0 is `since`, s of the drive
     objectives, options
     people      as they are predicted from then on
+    base        the ways of the graph alone, where a state beside the graph is joined to them; else the same
     start       node from which it was laid out, and `begin` the tick from which on it may be asked about
+    state       (1,) of the robot there
+    places      nodes of the commit and of those soon after it
     near        nodes at which the robot is within somebody's margin, and when, s on the clock: there it may leave, also
                 where it would not be so near else; none where nobody is near it
+    instead_of  surroundings in which no path leads from there, as people walk against the robot
+    stopping    the same with people who stop before it, for which this graph is made if anybody still moves in them
     """
 
     ways: Ways
@@ -68,14 +74,20 @@ class TimedWays:
     options: TimeOptions
     people: tuple[Any, ...]
     since: float
+    base: Ways
     start: int
+    state: States
     begin: int
+    places: frozenset[int]
     near: tuple[tuple[int, float], ...]
+    instead_of: Surroundings | None = None
+    stopping: Surroundings | None = None
 
     @classmethod
     def laid_out(
         cls,
         ways: Ways,
+        base: Ways,
         node: int,
         commit: Commit,
         now: Surroundings,
@@ -107,12 +119,19 @@ class TimedWays:
             near = ((node, at), *((other, time) for other, time, who in later if other >= 0 and who))
         laid = LaidOut(ways.graph, ways.closed, begin, near, arcs)
         timed = timed_graph(space, objectives.optimised, node, ways.query.goals, options, now.problem.quanta, laid)
-        return cls(ways, timed, objectives, options, now.people, now.since, node, begin, near)
+        places = frozenset({node, *ways.nodes(commit.later.states).tolist()} - {-1})
+        return cls(
+            ways, timed, objectives, options, now.people, now.since, base, node, commit.state, begin, places, near
+        )
+
+    def refuses(self, now: Surroundings, commit: Commit, ways: Ways) -> bool:
+        """Whether no path leads from a commit in some surroundings, as people walk against the robot."""
+        return self.instead_of is now and self.base is ways and self.node(commit.state) in self.places
 
     def serves(self, now: Surroundings, commit: Commit, ways: Ways) -> bool:
         """Whether a question from a commit has its answer here."""
-        (node,) = ways.nodes(commit.state).tolist()
-        if self.ways is not ways or self.people != now.people or self.since != now.since or node < 0:
+        node = self.node(commit.state)
+        if self.base is not ways or self.people != now.people or self.since != now.since or node < 0:
             return False
         if self.tick(commit.time) < self.prepared.earliest[node]:
             return False
@@ -125,7 +144,14 @@ class TimedWays:
 
     def is_other_part_of(self, made: TimedWays) -> bool:
         """Whether it is of the same people and closings as another, one of them for a robot near to somebody."""
-        return self.ways is made.ways and self.people == made.people and bool(self.near) != bool(made.near)
+        return self.base is made.base and self.people == made.people and bool(self.near) != bool(made.near)
+
+    def node(self, state: States) -> int:
+        """The node at which a state (1,) is, -1 where there is none."""
+        space = self.ways.inner.model.space
+        if all(abs(off[0]) <= SAME for off in space.differences(state, self.state).values()):
+            return self.start
+        return int(self.ways.nodes(state)[0])
 
     def tick(self, at: float) -> int:
         """The tick next to a time, s of the drive."""

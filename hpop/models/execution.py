@@ -58,6 +58,13 @@ class Ramps(NamedTuple):
         return cls(0.5 * run.speed / run.acceleration, run.speed**2 / (8.0 * run.acceleration))
 
 
+def needed_about(model: Model, margin: float) -> float:
+    """Return what a robot needs about its axis, m: its body, a margin, and how far it is off its plan."""
+    ramps = Ramps.of(model)
+    reach = max((float(part.reach) for part in model.platform), default=0.0)
+    return reach + margin + (0.0 if ramps is None else ramps.stray)
+
+
 def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[Trajectory, FloatArray]:
     """What is done of a trajectory, and the time (n+1,), s, at which each planned state is passed.
 

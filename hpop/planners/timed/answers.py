@@ -69,7 +69,7 @@ def answers(
             first = query.exact(asked.planner, left, progress, eps=asked.eps, tolerance=asked.tolerance, stage=True)
             first = replace(first, notes=(*first.notes, *built.notes))
             if first.status.is_final:
-                yield first, built
+                yield _with_people_who_stop(query, first, built, asked, progress), built
                 return
             with spending.paused():
                 yield first.unfinished(), built
@@ -83,11 +83,32 @@ def answers(
             tolerance=asked.tolerance,
             checkpoint=asked.checkpoint,
         )
+        found = _with_people_who_stop(query, found, built, asked, progress)
         yield replace(found, notes=(*found.notes, *built.notes)), built
 
 
+def _with_people_who_stop(
+    query: TimedQuery, found: Candidates, built: BuiltGraph, asked: Asked, progress: ProgressCallback | None
+) -> Candidates:
+    """What was found, or, if no path is left as people walk up to the start, what is where they stop before it."""
+    if found.status is not Status.NO_PATH or not any(query.timed.safety.coming(query.begins_at)):
+        return found
+    space = built.ends.space
+    again = _query(query.problem, query.objectives, built, asked, query.timed.attention, people_stop=True)
+    if not again.stopping:
+        return found
+    others = again.exact(asked.planner, space.spending.left(), progress, eps=asked.eps, tolerance=asked.tolerance)
+    return found if others.status is Status.NO_PATH else others
+
+
 def _query(
-    problem: Problem, objectives: Objectives, built: BuiltGraph, asked: Asked, attention: Attention | None = None
+    problem: Problem,
+    objectives: Objectives,
+    built: BuiltGraph,
+    asked: Asked,
+    attention: Attention | None = None,
+    *,
+    people_stop: bool = False,
 ) -> TimedQuery:
     """The question on a graph, put on a clock."""
     began = time.perf_counter()
@@ -96,6 +117,15 @@ def _query(
         raise QueryError(f"{space.words} has no clock")
     at = cast(StateGraph | JoinedEnds, space)
     with limits.within(space.spending):
-        timed = timed_graph(at, objectives.optimised, start, goals, asked.options, problem.quanta, attention=attention)
+        timed = timed_graph(
+            at,
+            objectives.optimised,
+            start,
+            goals,
+            asked.options,
+            problem.quanta,
+            attention=attention,
+            people_stop=people_stop,
+        )
     seconds = time.perf_counter() - began
     return TimedQuery(problem, objectives, timed, asked.options, start, goals, seconds, asked.max_turns)

@@ -14,7 +14,7 @@ import numpy as np
 from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, place_of
 from hpop.errors import OptionError
-from hpop.models.execution import Ramps
+from hpop.models.execution import Ramps, needed_about
 from hpop.motions import States
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
@@ -32,6 +32,7 @@ from hpop.planners.timed.standing import alike_at_places, standing_rates, turn_a
 from hpop.planners.timed.tables import Tables
 from hpop.search import Graph
 from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
+from hpop.world.yielding import yielding
 
 NEVER = 2**31 - 1
 MOTION = 110  # bytes of a motion of an arc, with what is known of the arc
@@ -46,6 +47,8 @@ def timed_graph(
     quanta: Collection[str] = (),
     laid: LaidOut | None = None,
     attention: Attention | None = None,
+    *,
+    people_stop: bool = False,
 ) -> Timed:
     """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
 
@@ -56,10 +59,12 @@ def timed_graph(
     ----------
     quanta : names of criteria whose costs are compared in steps that the problem sets
     attention : as another graph of the same question has it, whose criteria need not be asked again
+    people_stop : whether people who would walk up to the robot where it starts are taken to stop before it; what they
+        make of costs is as predicted all the same
     """
     began = time.perf_counter()
     asked = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
-    return _Assembly(*asked, laid, attention).made(began)
+    return _Assembly(*asked, laid, attention, people_stop).made(began)
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,7 @@ class _Assembly:
     quanta: frozenset[str]
     laid: LaidOut | None
     known: Attention | None
+    people_stop: bool = False
 
     @cached_property
     def clock(self) -> Clock:
@@ -173,7 +179,11 @@ class _Assembly:
     @cached_property
     def safety(self) -> Safety:
         model, spending = self.arcs.inner.model, self.space.spending
-        return Safety.of(self.company, model, self.options, self.horizon, self.starts, spending)
+        people = self.company.people
+        if self.people_stop:
+            (start, *_), reach = self.starts, needed_about(model, self.options.margin)
+            people = tuple(yielding(person, (start.x, start.y), reach, start.time) for person in people)
+        return Safety.of(self.company, model, self.options, self.horizon, self.starts, spending, people)
 
     @cached_property
     def starts(self) -> tuple[Start, ...]:
@@ -308,6 +318,7 @@ class _Assembly:
             seconds,
             self.safety,
             self.attention,
+            self.people_stop,
         )
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:

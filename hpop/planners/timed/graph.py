@@ -34,6 +34,7 @@ class Timed:
     seconds     s that making it took
     safety      what keeps the robot clear of people
     attention   what criteria said of them
+    people_stop whether people who would walk up to the robot where it starts are taken to stop before it
     """
 
     graph: TimedGraph
@@ -50,6 +51,7 @@ class Timed:
     seconds: float
     safety: Safety
     attention: Attention
+    people_stop: bool = False
 
     @property
     def counts(self) -> dict[str, Any]:

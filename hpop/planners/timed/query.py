@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.arrays import BoolArray, IntArray
 from hpop.contacts import contact
+from hpop.models.execution import needed_about
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
 from hpop.planners.graphs.claims import ROUNDED, at_memory_limit, claimed
@@ -26,6 +28,7 @@ from hpop.search.timed.paths import TimedPaths
 from hpop.search.timed.timed_paths import timed_paths
 from hpop.status import Budget, ProgressCallback, Status
 from hpop.text import some
+from hpop.world.yielding import taken_to_stop, with_stops, yielding
 
 if TYPE_CHECKING:
     from hpop.problem import Problem
@@ -153,7 +156,8 @@ class TimedQuery:
         if self.timed.ramps is None or self.timed.safety.about_start:
             doubtful[:] = True
         rows = np.flatnonzero(doubtful)
-        people, parts = self.problem.world.content.people, self.timed.arcs.inner.model.platform
+        parts = self.timed.arcs.inner.model.platform
+        people = with_stops(self.problem.world.content.people, self.stopping, *self._at_start)
         for i, trajectory in zip(rows.tolist(), plans.trajectories(rows), strict=True):
             each = (trajectory, trajectory.execution())
             found[i] = any(contact(parts, people, one, self.options.margin) for one in each)
@@ -167,6 +171,8 @@ class TimedQuery:
         if kept.size:
             claim += f"; times of plans are off the clock by at most {drift:.2g} s, {self._executed}; {UNREACTING}"
         common: dict[str, Any] = {"planner": name, **space.options, **self.options.described, **origin}
+        if self.stopping:
+            common["people_who_stop"] = self.stopping
         own = zip(plans.lengths.tolist(), plans.holds.tolist(), plans.drift.tolist(), strict=True)
         gap = paths.gap if math.isfinite(paths.gap) else None
         return Candidates(
@@ -179,7 +185,13 @@ class TimedQuery:
             provenance=tuple(
                 {**common, "edges": steps - holds, "holds": holds, "drift": round(off, 6)} for steps, holds, off in own
             ),
-            notes=(*self.objectives.notes, *self._touching, *self._what_blocks(paths), *at_memory_limit(paths)),
+            notes=(
+                *self.objectives.notes,
+                *self._touching,
+                *self._stopping,
+                *self._what_blocks(paths),
+                *at_memory_limit(paths),
+            ),
             filters=self.objectives.filters,
             stats={
                 "planner": name,
@@ -206,6 +218,33 @@ class TimedQuery:
             return ()
         return (f"the robot starts in contact with {some(who)}; it may leave, where the gap does not shrink",)
 
+    @cached_property
+    def stopping(self) -> list[int]:
+        """Numbers of the people who are taken to stop before the robot where it starts."""
+        if not self.timed.people_stop:
+            return []
+        place, reach = self._at_start
+        people = self.problem.world.content.people
+        moving = self.timed.company.moving
+        return [i for i in moving if yielding(people[i], place, reach) is not people[i]]
+
+    @property
+    def _at_start(self) -> tuple[tuple[float, float], float]:
+        """Where plans begin, m, and what the robot needs there, m."""
+        model, start = self.timed.arcs.inner.model, self.begins_at
+        return (start.x, start.y), needed_about(model, self.options.margin)
+
+    @property
+    def begins_at(self) -> Start:
+        """Where and when plans begin."""
+        at = self.timed.arcs.states.take(self.timed.arcs.place[[self._begin]])
+        return Start(float(at.x[0]), float(at.y[0]), self.begins)
+
+    @property
+    def _stopping(self) -> tuple[str, ...]:
+        """Who is taken to stop before the robot, in words."""
+        return (taken_to_stop(self.problem.world.content.people, self.stopping),) if self.stopping else ()
+
     def _what_blocks(self, paths: TimedPaths) -> tuple[str, ...]:
         """Why there is no path, in words."""
         if paths.status is not Status.NO_PATH:
@@ -217,8 +256,7 @@ class TimedQuery:
         if alone.status is Status.NO_PATH:
             return (self.timed.arcs.space.what_separates(self.start, self.goals),)
         why, ways_out = ["people who move are in them, now or later"], list[str]()
-        at = self.timed.arcs.states.take(self.timed.arcs.place[[self._begin]])
-        if near := [*self.timed.safety.coming(Start(float(at.x[0]), float(at.y[0]), self.begins))]:
+        if near := [*self.timed.safety.coming(self.begins_at)]:
             who = some([*dict.fromkeys(person.name or "somebody" for person, _ in near)])
             when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
             why.append(f"{who} may be too near to the start, {when}, for the robot to be away in time")

@@ -98,9 +98,11 @@ class Safety:
         horizon: int,
         starts: tuple[Start, ...],
         spending: Spending,
+        people: Sequence[Person] | None = None,
     ) -> Safety:
-        """Keeping a robot clear of all that may come of a company."""
-        people = tuple(each for person in company.people for _, each in person.hypotheses)
+        """Return what keeps a robot clear of all that may come of a company, or of those people of it."""
+        moving = company.people if people is None else people
+        people = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
         stray = 0.0 if ramps is None else ramps.stray  # where that is not known, each execution is looked at
         return cls(model.platform, people, Clock(options.tick), horizon, options.margin, starts, stray, spending)
@@ -266,7 +268,7 @@ class Safety:
         each = [np.hypot(moves.start[0] - x, moves.start[1] - y) < TOUCH for x, y, _ in self.starts]
         at_start = np.logical_or.reduce(each)
         distance[some] = to_strips(strips(moves, (begin, end), some, self.stray, at_start))
-        clear = distance - way.stray >= self.reach + person.radius
+        clear = distance - way.stray >= self.reach + person.radius - TOUCH
         if self._round and person in self.touched:
             (x, y), (to_x, to_y) = begin, end
             in_contact = np.hypot(x, y) < self.reach + person.radius
