@@ -153,7 +153,7 @@ def test_one_who_starts_in_a_margin_may_leave_but_not_stay():
         assert trajectory.kinds[0] != "hold" or trajectory.times[1] == pytest.approx(0.5), "v/2a before a run"
 
 
-def test_somebody_who_walks_up_to_the_start_may_be_left_and_who_comes_too_fast_is_named():
+def test_somebody_who_walks_up_to_the_start_may_be_left_and_who_comes_too_fast_is_taken_to_stop():
     """0.5 m/s and 0.55 m away: within the margin after 0.1 s, when the robot has hardly begun to move."""
     up, fast = (
         Person(0.5 - gap, 2.0, velocity=(v, 0.0), until=6.0, name="Ada") for gap, v in ((0.55, 0.5), (0.1, 1.0))
@@ -164,9 +164,9 @@ def test_somebody_who_walks_up_to_the_start_may_be_left_and_who_comes_too_fast_i
     assert not verify(problem, front)
     for trajectory in front.trajectories:
         assert 0.0 < gaps(problem, trajectory).min() < 0.5, "it comes nearer, and the robot leaves"
-    none = Lattice(step=0.25).solve(through_the_doors(fast))
-    assert none.status is Status.NO_PATH
-    assert "Ada may be too near to the start, from the beginning, for" in none.notes[-1]
+    stops = Lattice(step=0.25).solve(through_the_doors(fast))
+    assert len(stops.trajectories)
+    assert "taken to stop before it: 'Ada'" in " ".join(stops.notes)
 
 
 def test_somebody_slow_who_is_outside_the_margin_and_leaves_no_time_to_go_is_named_with_when():
