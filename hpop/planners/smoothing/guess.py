@@ -5,22 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import shapely
 
 from hpop.arrays import FloatArray
 from hpop.math import wrap
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.smoothing.phases import Guess, Phases
-from hpop.planners.smoothing.program import DrivenProgram
 from hpop.trajectory import STRAIGHT
 
 if TYPE_CHECKING:
     from hpop.motions import Wheeled
 
 CORNER = 0.35  # m: a turn begins and ends so far from its vertex, at most
-MARGIN = 0.04  # m: kept beside the robot's reach, for what lies between two samples
-SLACK = 1e-3  # m: by which the polyline itself keeps its bounds
-ALONG = 0.1  # m: distance of the places at which the clearance of a polyline is read
 SHARE = 0.4  # of a segment that each turn takes at most
 CRUISE = 0.8  # share of its speed at which the robot goes straight, on average
 AROUND = 0.5  # share of its speeds at which it turns
@@ -79,24 +74,3 @@ def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
     nodes[3, [0, -1]] = 0.0
     nodes[4] = np.clip(nodes[4], -model.turn_rate, model.turn_rate)
     return Guess(nodes, np.array(lasts), np.sign(angles), polyline.goal_yaw is not None)
-
-
-def clearances(polyline: Polyline, program: DrivenProgram) -> list[FloatArray]:
-    """Least field values (S,) at the program's samples, one array a height range.
-
-    The robot's reach and a margin, but no more than the polyline has in the same phase and in those beside it: that is
-    free, and the way through a narrow passage shall be feasible.
-    """
-    places, _ = legs(polyline)
-    world, phase = program.problem.world, program.structure.phase[program.samples[0]]
-    bounds = []
-    for z, reach in program.spaces:
-        field = world.clearance_field(z=z)
-        least = []
-        for leg in places:
-            line = shapely.LineString(leg)
-            stations = np.linspace(0.0, line.length, int(np.ceil(line.length / ALONG)) + 1)
-            least.append(float(field(*shapely.get_coordinates(shapely.line_interpolate_point(line, stations)).T).min()))
-        near = np.minimum.reduce([least, [*least[1:], np.inf], [np.inf, *least[:-1]]])
-        bounds.append(np.minimum(reach + MARGIN, near - SLACK)[phase])
-    return bounds

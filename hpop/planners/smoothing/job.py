@@ -20,7 +20,8 @@ from hpop.planners.needs import on_wheels
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.deadline import CUT_SHORT, SOLVING, Deadline
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
-from hpop.planners.smoothing.guess import clearances, first_guess, structure_of
+from hpop.planners.smoothing.clearances import along_polyline, raised
+from hpop.planners.smoothing.guess import first_guess, structure_of
 from hpop.planners.smoothing.homotopy import homotopic
 from hpop.planners.smoothing.phases import Guess, Phases
 from hpop.planners.smoothing.program import Asked, Driven, DrivenProgram
@@ -36,6 +37,7 @@ REPAIRS = 5  # solves with higher clearances after a solution that collides
 SPREAD = 1e-2  # weight of the costs that are not minimised
 OVERSHOOT = 1.2  # times its excess: by how much the bound of a worst moment is lowered inside the program
 LEAST_LEFT = 0.4  # of what it is there: more may be out of reach
+SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
 LATE = "not settled"  # what jobs count where time ended during the last step
 POINTS = 20  # of each interval, by which its way is compared with the polyline
 
@@ -169,7 +171,7 @@ class SmoothingJob:
         weights = np.where(worst, SPREAD, 1.0) / len(smooth)
         if self.minimise is not None:
             weights = np.where(np.array(smooth) == self.minimise, 1.0, SPREAD)
-        bounds, aim = clearances(polyline, program), epsilon[smooth]
+        bounds, aim = along_polyline(program, polyline), epsilon[smooth]
         asked = Asked(weights, aim, np.where(aim > 1e-3, aim, 1.0))
         guess = first_guess(polyline, program.structure, model)
 
@@ -195,7 +197,7 @@ class SmoothingJob:
             repaired = f"{reason}; "
             counts["repairs"] += 1
             if reason == "collides":
-                bounds = program.raised(bounds, solution.trajectory)
+                bounds = raised(program, bounds, solution.trajectory, SPARE)
             lower = np.maximum(solution.costs - OVERSHOOT * excess, LEAST_LEFT * solution.costs)
             asked = replace(asked, epsilon=np.where(excess > 0, lower, asked.epsilon))
             guess = program.again(guess, solution.trajectory)

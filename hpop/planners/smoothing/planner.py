@@ -19,7 +19,7 @@ from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import Improved, Outcome, Tally
 from hpop.planners.smoothing.job import LATE, SmoothingJob
-from hpop.planners.smoothing.program import FLAT
+from hpop.planners.smoothing.solvers import FLAT
 from hpop.scalars import set_python_values
 from hpop.status import Budget, ProgressCallback, Status, Watch
 from hpop.sweep import Sweep

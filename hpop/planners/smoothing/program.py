@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ from hpop.planners.smoothing.feasible import Bounds, made_feasible
 from hpop.planners.smoothing.interval import NODES, Interval
 from hpop.planners.smoothing.phases import Guess, Phases
 from hpop.planners.smoothing.separable import Separable
+from hpop.planners.smoothing.solvers import OPTIONS, SORTS, SUCCESS
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -44,14 +45,10 @@ SHORT = 0.01  # s: any other phase
 LONGEST = 600.0  # s: of a phase
 STILL = 1e-6  # rad/s: a smaller yaw rate is none
 SAMPLES = 240  # places at which the clearance is bounded, at least
-DENSE = 0.03  # m: distance of the places at which a solution's clearance is checked
-SPARE = 5e-3  # m: by which a bound is raised beyond what was lacking
 TURNING = 0.01  # rad/s: yaw rate inside turns, at least, or a turn could become two
 REFINED = 0.01  # share of EFFORT and HASTE that is left where a solution is refined
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
-FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
-SUCCESS = ("Solve_Succeeded", FLAT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +122,7 @@ class _Formulas:
         import casadi
 
         return casadi.nlpsol(
-            "driven", "ipopt", self.program, {**self.derivatives, **_OPTIONS, **self.stopping, **options}
+            "driven", "ipopt", self.program, {**self.derivatives, **OPTIONS, **self.stopping, **options}
         )
 
 
@@ -142,6 +139,7 @@ class DrivenProgram:
     criteria: tuple[Criterion, ...]
     structure: Phases
     deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
+    solvers: dict[str, Any] = field(default_factory=dict)
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
@@ -157,7 +155,7 @@ class DrivenProgram:
 
     def build(self) -> DrivenProgram:
         """Build the program now; solving does it when it is first needed."""
-        _ = self._newton
+        self._solver("exact")
         return self
 
     @property
@@ -245,20 +243,11 @@ class DrivenProgram:
         n, first = len(self.structure.phase), int(self.structure.places[1][-1]) + 1 + len(self._worst)
         return first + np.arange(n * self._interval.hinges)
 
-    @cached_property
-    def _newton(self) -> Any:
-        """The solver with exact second derivatives."""
-        return self._formulas.solver({})
-
-    @cached_property
-    def _quasi_newton(self) -> Any:
-        """The solver that learns second derivatives on the way: slower, but not misled by kinks of costs."""
-        return self._formulas.solver(_QUASI_NEWTON)
-
-    @cached_property
-    def _refining(self) -> Any:
-        """The solver that goes on from a solution, to more digits."""
-        return self._formulas.solver(_REFINING)
+    def _solver(self, sort: str) -> Any:
+        """Return the solver with the options of a sort, made on first use."""
+        if sort not in self.solvers:
+            self.solvers[sort] = self._formulas.solver(SORTS[sort])
+        return self.solvers[sort]
 
     def solve(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], *, exact: bool = True) -> Driven:
         """The local optimum near a guess.
@@ -271,14 +260,14 @@ class DrivenProgram:
         exact : whether second derivatives are the exact ones
         """
         x0, parameters = self._point(guess, asked)
-        solver = self._newton if exact else self._quasi_newton
+        solver = self._solver("exact" if exact else "quasi-newton")
         return self._solved(solver, guess, parameters, self._limits(guess, asked, clearances), {"x0": x0})
 
     def refined(self, driven: Driven, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> Driven:
         """The local optimum near a solution, with next to no weight of time and effort, to more digits."""
         parameters = self._parameters(guess, asked, REFINED)
         begin = {"x0": driven.point, "lam_x0": driven.rates[0], "lam_g0": driven.rates[1]}
-        return self._solved(self._refining, guess, parameters, self._limits(guess, asked, clearances), begin)
+        return self._solved(self._solver("refined"), guess, parameters, self._limits(guess, asked, clearances), begin)
 
     def _solved(
         self, solver: Any, guess: Guess, parameters: FloatArray, limits: tuple[Bounds, Bounds], begin: dict[str, Any]
@@ -302,17 +291,6 @@ class DrivenProgram:
         rates = (np.array(found["lam_x"]).ravel(), np.array(found["lam_g"]).ravel())
         costs = self._costs(point, parameters)
         return Driven(point, rates, trajectory, costs, status, int(stats["iter_count"]))
-
-    def distances(self, driven: Driven, spare: float) -> list[FloatArray]:
-        """Least field values (S,) at the samples that leave the robot ``spare`` metres, by exact distances."""
-        owner, share = self.samples
-        trajectory = driven.goes
-        here = trajectory.at(trajectory.times[owner] + share * trajectory.durations[owner])
-        world, found = self.problem.world, []
-        for z, reach in self.spaces:
-            exact = world.free_space(z).signed_clearance(here.x, here.y)
-            found.append(world.clearance_field(z=z)(here.x, here.y) - (exact - reach) + spare)
-        return found
 
     def _limits(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
         """Lowest and highest variables, and constraints."""
@@ -351,30 +329,6 @@ class DrivenProgram:
         s = trajectory.states
         ends = np.cumsum([0, *self.structure.counts])
         return replace(guess, nodes=np.stack([getattr(s, name) for name in NODES]), lasts=np.diff(s.clock[ends]))
-
-    def raised(self, bounds: Sequence[FloatArray], trajectory: Trajectory, spare: float = SPARE) -> list[FloatArray]:
-        """Bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it.
-
-        They are raised by ``spare`` metres more than what was lacking.
-        """
-        owner, share = self.samples
-        sampled = trajectory.times[owner] + share * trajectory.durations[owner]
-        times = np.linspace(
-            0.0,
-            trajectory.duration,
-            int(np.ceil(trajectory.duration * on_wheels(self.problem.model).speed / DENSE)) + 2,
-        )
-        at, here = trajectory.at(times), trajectory.at(sampled)
-        nearest = np.clip(np.searchsorted(sampled, times), 1, len(sampled) - 1)
-        out = []
-        for (z, reach), bound in zip(self.spaces, bounds, strict=True):
-            lacking = reach - self.problem.world.free_space(z).signed_clearance(at.x, at.y)
-            more = np.zeros(len(bound))
-            for side in (nearest - 1, nearest):
-                np.maximum.at(more, side, np.where(lacking > -spare, lacking + spare, 0.0))
-            field = self.problem.world.clearance_field(z=z)(here.x, here.y)
-            out.append(np.where(more > 0, np.maximum(bound, field + more), bound))
-        return out
 
     def _node_bounds(self, guess: Guess) -> tuple[FloatArray, FloatArray]:
         """Least and largest values (5, n+1) at the nodes."""
@@ -440,49 +394,3 @@ class DrivenProgram:
         clock = np.concatenate([[0.0], np.cumsum(point[of_lasts])])
         columns = dict(zip(NODES, nodes, strict=True))
         return Trajectory(self.problem.model, States(**columns, clock=clock), (Drive().kind,) * len(of_lasts))
-
-
-_OPTIONS: dict[str, Any] = {
-    "print_time": False,
-    "show_eval_warnings": False,  # where time is over, fields are not numbers
-    "ipopt.print_level": 0,
-    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
-    "ipopt.sb": "yes",
-    "ipopt.mu_init": 0.01,
-    "ipopt.barrier_tol_factor": 100.0,  # the way to the last barrier need not be a central one
-    "ipopt.max_iter": 150,
-    "ipopt.mu_target": 3e-5,  # the last digits of a flat valley take a tenth of the time, for a thousandth of a cost
-    "ipopt.tol": 3e-4,
-    "ipopt.constr_viol_tol": 1e-3,  # what is left is settled in one step, after the solver
-    # Or where the objective has not fallen by more than this in five steps: in a flat valley, or at a kink
-    "ipopt.acceptable_obj_change_tol": 1e-4,
-    "ipopt.acceptable_iter": 5,
-    "ipopt.acceptable_tol": 1e-2,
-    "ipopt.acceptable_constr_viol_tol": 1e-3,
-    "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
-    "calc_lam_p": False,
-}
-
-_REFINING: dict[str, Any] = {
-    **{
-        f"ipopt.warm_start_{what}": 1e-6
-        for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
-    },
-    "ipopt.warm_start_mult_bound_push": 1e-6,
-    "ipopt.warm_start_init_point": "yes",
-    "ipopt.mu_init": 1e-5,
-    "ipopt.mu_target": 0.0,
-    "ipopt.max_iter": 100,
-    "ipopt.tol": 1e-4,
-    "ipopt.constr_viol_tol": 1e-5,
-    "ipopt.acceptable_obj_change_tol": 1e-5,
-    "ipopt.acceptable_iter": 4,
-    "ipopt.acceptable_tol": 1e-1,
-}
-
-_QUASI_NEWTON: dict[str, Any] = {
-    "ipopt.hessian_approximation": "limited-memory",
-    "ipopt.max_iter": 300,
-    "ipopt.tol": 1e-3,
-    "ipopt.acceptable_obj_change_tol": 1e-3,
-}

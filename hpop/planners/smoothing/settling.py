@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from hpop.arrays import FloatArray
 from hpop.planners.programs.outcome import Improved
+from hpop.planners.smoothing.clearances import exact, raised
 from hpop.planners.smoothing.phases import Guess
 from hpop.planners.smoothing.program import Asked, Driven, DrivenProgram
 
@@ -46,7 +47,7 @@ def refined(
     asked : from a solution to weights, bounds and scales of the costs
     judge : from a solution to its exact costs, and whether it is trusted on the exact geometry
     """
-    bounds, clearances = asked(begin), program.distances(begin.driven, SPARE)
+    bounds, clearances = asked(begin), exact(program, begin.driven.goes, SPARE)
     for _ in range(1 + REPAIRS):
         driven = program.refined(begin.driven, guess, bounds, clearances)
         if driven.trajectory is None:
@@ -54,6 +55,6 @@ def refined(
         found = judge(driven)
         if found.candidate is not None:
             return found if found.merit < begin.merit else begin
-        bounds, clearances = asked(found), program.raised(clearances, driven.goes, RAISED)
+        bounds, clearances = asked(found), raised(program, clearances, driven.goes, RAISED)
         begin = begin._replace(driven=driven)
     return None

@@ -28,6 +28,7 @@ from hpop.planners.smoothing.job import SmoothingJob
 from hpop.planners.smoothing.phases import Phases
 from hpop.planners.smoothing.planner import Smoothing
 from hpop.planners.smoothing.program import DrivenProgram
+from hpop.planners.smoothing.solvers import FLAT
 from hpop.problem import Problem
 from hpop.status import Status
 from hpop.trajectory import Trajectory
@@ -163,9 +164,9 @@ def test_a_curve_on_the_other_side_is_dropped(monkeypatch):
     def mirrored(way):
         return dataclasses.replace(way, vertices=way.vertices * [1, -1] + [0, 4])
 
-    guess, clearances = smoothing_job.first_guess, smoothing_job.clearances
+    guess, bounds = smoothing_job.first_guess, smoothing_job.along_polyline
     monkeypatch.setattr(smoothing_job, "first_guess", lambda way, *a, **k: guess(mirrored(way), *a, **k))
-    monkeypatch.setattr(smoothing_job, "clearances", lambda way, program: clearances(mirrored(way), program))
+    monkeypatch.setattr(smoothing_job, "along_polyline", lambda program, way: bounds(program, mirrored(way)))
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
     outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
     assert outcome.found is None
@@ -219,7 +220,7 @@ def test_candidates_that_ended_in_a_flat_valley_are_told_of(monkeypatch):
     solve = DrivenProgram.solve
 
     def flat(program, *args, **options):
-        return dataclasses.replace(solve(program, *args, **options), status=driven_program.FLAT)
+        return dataclasses.replace(solve(program, *args, **options), status=FLAT)
 
     problem = dataclasses.replace(ROUND, criteria=("turns", "length"))
     assert "nearly" not in Smoothing(step=1.0).solve(problem).certificate
