@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 FRACTIONS = np.linspace(0.125, 1.0, 8)  # of each piece, where it is kept apart from obstacles
 APART = 0.15  # m: bodies that are farther apart are left out of a step
 MARGIN = 0.004  # m: how far they are kept apart; what is free by certificate comes no nearer than 1 mm
-FIRST, LAST, MOST = 0.2, 0.002, 0.6  # rad or m: how far a step is believed, at first, at least and at most
+FIRST, LAST, MOST = 0.2, 0.0005, 0.6  # rad or m: how far a step is believed, at first, at least and at most
 SHRINKS, GROWS = 0.35, 1.7  # where a step was too far, and where it was not
-STEPS = 30
+STEPS = 60
 GAIN = 2e-3  # relative: of a step that is not worth another
 QUADRATURE = 0.01  # relative: costs on the nodes of a piece against those that are reported
 CUT_SHORT = "cut short"  # paths during which time was over
