@@ -69,6 +69,7 @@ class Criterion(Protocol):
     integral     of a time-mean: the criterion that adds up in its place; None for its own integral over time
     mean         of what stands in for a time-mean: that one; None
     stand_in_quantum  quantum of what adds up in its place, where one was set; None
+    places       (x, y, z) m, that pictures mark; ()
     bound        method of states (M,) and others: a lower bound (M,) on the cost of any trajectory between them; None
     convex       method of a path: the cost of polylines as a convex expression, :mod:`hpop.criteria.convex`; None
     """
@@ -109,6 +110,8 @@ class Criterion(Protocol):
         @property
         def stand_in_quantum(self) -> float | None: ...
         @property
+        def places(self) -> tuple[tuple[float, float, float], ...]: ...
+        @property
         def bound(self) -> Callable[[States, States], Column] | None: ...
         @property
         def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
@@ -121,6 +124,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "integral": None,
     "mean": None,
     "stand_in_quantum": None,
+    "places": (),
     "bound": None,
     "convex": None,
 }

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from hpop.arrays import FloatArray
-from hpop.criteria.performance.target import Targeted
 from hpop.problem import Problem
 
 RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "#d62728"}
@@ -43,5 +42,5 @@ def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], F
 
 def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
     """Who names a place, and which."""
-    named = [(criterion.name, criterion.target) for criterion in problem.criteria if isinstance(criterion, Targeted)]
+    named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
     return [*named, *(("the goal", place) for place in problem.target.places)]

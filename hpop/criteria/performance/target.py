@@ -20,6 +20,11 @@ class Targeted:
     def __post_init__(self) -> None:
         object.__setattr__(self, "target", checked_target(self.target))
 
+    @property
+    def places(self) -> tuple[tuple[float, float, float], ...]:
+        """The target."""
+        return (self.target,)
+
     def offset(self, pose: Pose) -> Vector:
         """From the camera to the target, m: three columns."""
         x, y, z = self.target
