@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -23,8 +23,6 @@ from hpop.drive.ways import Ways
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.claims import claimed_with_known
-from hpop.planners.graphs.joined_ends import JoinedEnds
-from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
 from hpop.planners.timed.assembly import timed_graph
 from hpop.planners.timed.clock import TimeOptions
@@ -38,6 +36,8 @@ from hpop.status import Status
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.planners.graphs.joined_ends import JoinedEnds
+    from hpop.planners.graphs.state_graph import StateGraph
     from hpop.problem import Problem
 
 EARLIER = 0.5  # s by which a robot may come to a place before its plan says so, and the graph need not be made anew
@@ -102,9 +102,7 @@ class TimedWays:
         before  the same of other people, or of other closings; None if there are none
         is_far  whether they are for later places alone, where nobody is near
         """
-        space = ways.query.space
-        assert isinstance(space, StateGraph | JoinedEnds)
-        space = space.costed_in(now.problem.world)
+        space = cast("StateGraph | JoinedEnds", ways.query.space.costed_in(now.problem.world))
         arcs = before.timed.arcs if before is not None and before.ways.query.space is ways.query.space else None
         at = commit.time - now.since
         begin = max(0, math.floor((at - EARLIER) / options.tick))

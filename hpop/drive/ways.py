@@ -24,7 +24,7 @@ from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.claims import claimed_with_known
-from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, JoinedEnds, with_ends
+from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, with_ends
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
@@ -85,7 +85,6 @@ class Ways:
         """
         began = time.perf_counter()
         space, start, goals = with_ends(inner, problem, inner.reach(problem))
-        assert isinstance(space, StateGraph | JoinedEnds)
         costed = space if inner.world is problem.world else space.costed_in(problem.world)
         graph = costed.graph(objectives.optimised)
         query = GraphQuery(space, objectives, graph, start, goals, build_seconds=time.perf_counter() - began)
@@ -100,11 +99,9 @@ class Ways:
     @property
     def inner(self) -> StateGraph:
         """The graph of states, to which ends may be joined."""
-        space = self.query.space
-        if isinstance(space, JoinedEnds):
-            return space.inner
-        assert isinstance(space, StateGraph)
-        return space
+        states = self.query.space.states_alone
+        assert states is not None  # it was laid out of one
+        return states
 
     @property
     def graph(self) -> Graph:
@@ -134,7 +131,7 @@ class Ways:
         inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
         for mask in self.masks:
             inner[mask] = True
-        if not isinstance(space, JoinedEnds):
+        if space.joins is None:
             return inner
         joins = np.zeros(space.joins.tails.size, dtype=np.bool_)
         for closing in self.closings:
@@ -164,9 +161,7 @@ class Ways:
         if anew:
             columns = sorted(anew)
             costs = self.graph.costs.copy()
-            space = self.query.space
-            assert isinstance(space, StateGraph | JoinedEnds)
-            costs[:, columns] = space.costed_in(world).graph([criteria[j] for j in columns]).costs
+            costs[:, columns] = self.query.space.costed_in(world).graph([criteria[j] for j in columns]).costs
             costs.setflags(write=False)
             other = replace(other, query=replace(self.query, graph=replace(self.graph, costs=costs)))
         return copied(other, **{part: vars(self)[part] for part in KEPT if part in vars(self)})

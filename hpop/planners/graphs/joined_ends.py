@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # by this name too
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.stretches import Stretches
-from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
+from hpop.planners.graphs.trajectory_graph import N, TrajectoryGraph
 from hpop.planners.usable import elsewhere
 from hpop.search import Graph
 from hpop.search.graph import inserted
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from hpop.problem import Problem
     from hpop.world import World
 
-N = TypeVar("N", bound=np.generic)
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading
 START, GOAL = "start", "goal"
 
@@ -249,7 +248,7 @@ class JoinedEnds(TrajectoryGraph):
         return copied(replace(self, inner=inner, world=world), joins=replace(self.joins, graph=inner))
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
-        """Values (m, ...) of the inner graph's arcs and (j, ...) of the joins, in the order of the arcs of `graph`."""
+        """Return values (m, ...) of the inner graph's arcs and (j, ...) of the joins, in the order of `graph`."""
         return inserted(inner, self._rows[self.joins.tails + 1], joins)
 
     @property

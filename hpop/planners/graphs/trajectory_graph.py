@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +20,11 @@ from hpop.search import Graph
 from hpop.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.planners.graphs.chains import Chains
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.world import World
+
+N = TypeVar("N", bound=np.generic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +100,25 @@ class TrajectoryGraph(ABC):
     def inside(self, nodes: list[int]) -> list[int]:
         """Return the nodes of the graph itself in the place of ends that were joined to it."""
         return nodes
+
+    @property
+    def joins(self) -> Chains | None:
+        """The arcs that join ends to the graph of states, by their tails; None where it has none."""
+        return None
+
+    @property
+    def order(self) -> tuple[IntArray, IntArray]:
+        """Places in `graph` of the arcs of the graph of states, and of the joins."""
+        states = self.states_alone
+        return np.arange(0 if states is None else states.arcs.heads.size), np.zeros(0, np.int64)
+
+    def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
+        """Return values (m, ...) of arcs between states and (j, ...) of joins, in the order of the arcs of `graph`."""
+        return inner
+
+    def costed_in(self, world: World) -> Self:
+        """Return the same states and arcs, whether free there or not, to be costed in another world."""
+        raise NotImplementedError
 
     def arcs_free(self, places: IntArray) -> BoolArray:
         """Which arcs (N,) of `graph`, by their places, are free."""

@@ -81,15 +81,13 @@ class TimedArcs:
 
     def costed_on(self, space: StateGraph | JoinedEnds) -> TimedArcs:
         """The same arcs of the same states in another world."""
-        return replace(self, space=space, inner=space.inner if isinstance(space, JoinedEnds) else space)
+        return replace(self, space=space, inner=space.states_alone)
 
     @classmethod
     def of(cls, space: StateGraph | JoinedEnds, clock: Clock, start: int = -1, half: float = 0.0) -> TimedArcs:
         """Those of a graph on a clock, with so long, s, to stand before moving away from the start."""
-        joined = space if isinstance(space, JoinedEnds) else None
-        inner = space.inner if isinstance(space, JoinedEnds) else space
+        inner, (own, joins) = space.states_alone, space.order
         size = inner.arcs.heads.size
-        own, joins = (np.arange(size), np.zeros(0, np.int64)) if joined is None else joined.order
         m = size + joins.size
         tails, durations = np.empty(m, np.int64), np.empty(m)
         ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
@@ -113,13 +111,13 @@ class TimedArcs:
             for at, rows, seconds, count, in_place in batch:
                 tails[at], durations[at], ticks[at], stays[at] = inner_tails[rows], seconds, count, in_place
                 moves[at] = not in_place
-        if joined is not None:
+        if space.joins is not None:
             seconds = np.zeros(joins.size)
-            for rows, motions in joined.joins.motions():
+            for rows, motions in space.joins.motions():
                 at_once = joins[rows[seconds[rows] == 0.0]]
-                moves[at_once] = motions.kind == joined.kinds[MOVE]
+                moves[at_once] = motions.kind == space.kinds[MOVE]
                 seconds[rows] += motions.duration
-            tails[joins], durations[joins], ticks[joins] = joined.joins.tails, seconds, clock.of(seconds)
+            tails[joins], durations[joins], ticks[joins] = space.joins.tails, seconds, clock.of(seconds)
         place = _numbered_places(space.places(np.arange(space.size)))
         leaving, states_of = np.flatnonzero(tails == start), np.arange(space.size)
         stands, begin = np.zeros(m, dtype=bool), start
@@ -192,7 +190,7 @@ class TimedArcs:
         mine = row[self.own]
         for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
             yield _leg(size, mine[rows], motions, after[self.own[rows]])
-        if not isinstance(self.space, JoinedEnds):
+        if self.space.joins is None:
             return
         joined, elapsed = row[self.joins], after[self.joins]
         for chains, motions in self.space.joins.motions():

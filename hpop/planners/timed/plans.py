@@ -17,7 +17,6 @@ from hpop.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions import HOLD, States
 from hpop.motions.hold import CLOCK
 from hpop.options import LEAST
-from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.timed.graph import Timed
 from hpop.search.timed.graph import RATE_BITS
 from hpop.search.timed.paths import HOLD as HELD
@@ -130,7 +129,7 @@ class Plans:
         moved = arcs != HELD
         counts = moved.astype(np.int64)
         space = self.timed.arcs.space
-        if isinstance(space, JoinedEnds):
+        if space.joins is not None:
             number = np.ones(self.timed.arcs.durations.size, np.int64)
             number[self.timed.arcs.joins] = np.sum(space.joins.present, axis=0)
             number[number.size - self.timed.arcs.copied.size :] = number[self.timed.arcs.copied]

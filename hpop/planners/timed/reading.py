@@ -25,13 +25,13 @@ def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) 
 
 def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
     """Yield motions of some arcs; of a graph that has none, those of joined ends and a hold."""
-    inner = space.inner if isinstance(space, JoinedEnds) else space
+    inner = space.states_alone
     size = inner.arcs.heads.size
     if size:
         some = np.unique(np.linspace(0, size - 1, TRIED).astype(np.int64))
         yield from (motions for _, _, motions in motions_of(inner, some))
         return
-    if isinstance(space, JoinedEnds):
+    if space.joins is not None:
         yield from (motions for _, motions in space.joins.motions() if len(motions))
     states = space.states(np.zeros(1, np.int64))
     columns = {name: np.nan_to_num(column) for name, column in states.__dict__.items()}
