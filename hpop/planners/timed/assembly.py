@@ -35,6 +35,7 @@ from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
 from hpop.world.yielding import yielding
 
 NEVER = 2**31 - 1
+ON_CLOCK = "the graph was put on a clock"
 MOTION = 110  # bytes of a motion of an arc, with what is known of the arc
 
 
@@ -264,6 +265,8 @@ class _Assembly:
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
         tables = Tables(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
         made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
+        flags = (made.rows.size + states.size) * (self.horizon + 1)  # arcs that are blocked, and places that are cut
+        self.space.spending.hold(flags + self.plain.arcs * 8 * len(self.criteria), ON_CLOCK)
         closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
         closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
         closed[self.closed[rows[made.rows]]] = True

@@ -21,6 +21,8 @@ from hpop.planners.timed.clock import Clock
 from hpop.search import Graph
 from hpop.world import World
 
+TIMED, NODE = 27, 16  # bytes of an arc and of a node, on the clock
+
 
 class Leg(NamedTuple):
     """One motion of each of some rows of arcs that go from place to place.
@@ -89,6 +91,7 @@ class TimedArcs:
         inner, (own, joins) = space.states_alone, space.order
         size = inner.arcs.heads.size
         m = size + joins.size
+        space.spending.hold(m * TIMED + space.size * NODE, f"{space.words} was timed")
         tails, durations = np.empty(m, np.int64), np.empty(m)
         ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
         moves = np.zeros(m, dtype=bool)  # at once

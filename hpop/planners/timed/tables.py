@@ -25,7 +25,7 @@ from hpop.planners.timed.presence import Presence
 from hpop.world import World
 
 PAIRS = 1 << 18  # pairs of an arc or place and a tick that are looked at together, in one thread
-BATCH = 1 << 15  # of these, evaluated together: what criteria make of them stays in the processor's cache
+BATCH = 1 << 13  # of these, evaluated together: what criteria make of them stays in the processor's cache
 WAY = 0.5  # m: arcs whose ways are as long, to so much, are alike in where they notice somebody
 DOING = "costs of people who move were reckoned"
 
@@ -85,7 +85,6 @@ class Tables:
         """
         size, horizon, number = place.size, self.presence.horizon, len(self.criteria)
         static = self._final(legs, size)
-        held = size * (horizon + 1) * 4 * number
         way = _ways(legs, size)
         alike = np.ceil(way / WAY).astype(np.int64)
 
@@ -107,13 +106,15 @@ class Tables:
                     costs[j][row[pairs], tick[pairs]] = counts
             return rows, [_small(column) for column in costs], row.size
 
-        self.spending.check(DOING, held)
-        parts = list(self.spending.each(made, self._slices(size), DOING))
+        parts = []
+        for part in self.spending.each(made, self._slices(size), DOING):
+            self.spending.hold(sum(column.nbytes for column in part[1]), DOING)
+            parts.append(part)
         rows = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
-        columns = [
-            np.concatenate([np.zeros((0, horizon + 1), np.int32), *(p[1][j] for p in parts)]) for j in range(number)
-        ]
-        self.spending.hold(sum(column.nbytes for column in columns), DOING)
+        columns = []
+        for _ in range(number):  # each is dropped as it is put together: two of all of them would be too many
+            self.spending.check(DOING, sum(part[1][0].nbytes for part in parts))
+            columns.append(np.concatenate([np.zeros((0, horizon + 1), np.int32), *(part[1].pop(0) for part in parts)]))
         return ArcTable(rows, columns, static, sum(part[2] for part in parts))
 
     def standing(self, states: States, earliest: IntArray) -> Standing:
@@ -145,7 +146,9 @@ class Tables:
             return int(place.size)
 
         pairs = sum(self.spending.each(made, self._slices(size), DOING))
-        return Standing([self._totals(j, column) for j, column in enumerate(paid)], rates / self.quanta, pairs)
+        totals = [self._totals(j, paid.pop(0)) for j in range(len(self.criteria))]
+        self.spending.release(8 * size * (horizon + 1) * len(totals))
+        return Standing(totals, rates / self.quanta, pairs)
 
     def _counts(self, costs: FloatArray) -> list[IntArray]:
         """Costs (N, k) in quanta, the nearest, for sums of many that are rounded up would be too large."""
@@ -153,12 +156,13 @@ class Tables:
         return [counts[:, j].astype(np.int64) for j in range(self.quanta.size)]
 
     def _totals(self, j: int, paid: FloatArray) -> IntArray:
-        """What standing costs, (P, H + 1), as a search takes it."""
-        counts = paid / self.quanta[j]
+        """What standing costs, (P, H + 1), as a search takes it; what is paid is overwritten, to save memory."""
+        paid /= self.quanta[j]
         if self.criteria[j].aggregate == "max":
-            return np.asarray(np.rint(counts), dtype=np.int64)
-        totals = np.zeros(counts.shape, np.int64)
-        totals[:, 1:] = np.rint(np.cumsum(counts[:, :-1], axis=1))
+            return np.rint(paid, out=paid).astype(np.int64)
+        np.cumsum(paid, axis=1, out=paid)
+        totals = np.zeros(paid.shape, np.int64)
+        np.rint(paid[:, :-1], out=totals[:, 1:], casting="unsafe")
         return totals
 
     def _holds(self, states: States, seconds: FloatArray, world: World) -> FloatArray:

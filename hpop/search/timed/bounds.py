@@ -8,7 +8,7 @@ it and on, are all no less than those of a solution finds nothing new, at whatev
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
 MANY = 250_000  # states in between: fewer are swept at once
 NARROW = 10  # one node of so many is next to a best way
 STEPS = 30_000  # states that are swept in a slice: some 20 milliseconds
+PRICED = 20  # bytes of an arc and a lane: what it costs, and the graph in which the shortest ways are found
 FEW = 4  # mixtures of costs in the first table: with fewer, a second one has mixtures of like ranges
 
 
@@ -114,7 +115,7 @@ class JointBounds:
 
     def make(self, clock: Clock) -> None:
         """Make the tables, as far as there are sums, and memory and time for them."""
-        if not len(self.summed):
+        if not len(self.summed) or clock.exceeded(0, PRICED * LANES * self.graph.graph.arcs, record=False) is not None:
             return
         typical = self._typical()
         weights, self.shift = lone_weights(self.summed, typical)
@@ -217,10 +218,15 @@ class JointBounds:
         clock.call(price_arcs, self.tables, columns, priced, fixed)
         return Prices(weights, columns, most, priced, fixed)
 
+    @property
+    def arrays(self) -> list[NDArray[Any]]:
+        """All that the tables hold."""
+        return [array for sweep in self.sweeps for array in sweep if isinstance(array, np.ndarray)]
+
     def _memory(self, layout: Layout) -> int:
         """Bytes of the tables with one more, and what is needed while it is made."""
         held = 8 * _power(self.tables.hold)
-        one = LANES * (layout.size * 4 + self.graph.graph.arcs * 20 + len(layout.order) * held)
+        one = LANES * (layout.size * 4 + self.graph.graph.arcs * PRICED + len(layout.order) * held)
         return one * (len(self.rows) + 1)
 
     def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> Sweep | None:

@@ -297,6 +297,32 @@ def advance(
 
 
 @lean
+def under_way(
+    tops: NDArray[np.int32],
+    below: NDArray[np.int32],
+    now: int,
+    place: IntArray,
+    rows: NDArray[np.int32],
+    ticks: IntArray,
+) -> int:
+    """List rows of labels that are under way, and when they arrive, as many as there is room for; return how many.
+
+    place  (2,)  how far the list has got, both -1 at first: ticks from now, and the next row of that tick
+    """
+    count = 0
+    while count < len(rows):
+        while place[1] < 0:
+            place[0] += 1
+            if place[0] >= len(tops):
+                return count
+            place[1] = tops[(now + place[0]) % len(tops)]
+        rows[count], ticks[count] = place[1], now + place[0]
+        place[1] = below[place[1]]
+        count += 1
+    return count
+
+
+@lean
 def lacking(goal: Goal, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
     """What has no room for so many labels."""
     if counters[N_FRONT] + more > len(goal.values):

@@ -250,5 +250,5 @@ class _Run:
             return proven_gap(costs, self._least()[None], math.inf)
         gap = GAP if self.is_near else math.inf
         if self.near is not None and not self.is_near:
-            gap = max(GAP, proven_gap(costs, self.near.estimates(), gap))
-        return min(gap, proven_gap(costs, self.exact.estimates(), gap))
+            gap = max(GAP, *(proven_gap(costs, some, gap) for some in self.near.estimates()))
+        return min(gap, max(proven_gap(costs, some, gap) for some in self.exact.estimates()))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,7 @@ from hpop.search.timed.kernel import (
     Known,
     Queue,
     advance,
+    under_way,
 )
 from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, waiting
 from hpop.search.timed.solutions import Goal, is_covered, solve
@@ -52,6 +54,7 @@ from hpop.search.timed.uses import Rest
 from hpop.status import Status
 
 WAYS = 32  # that are followed after each slice of work
+BLOCK = 1 << 16  # labels whose estimates are made at once
 Labels = tuple[IntArray, IntArray, IntArray]  # values, ticks of arrival, costs
 
 
@@ -194,32 +197,20 @@ class TimedSearch:
         return status
 
     def arrays(self) -> list[NDArray[Any]]:
-        """All that was allocated."""
-        own: list[NDArray[Any]] = [
-            self.below,
-            self.values,
-            self.costs,
-            self.closed,
-            self.ticks,
-            self.fresh,
-            self.kept,
-            self.vectors,
-        ]
-        more: list[NDArray[Any]] = [
-            self.rows,
-            self.heads,
-            self.nodes,
-            self.waits,
-            self.front,
-            self.reach,
-            self.tables.row,
-        ]
-        more += [self.joint.rows, self.corners, self.lanes]
-        return [*own, *more, self.tables.since, self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
+        """All that was allocated for it, and what is kept beside the graph."""
+        own: list[NDArray[Any]] = [self.below, self.values, self.costs, self.closed, self.ticks, self.fresh, self.kept]
+        own += [self.vectors, self.rows, self.heads, self.nodes, self.waits, self.corners, self.lanes, *self._solved]
+        rest: list[NDArray[Any]] = [self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
+        joint = [self.joint.rows] if len(self.joint.rows) > 1 else []  # a single table is that of its sweep
+        return [*own, *rest, *self.tables.own, *joint, *self.bounds.arrays]
+
+    @property
+    def _solved(self) -> list[IntArray]:
+        return [self.front, self.reach, self.solutions, self.leaves]
 
     def memory(self) -> int:
-        """Bytes of all arrays."""
-        return sum(a.nbytes for a in self.arrays())
+        """Bytes of all arrays, each counted once."""
+        return sum({id(array): array.nbytes for array in self.arrays()}.values())
 
     def _room(self, code: int) -> tuple[int, Callable[[], None]]:
         names: tuple[str, ...] = {
@@ -276,10 +267,16 @@ class TimedSearch:
             leaves = int(self.ticks[label]) - int(self.graph.durations[(value & 0xFFFFFFFF) - 1])
         return np.array(arcs[::-1], np.int64), np.array(departures[::-1], np.int64)
 
-    def estimates(self) -> IntArray:
-        """Least costs (m, k) of what may become of labels that are under way, or have not left, or may yet."""
-        labels = [self._under_way(), self._fresh(), self._waiting()]
-        values, ticks, g = (np.concatenate(parts) for parts in zip(*labels, strict=True))
+    def estimates(self) -> Iterator[IntArray]:
+        """Least costs (m, k) of what may become of labels that are under way, or have not left, or may yet, in blocks.
+
+        All at once they would take more memory than the labels do.
+        """
+        for values, ticks, g in chain(self._under_way(), self._fresh(), self._waiting()):
+            yield self._least(values, ticks, g)
+
+    def _least(self, values: IntArray, ticks: IntArray, g: IntArray) -> IntArray:
+        """Least costs (m, k) of what may become of some labels that cost g (m, k)."""
         arcs = (values & 0xFFFFFFFF) - 1
         nodes = np.full(len(arcs), self.source)
         nodes[arcs >= 0] = self.graph.graph.heads[arcs[arcs >= 0]]
@@ -290,32 +287,33 @@ class TimedSearch:
             h[j] = np.maximum(h[j], joint.rows[0, rows, joint.alone[j]].astype(np.int64) << joint.shift[j])
         return np.where(self.tables.is_max, np.maximum(g, h.T), g + h.T)
 
-    def _under_way(self) -> Labels:
-        now, ring = int(self.state[NOW]), len(self.tops)
-        rows: list[int] = []
-        ticks: list[int] = []
-        for tick in range(now, now + ring):
-            row = int(self.tops[tick % ring])
-            while row >= 0:
-                rows.append(row)
-                ticks.append(tick)
-                row = int(self.below[row])
-        return self.values[rows], np.array(ticks, np.int64), self.costs[rows]
+    def _under_way(self) -> Iterator[Labels]:
+        place = np.full(2, -1, np.int64)
+        while True:
+            rows, ticks = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int64)
+            count = under_way(self.tops, self.below, int(self.state[NOW]), place, rows, ticks)
+            yield self.values[rows[:count]], ticks[:count], self.costs[rows[:count]]
+            if count < BLOCK:
+                return
 
-    def _fresh(self) -> Labels:
+    def _fresh(self) -> Iterator[Labels]:
         first, done = int(self.state[FIRST]), int(self.counters[N_CLOSED])
         begin = int(self.state[NEXT]) if self.state[STAGE] == LEAVE else 0
-        rows = np.arange(begin, done - first if self.state[STAGE] <= LEAVE else begin)
-        rows = rows[self.kept[rows] > 0]
-        return self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
+        end = done - first if self.state[STAGE] <= LEAVE else begin
+        for at in range(begin, end, BLOCK):
+            rows = at + np.flatnonzero(self.kept[at : min(at + BLOCK, end)])
+            yield self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
 
-    def _waiting(self) -> Labels:
+    def _waiting(self) -> Iterator[Labels]:
         """Those who may leave after a hold, by what they cost when they arrived."""
         nodes = self.nodes[: int(self.state[WAITING])]
-        count = int(self.heads[nodes, SIZE].sum())
-        owners, costs = np.empty(count, np.int64), _rows(count, len(self.most))
-        waiting(self.tables, Sets(self.heads, self.vectors, self.rows), nodes, owners, costs)
-        return self.closed[owners], self.ticks[owners].astype(np.int64), costs
+        sizes = self.heads[nodes, SIZE]
+        block = np.cumsum(sizes) // BLOCK
+        for some in np.split(np.arange(len(nodes)), np.flatnonzero(np.diff(block)) + 1):
+            count = int(sizes[some].sum())
+            owners, costs = np.empty(count, np.int64), _rows(count, len(self.most))
+            waiting(self.tables, Sets(self.heads, self.vectors, self.rows), nodes[some], owners, costs)
+            yield self.closed[owners], self.ticks[owners].astype(np.int64), costs
 
 
 def _rows(count: int, k: int) -> IntArray:

@@ -81,6 +81,19 @@ class Tables(NamedTuple):
             hold=graph.hold or 0,
         )
 
+    @property
+    def own(self) -> list[NDArray[Any]]:
+        """The arrays that are not the graph's; tables of one column are taken as they are."""
+        stacked: list[NDArray[Any]] = [table for table in (self.timed, self.omega) if len(table) > 1]
+        return [self.row, self.since, *stacked]
+
+
+def own_bytes(graph: TimedGraph) -> int:
+    """Bytes of the arrays that tables of a graph have of their own, scratch included."""
+    columns = [table for table in (graph.costs, graph.standing) if len(table) > 1]
+    stacked = sum(table.nbytes for some in columns for table in some.values())
+    return stacked + 4 * graph.graph.arcs + 2 * 4 * graph.cut.size
+
 
 def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[NDArray[Any], IntArray]:
     """Tables one over another, and which is that of each column; a single one is not copied.

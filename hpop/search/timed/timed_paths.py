@@ -13,7 +13,7 @@ from hpop.arrays import IntArray
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
 from hpop.search.demands import asked_in_words, bounds_of, precision_of
-from hpop.search.machinery.approximation import ANYTHING, Precision, proven_gap
+from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.paths import TimedPaths
@@ -125,8 +125,10 @@ class _TimedRun:
         from hpop.search.timed.bounds import JointBounds
         from hpop.search.timed.rest import rest_of_way, ways_through
         from hpop.search.timed.search import TimedSearch
-        from hpop.search.timed.tables import Tables
+        from hpop.search.timed.tables import Tables, own_bytes
 
+        if (limit := clock.exceeded(0, own_bytes(self.graph), record=False)) is not None:
+            return limit
         self.tables = tables = Tables.of(self.graph)
         self.ways, status = ways_through(self.graph, tables, self.source, self.targets, clock)
         if self.ways is None:
@@ -190,6 +192,7 @@ class _TimedRun:
         end = clock.seconds()
         gap = self.precision.eps if status.is_final else self.proven
         if self.tables is not None and self.ways is not None:
+            from hpop.search.machinery.gap import proven_gap  # numba: on first use
             from hpop.search.timed.gathered import gather_holds
 
             if self.search is not None:
@@ -202,9 +205,10 @@ class _TimedRun:
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
                 clock.call(gather_holds, self.tables, self.source, 0, arcs, leaves, row)
             if not status.is_final and self.search is not None:
-                gap = min(gap, max(self.search.eps, proven_gap(costs, self.search.estimates())))
+                missing = max(proven_gap(costs, some, gap) for some in self.search.estimates())
+                gap = min(gap, max(self.search.eps, missing))
             elif not status.is_final:
-                gap = min(gap, proven_gap(costs, self.ways.least[:, self.source][None]))
+                gap = min(gap, proven_gap(costs, self.ways.least[:, self.source][None], gap))
         costs.setflags(write=False)
         stats = SearchStats(
             METHOD,

@@ -51,6 +51,18 @@ def test_after_any_number_of_labels_on_a_lattice(seed):
     assert stopped > 3 or timed_paths(*query).stats.labels_generated < 16  # bounds alone tell all of some questions
 
 
+def test_the_gap_is_the_same_in_blocks_of_any_size(monkeypatch):
+    """What is still open is looked at in blocks: all at once it would take more memory than the search."""
+    query = timed_lattice(2, 8, duration=True)
+    for labels in (20, 200):
+        gaps = set()
+        for block in (1, 3, 1 << 16):
+            monkeypatch.setattr(search, "BLOCK", block)
+            gaps.add(timed_paths(*query, budget=Budget(max_labels=labels)).gap)
+        assert len(gaps) == 1
+        assert gaps != {0.0}
+
+
 @pytest.mark.seeds(1, of=20)
 def test_after_ctrl_c_at_any_report(monkeypatch, seed):
     monkeypatch.setattr(slices, "WORK", 500)
