@@ -31,7 +31,7 @@ from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_fai
 from hpop.history import History
 from hpop.limits import LimitPassed
 from hpop.motion_table import BLOCK, MotionTable
-from hpop.motions import Model, Motions, lacking
+from hpop.motions import MODEL_DEFAULTS, Model, Motions, lacking, laws_of
 from hpop.registry import completed, criteria, made
 from hpop.text import shown
 from hpop.trajectory import Trajectory
@@ -277,6 +277,7 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
 
 
 def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
+    laws_of(completed(m.model, MODEL_DEFAULTS))  # completes these as well
     check_requirements(criterion, m.model, m.world)
     try:
         costs = np.asarray(criterion.cost(m))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -238,7 +239,8 @@ class Execution(Telling):
         problem = surroundings.at(commit.state, commit.time)
         before = Plan(commit.before)
         gone = partial(past, before, before.end, self._stretches, self.problem.criteria)
-        front, point, place = front_of_rest(problem, found.candidates, kept, gone)
+        candidates = replace(found.candidates, notes=(*found.candidates.notes, *surroundings.stopping))
+        front, point, place = front_of_rest(problem, candidates, kept, gone)
         closings = () if kept is None else surroundings.closed
         compared = Compared(
             part(self._plan.driven, 0, commit.place),
