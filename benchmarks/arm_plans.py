@@ -25,15 +25,15 @@ import mbm
 import numpy as np
 
 import hpop
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria import Criterion, make_criterion
 from hpop.criteria.base import trajectory_costs
 from hpop.motions import Motions, States
 from hpop.planners import Roadmap
+from hpop.planners.programs.spline.job import SplineJob
 from hpop.planners.spending import Spending
-from hpop.planners.spline.job import SplineJob
 from hpop.search import pareto_paths, supported_paths
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 LARGE, SAMPLES = 10_000, 2_000
 FAR = {"eight far links": 8, "24 far links": 24}

@@ -19,11 +19,11 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop import registry
+from hpop.base import registry
 from hpop.criteria import make_criterion, motion_costs
 from hpop.motions import lacking
 from hpop.planners import Lattice
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 
 def furnished() -> hpop.Problem:

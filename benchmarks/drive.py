@@ -36,12 +36,12 @@ import timed_worlds
 import hpop
 import hpop.drive
 import hpop.errors
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.criteria import make_criterion
 from hpop.planners import Lattice
+from hpop.runtime.status import Status
 from hpop.scenario import load_scenario
 from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
-from hpop.status import Status
 from hpop.world import Person
 
 STEP = 0.25  # m

@@ -25,10 +25,10 @@ import hpop
 from hpop.criteria.base import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.planners import EpsilonConstraint, Lattice
-from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.judgement import is_free
 from hpop.planners.polylines.polyline import Polyline
-from hpop.sweep import processes
+from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
+from hpop.runtime.sweep import processes
 
 ROOT = Path(__file__).parents[1]
 COUNTS = (4, 6, 8, 12)  # segments

@@ -31,7 +31,7 @@ import numpy as np
 from maps import DATA, FOLDERS, ROOT, missing
 
 import hpop
-from hpop import registry
+from hpop.base import registry
 from hpop.motions import lacking
 from hpop.planners import Lattice
 from hpop.scenario import load_scenario

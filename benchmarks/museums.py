@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 import hpop
-from hpop.arrays import BoolArray
+from hpop.base.arrays import BoolArray
 
 CELL = 0.25  # m
 DOOR = 6  # cells

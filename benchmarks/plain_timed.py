@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel, lean
 from hpop.search.timed.graph import TimedGraph
 
 NEVER = 2**30  # no way to a target, or no cut any more

@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 
 # As in hpop's criteria: a name, unit, class and step.
 CRITERIA = (

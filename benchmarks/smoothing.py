@@ -21,9 +21,9 @@ import hpop
 from hpop.criteria import Duration, Turns
 from hpop.criteria.base import trajectory_costs
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.smoothing.job import SmoothingJob
-from hpop.planners.smoothing.program import DrivenProgram
-from hpop.verify import verify
+from hpop.planners.programs.smoothing.job import SmoothingJob
+from hpop.planners.programs.smoothing.program import DrivenProgram
+from hpop.problems.verify import verify
 
 ROOT = Path(__file__).parents[1]
 CASES = 40  # polylines, evenly chosen from a front

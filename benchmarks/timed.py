@@ -26,10 +26,10 @@ import numpy as np
 import timed_worlds
 from plain_timed import PlainFront, plain_front
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.problems.solving import front
+from hpop.runtime.status import Progress
 from hpop.search.timed import TimedPaths, timed_paths
-from hpop.solving import front
-from hpop.status import Progress
 
 EPS = 0.05
 SEEDS = 9  # weights of the goal front that the plain label setting begins with

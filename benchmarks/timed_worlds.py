@@ -19,12 +19,12 @@ from matplotlib.patches import PathPatch
 
 import hpop
 import hpop.examples
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria import HallZones, Length, Turns
 from hpop.planners import Lattice
-from hpop.planners.lattice.graph import StateLattice
-from hpop.planners.timed.assembly import timed_graph
-from hpop.planners.timed.clock import TimeOptions
+from hpop.planners.graphs.lattice.graph import StateLattice
+from hpop.planners.graphs.timed.assembly import timed_graph
+from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.search.timed import Steps, TimedGraph, TimedPaths
 from hpop.view.ground import outline
 from hpop.world import Person

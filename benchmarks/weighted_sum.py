@@ -26,8 +26,8 @@ from lattice import scipy_dijkstra
 
 from hpop.planners import Lattice
 from hpop.planners.objectives import edge_objectives
+from hpop.runtime.sweep import processes
 from hpop.search import Graph, SupportedPaths, supported_paths
-from hpop.sweep import processes
 
 RUNS = 3
 

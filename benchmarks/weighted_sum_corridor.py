@@ -21,9 +21,9 @@ import hpop
 from hpop.frontier import hypervolume
 from hpop.planners import Lattice, WeightedSumCorridor
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.weighted_sum_corridor.corridor import corridors
-from hpop.planners.weighted_sum_corridor.program import CorridorProgram
-from hpop.sweep import processes
+from hpop.planners.programs.corridor.corridor import corridors
+from hpop.planners.programs.corridor.program import CorridorProgram
+from hpop.runtime.sweep import processes
 
 ROOT = Path(__file__).parents[1]
 CRITERIA = ["length", "turns", "clearance"]

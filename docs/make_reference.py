@@ -15,8 +15,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from hpop.base.registry import GROUPS, criteria, formats
 from hpop.cli import glossary
-from hpop.registry import GROUPS, criteria, formats
 from hpop.scenario import json_schema
 
 DOCS = Path(__file__).parent

@@ -14,7 +14,7 @@ from shapely.plotting import plot_polygon
 
 import hpop
 from hpop import study
-from hpop.named_rows import NamedRow
+from hpop.problems.named_rows import NamedRow
 
 HERE = Path(__file__).parent
 LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-.")}

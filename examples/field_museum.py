@@ -12,8 +12,8 @@ from pathlib import Path
 
 import hpop
 from hpop.view import save_pictures
-from hpop.world import geojson_content
 from hpop.world.content import Landmark, Person
+from hpop.world.readers import geojson_content
 
 # Metres from EPSG:3857, which stretches lengths by 1 / cos(latitude); (0, 0) is the south-west corner.
 METRES = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.lazy import on_first_use
+from hpop.base.lazy import on_first_use
+from hpop.base.moved import find_former_names
 
 if TYPE_CHECKING:
     from hpop import drive as drive
@@ -21,15 +22,15 @@ if TYPE_CHECKING:
     from hpop import view as view
     from hpop.criteria.base import Criterion, criterion
     from hpop.drive.start import follow
-    from hpop.front import Front
     from hpop.models import DifferentialDrive, MobileArm, PanTilt, SerialArm
     from hpop.models.base import model
     from hpop.motions import Motions
     from hpop.planners import Lattice
-    from hpop.planning import Planning
-    from hpop.problem import Problem
-    from hpop.status import Status
-    from hpop.trajectory import Trajectory
+    from hpop.problems.front import Front
+    from hpop.problems.planning import Planning
+    from hpop.problems.problem import Problem
+    from hpop.runtime.status import Status
+    from hpop.trajectories.trajectory import Trajectory
     from hpop.world import Person, Track, World, read_tracks
 
 __version__ = "0.1.0"
@@ -37,18 +38,18 @@ __version__ = "0.1.0"
 _HOMES = {
     "Criterion": "hpop.criteria.base",
     "DifferentialDrive": "hpop.models",
-    "Front": "hpop.front",
+    "Front": "hpop.problems.front",
     "Lattice": "hpop.planners",
     "MobileArm": "hpop.models",
     "Motions": "hpop.motions",
     "PanTilt": "hpop.models",
     "Person": "hpop.world",
-    "Planning": "hpop.planning",
-    "Problem": "hpop.problem",
+    "Planning": "hpop.problems.planning",
+    "Problem": "hpop.problems.problem",
     "SerialArm": "hpop.models",
-    "Status": "hpop.status",
+    "Status": "hpop.runtime.status",
     "Track": "hpop.world",
-    "Trajectory": "hpop.trajectory",
+    "Trajectory": "hpop.trajectories.trajectory",
     "World": "hpop.world",
     "criterion": "hpop.criteria.base",
     "follow": "hpop.drive.start",
@@ -91,6 +92,7 @@ __all__ = [
 ]
 
 __getattr__ = on_first_use(__name__, _HOMES, _MODULES)
+find_former_names()
 
 
 def __dir__() -> list[str]:

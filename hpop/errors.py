@@ -1,7 +1,7 @@
 """What hpop raises for a user's mistake: one class an outcome, each with the exit code of the command line.
 
 A message says what was expected, what came, and what to do. "No path" and "time ran out" are results, not
-errors: they are a :class:`hpop.status.Status`.
+errors: they are a :class:`hpop.runtime.status.Status`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 from traceback import extract_tb
 from typing import ClassVar
 
-from hpop.text import printable, shown
+from hpop.base.text import printable, shown
 
 NOTE = "note: "
 """How a note of an exception begins that stands on a line of its own: one on the map, where an end cannot be used."""

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from hpop.registry import criteria, formats, goals, models, planners, readers
+from hpop.base.registry import criteria, formats, goals, models, planners, readers
 from tests.hulls import Hull
 from tests.warm import Warm
 

@@ -12,12 +12,12 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from hpop.base.math import smooth_abs
 from hpop.criteria.base import motion_costs, trajectory_cost
-from hpop.math import smooth_abs
 from hpop.models.laws import linear, rest_to_rest
 from hpop.motions import Leg, States, StateSpace, integrated
 from hpop.motions.symbolic import SymbolicMotions
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 LINK = 0.4  # m
 BESIDE = (0.05, 0.02, 0.03)  # m: the camera from the end of the link, ahead, left and up

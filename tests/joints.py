@@ -11,11 +11,11 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.criteria import criterion
 from hpop.models.laws import linear, rest_to_rest
 from hpop.motions import Body, Law, Leg, Model, Motions, Phase, Pose, States, StateSpace, Twist
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 NOWHERE = hpop.World.from_polygons([], extent=shapely.box(0, 0, 1, 1))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hpop.base.registry import criteria
 from hpop.criteria.base import Criterion, make_criterion
-from hpop.registry import criteria
 
 NAMES = tuple(name for name, cls in criteria.items() if cls.__module__.startswith("hpop."))
 TARGET = (5.0, 4.5, 1.0)

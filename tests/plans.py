@@ -16,7 +16,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 from hpop.apart import child
-from hpop.world import reading_apart
+from hpop.world.readers import reading_apart
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 

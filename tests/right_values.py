@@ -20,14 +20,14 @@ from rosbags.typesys import Stores, get_typestore
 import hpop
 import hpop.preference.scale
 from hpop import export, motions, preference, ros, search, study
-from hpop.history import History
+from hpop.base.symbols import lift
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Spending
 from hpop.search.timed import TimedGraph, timed_paths
 from hpop.study import statistics
-from hpop.symbols import lift
+from hpop.trajectories.history import History
 from hpop.world import Box, Person, Raster, Solid, pose_at
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 from tests.study.sessions import answered
 
 SCENE = """name: room
@@ -351,8 +351,9 @@ def _add_rest(right: Right) -> None:
         "hpop.world.Field.places.x": x, "hpop.world.Field.places.y": y,
         "hpop.world.Raster.to_world.column": np.array([1]), "hpop.world.Raster.to_world.row": np.array([1]),
         "hpop.world.Ground.extent": shapely.box(0, 0, 1, 1), "hpop.world.Solid.build.data": types["Solid"].describe(),
-        "hpop.world.content.Content.build.data": world.content.describe(),
-        "hpop.world.content.Zone.kind": "keep-out", "hpop.world.content.Zone.area": shapely.box(0, 0, 1, 1),
+        "hpop.world.content.content.Content.build.data": world.content.describe(),
+        "hpop.world.content.content.Zone.kind": "keep-out",
+        "hpop.world.content.content.Zone.area": shapely.box(0, 0, 1, 1),
         "hpop.drive.Execution.world.now": 1.0, "hpop.drive.Execution.world.close": shapely.box(0.1, 3.6, 0.2, 3.7),
         "hpop.motions.Phase.part.first": np.zeros(2), "hpop.motions.Phase.part.last": np.ones(2),
         "hpop.Front.where.conditions_by_name": {}, "hpop.goals.LookAt.rates.pose": pose,

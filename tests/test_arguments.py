@@ -37,7 +37,6 @@ PACKAGES = [
     "hpop.models.driven",
     "hpop.motions",
     "hpop.planners",
-    "hpop.planners.trust",
     "hpop.preference",
     "hpop.ros",
     "hpop.search",
@@ -47,7 +46,7 @@ PACKAGES = [
     "hpop.testing",
     "hpop.view",
     "hpop.world",
-    "hpop.world.content",
+    "hpop.world.content.content",
 ]
 RESULTS = [
     "hpop.drive.Change",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hpop.arrays import distinct
+from hpop.base.arrays import distinct
 
 
 def test_distinct_values_are_those_of_numpy_and_ask_nothing_of_its_masked_arrays(

@@ -10,15 +10,15 @@ from click.testing import CliRunner
 
 import hpop
 from hpop import DifferentialDrive, Problem, World
+from hpop.base.registry import criteria
 from hpop.cli import main
 from hpop.criteria import Length
 from hpop.errors import CriterionError, HpopError, UnknownName
 from hpop.frontier.errors import FrontError, FrontFileError
 from hpop.planners import EpsilonConstraint, Lattice, WeightedSumCorridor
-from hpop.registry import criteria
 from hpop.testing import check_criterion
-from hpop.trajectory import Trajectory
-from hpop.world.content import Person, Zone
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.content.content import Person, Zone
 
 
 class Unprintable:

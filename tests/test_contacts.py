@@ -7,13 +7,13 @@ import pytest
 import shapely
 from scipy.stats import norm
 
-from hpop.contacts import _distance, contact
 from hpop.models import DifferentialDrive
 from hpop.models.collision.parts import Part
 from hpop.motions import States
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.trajectories.contacts import _distance, contact
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Future, Person, World
 
 ROOM = World.from_polygons([], extent=shapely.box(0, -3, 10, 3))

@@ -11,11 +11,11 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import completed
 from hpop.criteria.base import make_criterion
 from hpop.errors import QueryError
 from hpop.motions import Model, States, collision_of, laws_of
-from hpop.registry import completed
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 HALL = hpop.World.from_polygons([shapely.box(2.0, 0.0, 2.4, 2.0)], extent=shapely.box(0, 0, 5, 4))
 

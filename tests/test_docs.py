@@ -156,7 +156,7 @@ def test_the_robot_in_the_docs_is_one(tmp_path, monkeypatch):
 
 
 def test_a_planner_in_the_docs_is_one_of_those_that_there_are():
-    from hpop.registry import planners
+    from hpop.base.registry import planners
 
     headings = re.findall(r"^## ([a-z][a-z-]*)$", (ROOT / "docs/planners.md").read_text(), re.MULTILINE)
     at_home = {name for name, cls in planners.items() if cls.__module__.startswith("hpop.planners.")}
@@ -191,7 +191,7 @@ def test_the_curve_in_the_docs_is_what_it_says():
 @pytest.mark.proof
 def test_an_arm_is_planned_for_as_its_page_says(tmp_path, monkeypatch):
     """From the URDF to a front that is verified, block after block; pictures take seconds."""
-    from hpop.verify import verify
+    from hpop.problems.verify import verify
 
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     monkeypatch.chdir(tmp_path)
@@ -211,12 +211,12 @@ def test_an_arm_is_planned_for_as_its_page_says(tmp_path, monkeypatch):
 
 def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     """Rows: improved by splines; without symbols; with memory; refused."""
+    from hpop.base.registry import criteria
     from hpop.criteria.base import make_criterion
     from hpop.errors import CriterionError
-    from hpop.planners.spline.pieces import Pieces
-    from hpop.registry import criteria
+    from hpop.planners.programs.spline.pieces import Pieces
     from hpop.scenario import load_scenario
-    from hpop.world.content import Landmark
+    from hpop.world.content.content import Landmark
 
     shelf = load_scenario(ROOT / "examples/arm_shelf.yaml").problem
     world = shelf.world.with_content(landmarks=[Landmark(0.7, 0.25, z=0.43)])

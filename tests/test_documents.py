@@ -28,7 +28,7 @@ from hpop.errors import MapError
 from hpop.frontier import Front
 from hpop.scenario import load_scenario
 from hpop.scenario.events import load_events
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]

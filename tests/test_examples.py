@@ -21,8 +21,8 @@ from hpop.cli.pictures import PicturesBeside
 from hpop.frontier import is_nondominated
 from hpop.goals import LookAt
 from hpop.planners.lattice import Lattice
+from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.verify import verify
 from hpop.view import draw_map, draw_side, save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -11,8 +11,8 @@ import pytest
 
 import hpop
 from hpop.frontier import is_nondominated
+from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.verify import verify
 from hpop.view import draw_map
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"

@@ -10,9 +10,9 @@ import pytest
 import shapely
 
 import hpop
-from hpop.compiled import numba
-from hpop.following import described, progress_bar
-from hpop.status import Progress
+from hpop.runtime.compiled import numba
+from hpop.runtime.following import described, progress_bar
+from hpop.runtime.status import Progress
 from tests.warm import Warm
 
 #: What somebody writes into a file of their own.

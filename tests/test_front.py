@@ -15,7 +15,7 @@ import hpop
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import MapError
 from hpop.frontier import FrontError, FrontFileError
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 
 
 @pytest.fixture(scope="module")

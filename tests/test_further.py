@@ -14,8 +14,8 @@ import hpop
 from hpop.criteria import Length
 from hpop.criteria.base import make_criterion
 from hpop.errors import CriterionError, QueryError, UnknownName
-from hpop.verify import verify
-from hpop.world.content import Landmark
+from hpop.problems.verify import verify
+from hpop.world.content.content import Landmark
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2.2)], extent=shapely.box(0, 0, 5, 4))
 ALSO = ["sickness", "msdv", {"worst_obstruction": {"radius": 1.0}}, "rotation", "mean_heading_mismatch"]

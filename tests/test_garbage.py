@@ -9,8 +9,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from hpop import garbage
-from hpop.registry import criteria, goals, models, planners, readers
+from hpop.base.registry import criteria, goals, models, planners, readers
+from hpop.runtime import garbage
 
 
 @pytest.fixture(autouse=True)
@@ -45,6 +45,6 @@ def test_where_somebody_elses_code_is_registered_the_end_of_python_is_as_ever(mo
 
 def test_where_a_library_prints_what_is_left_the_end_of_python_is_as_ever() -> None:
     """OMPL's bindings name each object that Python has not collected, in some thirty lines on a user's terminal."""
-    command = "from hpop import garbage; garbage.seldom(); import ompl.base"
+    command = "from hpop.runtime import garbage; garbage.seldom(); import ompl.base"
     done = subprocess.run([sys.executable, "-P", "-c", command], capture_output=True, text=True, check=True)
     assert done.stderr == ""

@@ -13,14 +13,14 @@ import shapely
 
 import hpop
 from hpop.errors import HpopError, QueryError, ScenarioError
-from hpop.front import Front
 from hpop.goals import GoalSet
 from hpop.motions import Model, States
 from hpop.planners.base import Candidates
-from hpop.problem import Problem
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 6, 4))
 ROBOT = hpop.DifferentialDrive(radius=0.2)

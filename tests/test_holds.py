@@ -11,14 +11,14 @@ import shapely
 import hpop
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.errors import CriterionError, ModelError, OptionError
-from hpop.front import Front
 from hpop.models.driven import driven
-from hpop.motion_table import MotionTable
 from hpop.motions import HOLD, Hold, States, laws_of
 from hpop.planners.polylines.warm_starts import known_trajectories
+from hpop.problems.front import Front
+from hpop.problems.verify import collision_free, verify
 from hpop.testing import check_criterion, check_model
-from hpop.trajectory import Trajectory
-from hpop.verify import collision_free, verify
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
 from tests.jointed import Jointed
 from tests.models.serial_arm.arms import arm6
 from tests.view.robots import Lift

@@ -11,15 +11,15 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import make_model
 from hpop.criteria.base import trajectory_cost
 from hpop.errors import CriterionError, ModelError, UnsupportedModel
 from hpop.motions import States, lacking
 from hpop.planners import Candidates
-from hpop.registry import make_model
-from hpop.status import Status
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
 from hpop.testing import conformance, random_world
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.map import draw_map
 from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where

@@ -11,16 +11,17 @@ import pytest
 from click.testing import CliRunner, Result
 
 import hpop.view
-from hpop import following, solving
 from hpop.cli import main, results
 from hpop.cli.pictures import PicturesBeside
-from hpop.front import Front
 from hpop.planners.deferred import Deferred
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
+from hpop.problems import solving
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime import following
+from hpop.runtime.status import Progress
 from hpop.scenario import load_scenario
-from hpop.status import Progress
-from hpop.verify import verify
 from tests.rooms import TWO_WALLS
 
 SOME = 20

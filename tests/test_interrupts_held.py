@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hpop.interrupts import SIGNALS, interrupts_held
+from hpop.runtime.interrupts import SIGNALS, interrupts_held
 
 
 def interrupt(number: int, frame: Any) -> None:

@@ -13,10 +13,10 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import planners
 from hpop.errors import QueryError, UnsupportedCriterion
 from hpop.planners import Exact
-from hpop.registry import planners
-from hpop.verify import verify
+from hpop.problems.verify import verify
 from hpop.world import Person
 
 PLUGIN = str(Path(__file__).parents[1] / "examples" / "plugin")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.math import SMOOTHING, hinge, hypot, is_symbolic, smooth_abs, smooth_step, wrap
+from hpop.base.math import SMOOTHING, hinge, hypot, is_symbolic, smooth_abs, smooth_step, wrap
 from hpop.motions.symbolic import lift
 
 finite = st.floats(-1e6, 1e6)

@@ -17,9 +17,9 @@ import hpop
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.frontier import FrontFileError, storage
 from hpop.models.driven import driven
-from hpop.motion_table import MotionTable
 from hpop.motions import States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
 
 ROBOT = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
 WORLD = hpop.World.from_polygons([shapely.box(2, 2, 3, 3)], extent=shapely.box(-50, -50, 50, 50))

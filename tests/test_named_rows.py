@@ -6,9 +6,9 @@ import pytest
 
 import hpop
 from hpop.errors import OptionError, UnknownName
-from hpop.front import Front
-from hpop.named_rows import named_rows
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.problems.named_rows import named_rows
+from hpop.trajectories.trajectory import Trajectory
 
 MODEL = hpop.DifferentialDrive()
 

@@ -9,15 +9,15 @@ import pytest
 import shapely
 
 from hpop import DifferentialDrive, Problem, World
+from hpop.base.registry import criteria, planners
 from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.planners import Lattice
-from hpop.registry import criteria, planners
+from hpop.runtime.status import Budget
+from hpop.runtime.sweep import processes
 from hpop.scenario import load_scenario
 from hpop.search.machinery.approximation import ANYTHING, thinned
 from hpop.search.machinery.covered import least_covered
-from hpop.status import Budget
-from hpop.sweep import processes
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 from tests.own_criteria import NEEDED
 
 EXTREME = [1e30, -1e30, 1e308, 1e-320, 5e-324, math.inf, math.nan, 2**63, 10**400, -(10**400), True, "1e-3", [1.0]]

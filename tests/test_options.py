@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import hpop
+from hpop.base.options import real, whole
 from hpop.errors import CriterionError, OptionError
-from hpop.options import real, whole
 from hpop.planners import make_planner
 
 

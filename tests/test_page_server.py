@@ -19,7 +19,7 @@ from hpop import study
 from hpop.cli import asking_page
 from hpop.cli.live_server import Shown, server_of
 from hpop.cli.serving import OnePage
-from hpop.page_server import CONNECTIONS, LOCAL, PageHandler, PageServer, no_port
+from hpop.runtime.page_server import CONNECTIONS, LOCAL, PageHandler, PageServer, no_port
 from hpop.study.server import StudyServer
 from tests.study.conftest import CONSENT, front
 
@@ -179,7 +179,7 @@ def test_what_is_posted_is_bounded_and_browsers_leave_out_usual_ports() -> None:
     with socket.socket() as usual, pytest.MonkeyPatch.context() as patch:
         usual.bind((LOCAL, 0))
         usual.listen()
-        patch.setitem(hpop.page_server.PLAIN_PORTS, "http", usual.getsockname()[1])
+        patch.setitem(hpop.runtime.page_server.PLAIN_PORTS, "http", usual.getsockname()[1])
         assert PageServer(Words, listening=usual).refusal("localhost", "http://localhost") == ""
 
 

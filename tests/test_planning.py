@@ -13,9 +13,9 @@ import hpop
 from hpop.criteria import criterion
 from hpop.errors import QueryError, UnsupportedModel
 from hpop.motions import Motions
-from hpop.verify import verify
+from hpop.problems.verify import verify
 from hpop.world import Person
-from hpop.world.content import Zone
+from hpop.world.content.content import Zone
 from tests.joints import Joints
 
 WALLS = [shapely.box(2.0, 0.0, 2.4, 2.6), shapely.box(4.0, 1.4, 4.4, 4.0)]

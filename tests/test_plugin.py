@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 import yaml
 
+from hpop.base.registry import readers
 from hpop.errors import MapError, UnknownName
-from hpop.registry import readers
 from hpop.world import World
-from hpop.world.readers import read_world
+from hpop.world.readers.readers import read_world
 from tests.warm import DRAWN, UNDRAWN, Warm
 
 INSTALLED = "hpop-example-plugin" in {package.name for package in importlib.metadata.distributions()}

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 import hpop
 from hpop.errors import OptionError
 from hpop.motions import States
-from hpop.poses import on_one_side, poses, quaternions_of
-from hpop.trajectory import Trajectory
+from hpop.trajectories.poses import on_one_side, poses, quaternions_of
+from hpop.trajectories.trajectory import Trajectory
 from tests.jointed import Jointed
 from tests.models.serial_arm.arms import arm6
 from tests.view.robots import Lift, Reacher

@@ -11,15 +11,15 @@ import pytest
 import shapely
 
 import hpop
-from hpop import solving
 from hpop.criteria.base import trajectory_costs
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.performance.obstruction import Exposure, Obstruction
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError, UnknownName
 from hpop.planners.base import Candidates
-from hpop.problem import Problem
-from hpop.status import Progress, ProgressCallback, Status
-from hpop.trajectory import Trajectory
+from hpop.problems import solving
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Progress, ProgressCallback, Status
+from hpop.trajectories.trajectory import Trajectory
 
 WORLD = hpop.World.from_polygons([(shapely.box(2, 0, 3, 2), (0.0, 1.0))], extent=shapely.box(0, 0, 5, 4))
 ROBOT = hpop.DifferentialDrive(radius=0.2)

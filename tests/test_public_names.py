@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import pkgutil
 import re
+import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import hpop
+from hpop.base.moved import MOVED
 
 ROOT = Path(__file__).parents[1]
 NAMES = """
@@ -116,9 +119,6 @@ hpop.planners.judgement.judge
 hpop.planners.lattice.Lattice
 hpop.planners.planner
 hpop.planners.roadmap.Roadmap
-hpop.planners.search.Graph
-hpop.planners.search.pareto_paths
-hpop.planners.trust.judge
 hpop.poses.poses
 hpop.problem.Problem
 hpop.randomness
@@ -238,6 +238,38 @@ hpop.world.proxemics
 hpop.world.readers.read_world
 hpop.world.read_tracks
 hpop.world.visibility
+hpop.base.arrays
+hpop.base.arrays.Column
+hpop.base.math
+hpop.base.math.hypot
+hpop.base.math.smooth_abs
+hpop.base.options
+hpop.base.randomness
+hpop.base.registry
+hpop.base.registry.GROUPS
+hpop.base.registry.criteria
+hpop.base.registry.formats
+hpop.base.registry.readers
+hpop.problems.front.Point
+hpop.problems.named_rows.NamedRow
+hpop.problems.verify
+hpop.problems.verify.verify
+hpop.runtime.status.Progress
+hpop.runtime.status.Status
+hpop.runtime.sweep
+hpop.runtime.sweep.Sweep
+hpop.runtime.sweep.dask
+hpop.trajectories.history.History
+hpop.trajectories.poses
+hpop.trajectories.poses.poses
+hpop.world.content.predictions
+hpop.world.content.proxemics
+hpop.world.fields.field.Field
+hpop.world.readers.geojson_content
+hpop.world.readers.geojson_content.read
+hpop.world.readers.readers
+hpop.world.sight.bearings
+hpop.world.sight.visibility
 """
 PUBLIC = [*NAMES.split(), *(f"hpop.{name}" for name in hpop.__all__)]
 IMPORTED = re.compile(r"^\s*(?:>>> )?from (hpop[\w.]*) import (\([^)]*\)|[^\n#`]+)", re.MULTILINE)
@@ -261,8 +293,19 @@ def mentioned() -> set[str]:
 
 
 @pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.filterwarnings("ignore:.* is .* now:DeprecationWarning")
 def test_a_public_name_is_where_it_was(name: str) -> None:
     assert pkgutil.resolve_name(name) is not None
+
+
+def test_a_module_s_former_name_leads_to_it_with_a_warning(monkeypatch: pytest.MonkeyPatch) -> None:
+    for former, now in MOVED.items():
+        monkeypatch.delitem(sys.modules, former, raising=False)
+        with pytest.warns(DeprecationWarning, match=f"{former} is {now} now"):
+            found = import_module(former)
+        replacement = import_module(now)
+        public = {name: value for name, value in vars(replacement).items() if not name.startswith("_")}
+        assert all(getattr(found, name) is value for name, value in public.items())
 
 
 @pytest.mark.parametrize("name", ["errors", "export", "frontier", "search", "study", "testing", "view"])

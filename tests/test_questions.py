@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from hpop.registry import GROUPS, criteria
+from hpop.base.registry import GROUPS, criteria
 
 PAGE = (Path(__file__).parents[1] / "docs" / "questions.md").read_text()
 AT_HOME = {name: cls for name, cls in criteria.items() if cls.__module__.startswith("hpop.criteria.")}

@@ -9,10 +9,10 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.randomness import seed_of
 from hpop.errors import OptionError, ScenarioError
 from hpop.planners.roadmap import Roadmap
 from hpop.planners.rrt import RRT
-from hpop.randomness import seed_of
 from hpop.scenario import load_scenario
 
 WORLD = hpop.World.from_polygons([shapely.box(4, 0, 5, 3)], extent=shapely.box(0, 0, 9, 6))

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hpop.registry import criteria
+from hpop.base.registry import criteria
 
 SCRIPT = Path(__file__).resolve().parents[1] / "docs/make_reference.py"
 

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
+from hpop.base.registry import Registry, criteria, make_model, models, planners
 from hpop.criteria import Turns
 from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnknownName
-from hpop.registry import Registry, criteria, make_model, models, planners
 
 PLUGIN = """
 class Glare:
@@ -68,9 +68,9 @@ def test_a_planner_or_criterion_is_imported_alone_and_all_of_them_when_they_are_
     code = """
 import sys
 from hpop.errors import OptionError
-from hpop.registry import criteria, planners
+from hpop.base.registry import criteria, planners
 class Mine: ...
-print(planners["weighted-sum"].__name__, "hpop.planners.smoothing.planner" in sys.modules)
+print(planners["weighted-sum"].__name__, "hpop.planners.programs.smoothing.planner" in sys.modules)
 print(criteria["o_space"].__name__, "hpop.criteria.robot.energy" in sys.modules)
 try:
     planners.add("smoothing", Mine)

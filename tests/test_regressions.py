@@ -10,10 +10,10 @@ import shapely
 
 import hpop
 from hpop.errors import CriterionError
-from hpop.history import History
 from hpop.motions import Motions, States
-from hpop.verify import collision_free, verify
-from hpop.world.content import Person, Zone
+from hpop.problems.verify import collision_free, verify
+from hpop.trajectories.history import History
+from hpop.world.content.content import Person, Zone
 
 ROBOT = hpop.DifferentialDrive()
 HALL = hpop.World.from_polygons([shapely.box(4, 2, 6, 6)], extent=shapely.box(0, 0, 10, 8))

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.history import History
-from hpop.motion_table import MotionTable
 from hpop.motions import Motions, States
 from hpop.planners import Candidates
+from hpop.runtime.status import Status
 from hpop.scenario import load_scenario
 from hpop.search import Graph, pareto_paths
-from hpop.status import Status
-from hpop.trajectory import Trajectory
-from hpop.world.content import Landmark, Person
+from hpop.trajectories.history import History
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.content.content import Landmark, Person
 from tests.test_table import PANNED
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -6,7 +6,7 @@ import shapely
 
 import hpop
 from hpop.world import World
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 
 WALL = shapely.box(4.9, 0, 5.1, 4)
 HALL = World.from_polygons([WALL], extent=shapely.box(0, 0, 10, 6))

@@ -9,8 +9,8 @@ import shapely
 
 import hpop
 from hpop.errors import OptionError, QueryError
-from hpop.trajectory import Trajectory
-from hpop.world.content import Person
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.content.content import Person
 
 HALL = hpop.World.from_polygons([], extent=shapely.box(0, 0, 10, 10))
 WALKER, GUARD = Person(8.0, 2.0, math.pi, (-0.5, 0.25)), Person(5.0, 5.0)

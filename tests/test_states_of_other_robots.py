@@ -12,13 +12,13 @@ import pytest
 import shapely
 
 import hpop
-from hpop import registry
+from hpop.base import registry
 from hpop.errors import ModelError, QueryError, ScenarioError
 from hpop.motions import States, StateSpace
 from hpop.planners.base import Candidates
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.verify import verify
 from hpop.view.ends import end_poses
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(0, 0, 6, 4))

@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpop import sweep as module
 from hpop.errors import OptionError
+from hpop.runtime import sweep as module
+from hpop.runtime.status import Progress
+from hpop.runtime.sweep import Sweep, dask, processes
 from hpop.search import Graph, SupportedPaths, supported_paths
-from hpop.status import Progress
-from hpop.sweep import Sweep, dask, processes
 from tests.interrupted import interrupted_locks
 
 TASKS = list(range(10))
@@ -257,7 +257,7 @@ def test_where_no_file_can_be_shared_the_work_is_done_here(monkeypatch: pytest.M
 
 LEAVING = """
 import os, signal, sys, threading, time
-from hpop.sweep import processes
+from hpop.runtime.sweep import processes
 
 def work(gate):
     while not os.path.exists(gate):

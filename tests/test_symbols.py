@@ -9,8 +9,8 @@ import casadi
 import numpy as np
 import pytest
 
-from hpop.math import is_symbolic
-from hpop.symbols import OPERATIONS, TURNED, Symbols, lift
+from hpop.base.math import is_symbolic
+from hpop.base.symbols import OPERATIONS, TURNED, Symbols, lift
 
 A, B = np.array([0.3, -0.7, 1.0]), np.array([0.5, 1.2, -0.7])
 ONE = {np.sqrt, np.square, np.sin, np.cos, np.exp, np.log, np.negative, np.absolute, np.logical_not}

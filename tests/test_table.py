@@ -12,7 +12,7 @@ import pytest
 import hpop
 from hpop.errors import OptionError, OutputError, UnknownName
 from hpop.motions import States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from tests import jointed
 from tests.models.test_pan_tilt import HEAD
 

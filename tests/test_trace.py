@@ -13,9 +13,9 @@ from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.models.driven import driven
 from hpop.motions import States, lacking
-from hpop.planners.spline.knots import Knots
+from hpop.planners.programs.spline.knots import Knots
+from hpop.problems.trace import in_pieces, trace
 from hpop.testing.worlds import random_world
-from hpop.trace import in_pieces, trace
 from tests.models.serial_arm.arms import arm6
 from tests.own_criteria import NAMES as EVERY
 from tests.own_criteria import own_criterion

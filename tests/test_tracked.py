@@ -13,13 +13,13 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import models
 from hpop.criteria.base import trajectory_cost
 from hpop.errors import ModelError
 from hpop.motions import States
-from hpop.registry import models
+from hpop.problems.verify import verify
 from hpop.testing import conformance
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 
 PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
 BEAM = hpop.World.from_polygons([(shapely.box(3.0, 0, 3.5, 4), (1.0, 3.0))], extent=shapely.box(0, 0, 7, 4))

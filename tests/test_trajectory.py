@@ -8,12 +8,12 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.batches import batches
 from hpop.criteria.base import make_criterion, motion_costs, trajectory_cost, trajectory_costs
 from hpop.errors import ModelError, OptionError
 from hpop.models import DifferentialDrive
 from hpop.motions import States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.batches import batches
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 ROBOT = DifferentialDrive(speed=0.7, acceleration=0.9, turn_rate=1.1, turn_acceleration=2.0, wheel_base=0.5)

@@ -10,14 +10,14 @@ import pytest
 import shapely
 
 import hpop
-from hpop import registry
+from hpop.base import registry
 from hpop.criteria.base import criterion, trajectory_costs
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.driven import driven
 from hpop.motions import Motions
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
-from hpop.verify import collision_free, verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import collision_free, verify
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 
 ROBOT = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search import Graph
 
 

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.registry import criteria
 from hpop.criteria.base import criterion
 from hpop.motions import Motions
-from hpop.registry import criteria
 
 
 @contextmanager

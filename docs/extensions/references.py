@@ -2,9 +2,9 @@
 
 Docstrings name what is public, which has a page, and what is not, such as the module that holds a kernel. Both shall
 be true. So a reference that Sphinx does not resolve is looked up among all names of the package, read from its sources:
-what is documented under another name (`hpop.problem.Problem` is `hpop.Problem`) becomes a link, what is only there
-becomes code. A name that nobody defines stays unresolved, and with ``nitpicky`` and ``-W`` fails the build. Names of
-other projects are imported to see that they are there; nothing is fetched.
+what is documented under another name (`hpop.problems.problem.Problem` is `hpop.Problem`) becomes a link, what is only
+there becomes code. A name that nobody defines stays unresolved, and with ``nitpicky`` and ``-W`` fails the build. Names
+of other projects are imported to see that they are there; nothing is fetched.
 
 The pages of source code link back to what documents it. Sphinx guesses the name by the module that it saw last, which
 is wrong where a module's classes are public in several places; so these links are looked up too.
@@ -31,7 +31,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "hpop"
 OTHERS = {"np": "numpy", "nx": "networkx", "ca": "casadi"}
 BACK = re.compile(r'(class="viewcode-back" href=")[^"#]*#([^"]*)"')
 OWN_NAMES = {"hpop.frontier", "hpop.search"}  # modules with a Front, a Point and a Graph of their own
-PUBLIC = {name: f"hpop.{name}" for name in hpop.__all__} | {"Point": "hpop.front.Point"}
+PUBLIC = {name: f"hpop.{name}" for name in hpop.__all__} | {"Point": "hpop.problems.front.Point"}
 ROOTS = (
     "builtins",
     "typing",

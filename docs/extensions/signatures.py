@@ -1,8 +1,8 @@
 """Signatures as a reader would write them, for autodoc.
 
 A default that a dataclass makes anew each time is ``...`` (Sphinx cannot read ``<factory>`` and would print the types
-beside it raw), arrays go by the names of :mod:`hpop.arrays`, parameters with an underscore are nobody's to give, and
-what a named tuple says of its own fields ("Alias for field number 0") is left out.
+beside it raw), arrays go by the names of :mod:`hpop.base.arrays`, parameters with an underscore are nobody's to give,
+and what a named tuple says of its own fields ("Alias for field number 0") is left out.
 """
 
 from __future__ import annotations

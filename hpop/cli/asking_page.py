@@ -15,9 +15,9 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Protocol
 from urllib.parse import parse_qs
 
+from hpop.base.text import printable
 from hpop.errors import OutputError
-from hpop.page_server import PageHandler, PageServer
-from hpop.text import printable
+from hpop.runtime.page_server import PageHandler, PageServer
 
 if TYPE_CHECKING:
     from hpop.cli.preferred import Difference

@@ -68,13 +68,13 @@ def ros(
     """
     from hpop.cli import user_code
     from hpop.errors import OutputError
-    from hpop.following import progress_bar
     from hpop.ros.bridge import Bridge, checked_url
     from hpop.ros.interface import Interface
     from hpop.ros.path_server import PathServer
     from hpop.ros.planning import Planning
+    from hpop.runtime.following import progress_bar
+    from hpop.runtime.status import Status
     from hpop.scenario import load_scenario
-    from hpop.status import Status
 
     user_code.register(imports)
     known = Interface(action, distro, frame_id, pose_topic, pose_type, options_topic, choice)

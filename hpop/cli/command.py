@@ -12,7 +12,7 @@ import click
 
 from hpop.cli.terminal import echo, warnings_as_notes
 from hpop.errors import NOTE, HpopError, OwnCodeError, own_failure, own_place
-from hpop.interrupts import endings_interrupt
+from hpop.runtime.interrupts import endings_interrupt
 
 NO_PATH = 6
 NOTHING_FOUND = 13

@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from hpop import __version__, examples
+from hpop.base.options import MOST_WORKERS
+from hpop.base.text import argument
 from hpop.cli import listing, results
 from hpop.cli.bridging import ros
 from hpop.cli.command import INTERRUPTED, NO_PATH, NOTHING_FOUND, imports_option, user_errors, verbose_option
@@ -33,15 +35,13 @@ from hpop.cli.saved import pick, show
 from hpop.cli.studying import study
 from hpop.cli.terminal import Commands, echo
 from hpop.errors import OptionError, OutputError
-from hpop.interrupts import stopping_told
-from hpop.options import MOST_WORKERS
-from hpop.text import argument
+from hpop.runtime.interrupts import stopping_told
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from hpop.front import Front
     from hpop.planners import Planner
+    from hpop.problems.front import Front
     from hpop.scenario import Scenario
 
 MOST_PORT = 65_535
@@ -101,16 +101,16 @@ def plan(
     imports: tuple[str, ...],
 ) -> None:
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
-    from hpop import garbage
+    from hpop.runtime import garbage
 
     garbage.seldom()
     from hpop.cli import preferred, report, user_code
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
     from hpop.planners.searches.exact import kernels_beside
+    from hpop.runtime.status import Status
     from hpop.scenario import load_scenario
     from hpop.search.machinery.beside import Onset
-    from hpop.status import Status
 
     if workers is not None and dask is not None:
         raise click.UsageError("give --workers or --dask, not both")
@@ -224,7 +224,7 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 @contextmanager
 def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
     """Where sweeps run: processes, a Dask cluster, or None for here."""
-    from hpop import sweep
+    from hpop.runtime import sweep
 
     if dask is not None:
         with sweep.dask(dask) as cluster:
@@ -257,8 +257,8 @@ def _solved(
     kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
     that imports serves for the last pictures too.
     """
-    from hpop import following
     from hpop.cli import report
+    from hpop.runtime import following
 
     fronts: list[Front] = []
     say = report.StageLines()
@@ -298,7 +298,7 @@ def _solved(
 
 def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:
     """Draw the pictures; who has stopped the search gets the prompt back, and another process draws them."""
-    from hpop.status import Status
+    from hpop.runtime.status import Status
 
     if Status.INTERRUPTED in front.status:
         PicturesBeside(out, imports, _most(scenario)).start()
@@ -318,7 +318,7 @@ def _most(scenario: Scenario) -> int | None:
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
     """Planners, of which the one that searches exactly keeps its search in a file."""
-    from hpop.registry import planners
+    from hpop.base.registry import planners
     from hpop.search.machinery.checkpoint import Checkpoint
 
     able = [name for name, cls in planners.items() if "checkpoint" in {option.name for option in fields(cls)}]

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpop.base.text import counted
 from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
-from hpop.status import Status, why_none
-from hpop.text import counted
+from hpop.runtime.status import Status, why_none
 
 if TYPE_CHECKING:
     from hpop.drive import Execution, Options
@@ -66,7 +66,7 @@ def drive(
     from hpop.cli import user_code
     from hpop.drive import follow
     from hpop.drive.script import performed
-    from hpop.named_rows import named_rows
+    from hpop.problems.named_rows import named_rows
     from hpop.scenario.events import load_events
 
     user_code.register(imports)

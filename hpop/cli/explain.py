@@ -7,12 +7,12 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from hpop import registry
+from hpop.base import registry
+from hpop.base.registry import Registry
+from hpop.base.text import shown
 from hpop.cli.glossary import entries
 from hpop.cli.registered import declared
 from hpop.errors import UnknownName, did_you_mean
-from hpop.registry import Registry
-from hpop.text import shown
 
 REGISTRIES: tuple[Registry[Any], ...] = (
     registry.criteria,

@@ -11,8 +11,8 @@ import click
 from hpop.cli.terminal import echo
 
 if TYPE_CHECKING:
-    from hpop.front import Front
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 FPS, WIDTH = 30.0, 2048
 
@@ -42,8 +42,8 @@ def film(
     width: int,
 ) -> None:
     """Make the video, or its frames, or both, of the one row that is asked for, the knee by default; say what it is."""
-    from hpop import following
-    from hpop.named_rows import named_rows
+    from hpop.problems.named_rows import named_rows
+    from hpop.runtime import following
     from hpop.view import save_frames, save_video
     from hpop.view.ride.scene import Scene
 

@@ -11,13 +11,13 @@ from hpop.cli.results import SAVED
 from hpop.errors import UnknownName
 
 if TYPE_CHECKING:
-    from hpop.front import Front
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 
 def loaded(folder: Path) -> tuple[Path, Front]:
     """The file of a front, and the front in it."""
-    from hpop.front import Front
+    from hpop.problems.front import Front
 
     path = folder / SAVED if os.path.isdir(folder) else folder
     with results.output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
@@ -26,7 +26,7 @@ def loaded(folder: Path) -> tuple[Path, Front]:
 
 def problem_of(path: Path, front: Front) -> Problem:
     """The problem that a saved front answers."""
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
     try:
         return Problem.from_description(front.problem or {})

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Any
 
 from hpop.errors import OutputError
-from hpop.interrupts import interrupts_held
+from hpop.runtime.interrupts import interrupts_held
 
 TOKEN = "HPOP_LIVE_TOKEN"  # of the environment of the other process
 HOST = "127.0.0.1"  # nobody else's machine gets there

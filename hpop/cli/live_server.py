@@ -5,8 +5,8 @@ the token is in its environment: commands are seen by all users of a machine. Ea
 a new front is saved in FOLDER; at the end of the input it shows the last one and ends. Of fronts that come while it
 works it takes the newest.
 
-It answers to whoever names the token, as :mod:`hpop.page_server` allows. It serves the page and its events, and no
-file.
+It answers to whoever names the token, as :mod:`hpop.runtime.page_server` allows. It serves the page and its events, and
+no file.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from pathlib import Path
 from threading import Condition, Thread
 from urllib.parse import parse_qs, urlsplit
 
+from hpop.base.text import printable
 from hpop.cli.live import TOKEN
 from hpop.cli.pictures import NICENESS
-from hpop.page_server import PageHandler, PageServer
-from hpop.text import printable
+from hpop.runtime.page_server import PageHandler, PageServer
 
 ALIVE = 15.0  # s between two signs of life to a page that waits
 FAREWELL = 2.0  # s for the pages that are open to hear that the search has ended

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
+from hpop.base.text import argument, shown
 from hpop.cli import results
 from hpop.cli.command import NO_PATH, NOTHING_FOUND, imports_option, user_errors
 from hpop.cli.terminal import echo
 from hpop.errors import OptionError, OutputError, QueryError
-from hpop.text import argument, shown
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
     from hpop.scenario.new import Draft, GivenMap
 
 DPI = 150
@@ -132,8 +132,8 @@ def new(
     MovingAI grid, or what a reader of your own reads.
     """
     from hpop.cli import user_code
+    from hpop.runtime.status import Status
     from hpop.scenario import new as scenarios
-    from hpop.status import Status
 
     user_code.register(imports)
     file = Path(f"{path.stem}_scenario.yaml") if out is None else out

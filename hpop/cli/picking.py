@@ -12,13 +12,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from hpop.base.text import printable
 from hpop.cli.report import number
 from hpop.errors import OptionError, UnknownName
-from hpop.front import Front, Point
 from hpop.frontier import FrontError, UnknownColumnError, conditions
 from hpop.frontier.conditions import Condition
 from hpop.preference import Preference
-from hpop.text import printable
+from hpop.problems.front import Front, Point
 
 
 @dataclass(frozen=True)

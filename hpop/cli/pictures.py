@@ -18,8 +18,8 @@ from threading import Timer
 from types import TracebackType
 from typing import Any
 
-from hpop import matplotlib_folder
-from hpop.interrupts import interrupts_held
+from hpop.runtime import matplotlib_folder
+from hpop.runtime.interrupts import interrupts_held
 
 NICENESS = 10  # the search comes first
 STANDS = 2.0  # s: a front of a stage that stands so long is worth a picture; most give way to the next one before
@@ -85,12 +85,12 @@ class PicturesBeside:
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
     """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
-    from hpop import garbage
+    from hpop.runtime import garbage
 
     garbage.seldom()
     from hpop.cli import results, user_code
-    from hpop.front import Front
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
     if hasattr(os, "nice"):
         os.nice(NICENESS)

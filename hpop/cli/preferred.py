@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from hpop.base.text import counted, printable
 from hpop.cli.report import number, plain_table, print_wide
 from hpop.cli.results import output_errors
-from hpop.front import FOR_YOU, Front
 from hpop.preference import Preference
 from hpop.preference.best import NEAR
-from hpop.text import counted, printable
+from hpop.problems.front import FOR_YOU, Front
 
 MOST_NEAR = 8
 MUCH, LITTLE = 0.5, 0.1  # of the range of a cost on the front

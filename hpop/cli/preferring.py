@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpop.base.text import argument
 from hpop.cli import results
 from hpop.cli.command import imports_option, user_errors
 from hpop.cli.front_file import loaded, problem_of
 from hpop.cli.terminal import echo
 from hpop.errors import OutputError, StudyError
-from hpop.text import argument
 
 if TYPE_CHECKING:
     from hpop.cli.preferred import Difference
-    from hpop.front import Front
     from hpop.preference import Preference
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 FILE, PICTURE = "preference.json", "pair.png"
 DPI = 80
@@ -159,8 +159,8 @@ def prefer(
 
 def _person(front: Front, file: Path, question: str, seed: int | None) -> Preference:
     """Whoever was asked before, or somebody new."""
+    from hpop.base.randomness import seed_of
     from hpop.preference import Preference
-    from hpop.randomness import seed_of
 
     if not file.exists():
         if not file.parent.is_dir():

@@ -11,9 +11,9 @@ from rich.console import Console
 from rich.padding import Padding
 from rich.text import Text
 
-from hpop import registry
+from hpop.base import registry
+from hpop.base.registry import GROUPS
 from hpop.errors import HpopError
-from hpop.registry import GROUPS
 
 
 def print_criteria(console: Console | None = None) -> None:

@@ -16,15 +16,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from hpop.arrays import FloatArray, distinct
+from hpop.base.arrays import FloatArray, distinct
+from hpop.base.text import printable
 from hpop.criteria.base import trajectory_costs
-from hpop.front import Front
 from hpop.frontier import hypervolume
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
-from hpop.further import criteria_of
-from hpop.problem import Problem
-from hpop.text import printable
+from hpop.problems.front import Front
+from hpop.problems.further import criteria_of
+from hpop.problems.problem import Problem
 
 MOST_ROWS = 20
 MOST_DIGITS = 7  # more than usual, in which costs are told apart
@@ -284,7 +284,7 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
 def is_complete(front: Front) -> bool:
     """Whether nothing is missing of what its planners can find."""
     from hpop.frontier.union import JOINT
-    from hpop.status import Status
+    from hpop.runtime.status import Status
 
     return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
@@ -292,7 +292,7 @@ def is_complete(front: Front) -> bool:
 def why_nothing(status: str) -> str:
     """What ended the searches of a front without points, and what to do about it."""
     from hpop.frontier.union import JOINT
-    from hpop.status import Status
+    from hpop.runtime.status import Status
 
     ways: dict[str, str] = {
         Status.TIME_LIMIT: "raise time_limit (s), or make the graph smaller (a larger step, fewer samples)",

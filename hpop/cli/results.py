@@ -17,9 +17,9 @@ except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
 if TYPE_CHECKING:
-    from hpop.front import Front
     from hpop.preference import Preference
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
@@ -131,8 +131,8 @@ def save_page(problem: Problem, front: Front, saved: Path, preference: Preferenc
 
 def page_payload(saved: Path) -> dict[str, Any]:
     """What the page of a front that is saved is made of."""
-    from hpop.front import Front
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
     from hpop.view.explorer.payload import payload
 
     front = Front.load(saved)

@@ -15,8 +15,8 @@ from hpop.cli.results import RIDE
 from hpop.cli.terminal import echo, open_page
 
 if TYPE_CHECKING:
-    from hpop.front import Front
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 PORT = 8000
 KNEE = ["knee"]
@@ -97,7 +97,7 @@ def ride(
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
     """What the trajectories of a page are, printed with what is not drawn as it is; their number in words."""
-    from hpop.named_rows import named_rows
+    from hpop.problems.named_rows import named_rows
     from hpop.view.ride.scene import Scene
 
     chosen = named_rows(front, rows)
@@ -120,7 +120,7 @@ def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, bl
 def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, cable: bool, port: int) -> None:
     """Serve the page until Ctrl-C, and say how a headset comes to it."""
     from hpop.cli.serving import EVERYWHERE, OnePage, certificate_for, own_address
-    from hpop.page_server import LOCAL
+    from hpop.runtime.page_server import LOCAL
     from hpop.view.ride.page import ride_page
 
     page = ride_page(problem, front, rows=rows, blind=blind).encode()

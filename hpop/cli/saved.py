@@ -16,8 +16,8 @@ from hpop.cli.terminal import echo, open_page
 from hpop.errors import OutputError
 
 if TYPE_CHECKING:
-    from hpop.front import Front
-    from hpop.problem import Problem
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 MOST_FAULTS = 20
 PAIR = "NAME=NUMBER"
@@ -74,10 +74,10 @@ def show(
     imports: tuple[str, ...],
 ) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
-    from hpop import following
     from hpop.cli import preferred, report, user_code
-    from hpop.status import Progress
-    from hpop.verify import lost_trajectories, verify
+    from hpop.problems.verify import lost_trajectories, verify
+    from hpop.runtime import following
+    from hpop.runtime.status import Progress
 
     user_code.register(imports)
     path, front = loaded(folder)
@@ -180,8 +180,9 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     """The front with further criteria reported."""
-    from hpop import following, further
-    from hpop.status import Progress
+    from hpop.problems import further
+    from hpop.runtime import following
+    from hpop.runtime.status import Progress
 
     with following.progress_bar() as progress:
         return further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))

@@ -19,7 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from hpop.errors import OutputError
-from hpop.page_server import LOCAL, PageHandler, PageServer
+from hpop.runtime.page_server import LOCAL, PageHandler, PageServer
 
 EVERYWHERE = "0.0.0.0"
 DAYS = 7

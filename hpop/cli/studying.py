@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hpop.base.text import argument, counted
 from hpop.cli.command import user_errors
 from hpop.cli.exporting import listed
 from hpop.cli.front_file import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
 from hpop.cli.terminal import Commands, echo
 from hpop.errors import StudyError
-from hpop.text import argument, counted
 
 if TYPE_CHECKING:
-    from hpop.front import Front
-    from hpop.named_rows import NamedRow
+    from hpop.problems.front import Front
+    from hpop.problems.named_rows import NamedRow
 
 DEFAULT_COUNT = 3
 MOST_LINES = 40
@@ -125,8 +125,8 @@ def init(
     Writes into a new folder DIR the design, the schedule, the stimuli, a page for each participant, and a copy of the
     front.
     """
-    from hpop import following
-    from hpop.status import Progress
+    from hpop.runtime import following
+    from hpop.runtime.status import Progress
     from hpop.study import Design, Protocol
     from hpop.study import folder as folders
 
@@ -170,7 +170,7 @@ def serve(folder: Path, port: int, network: bool) -> None:
     machines too.
     """
     from hpop.cli.serving import EVERYWHERE, certificate_for, context_of, own_address
-    from hpop.page_server import LOCAL
+    from hpop.runtime.page_server import LOCAL
     from hpop.study import Design
     from hpop.study.server import StudyServer, token_of
 
@@ -316,7 +316,7 @@ def _rows(
 
 def _consent(path: Path) -> str:
     """The text of a file."""
-    from hpop.regular_file import read_regular
+    from hpop.base.regular_file import read_regular
 
     try:
         return read_regular(path, MOST_CONSENT).decode()

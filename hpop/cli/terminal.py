@@ -10,8 +10,8 @@ from typing import Any
 
 import click
 
+from hpop.base.text import printable
 from hpop.errors import HpopWarning
-from hpop.text import printable
 
 
 def echo(text: str, *, err: bool = False) -> None:

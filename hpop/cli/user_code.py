@@ -16,12 +16,12 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from hpop.base.registry import Registry, criteria, formats, goals, models, needed, planners, readers
+from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, did_you_mean, own_place
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
-from hpop.registry import Registry, criteria, formats, goals, models, needed, planners, readers
-from hpop.text import shown, some
 
 REGISTRIES: tuple[Registry[Any], ...] = (criteria, planners, models, goals, readers, formats)
 HOME = Path(__file__).parents[1]

@@ -24,17 +24,17 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_arg
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column, FloatArray
-from hpop.batches import batches
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.registry import completed, criteria, made
+from hpop.base.text import shown
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
-from hpop.history import History
-from hpop.limits import LimitPassed
-from hpop.motion_table import BLOCK, MotionTable
 from hpop.motions import MODEL_DEFAULTS, Model, Motions, lacking, laws_of
-from hpop.registry import completed, criteria, made
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.runtime.limits import LimitPassed
+from hpop.trajectories.batches import batches
+from hpop.trajectories.history import History
+from hpop.trajectories.motion_table import BLOCK, MotionTable
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.criteria.convex import ConvexCost, ConvexPath
@@ -92,7 +92,7 @@ class Criterion(Protocol):
         """Cost (M,) of each motion of :class:`hpop.Motions`: its share of the sum, its integral, its worst moment.
 
         With memory (aggregate "trajectory"), the running value (M,) at the end of each motion of a
-        :class:`hpop.history.History`.
+        :class:`hpop.trajectories.history.History`.
         """
 
     if TYPE_CHECKING:  # the defaults are set by `completed`

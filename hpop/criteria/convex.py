@@ -18,7 +18,7 @@ from hpop.motions import Model, States
 
 if TYPE_CHECKING:
     from hpop.world import World
-    from hpop.world.planar import FreeSpace
+    from hpop.world.geometry.planar import FreeSpace
 
 
 @dataclass(frozen=True, eq=False)

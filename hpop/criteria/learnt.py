@@ -12,16 +12,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple, NoReturn
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import MOST, BesideScenario, real, whole
+from hpop.base.regular_file import read_regular
+from hpop.base.text import printable, shown
 from hpop.criteria.base import Criterion, criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, ModelError
 from hpop.frontier.columns import Kinds, parts
 from hpop.frontier.strict_json import parse
 from hpop.models import files
 from hpop.motions import Motions
-from hpop.options import MOST, BesideScenario, real, whole
-from hpop.regular_file import read_regular
-from hpop.text import printable, shown
 
 SCHEMA, VERSION = "hpop-learnt", 1
 SIZE_LIMIT = 1024**2

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import Any, TypeVar
 
+from hpop.base.options import MOST, real
+from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import CriterionError, did_you_mean
-from hpop.options import MOST, real
-from hpop.text import shown
 
 FINEST = 1e-12  # in the unit; exact searches refuse what makes sums of it overflow
 C = TypeVar("C", bound=Criterion)

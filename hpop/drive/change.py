@@ -10,7 +10,7 @@ from shapely.geometry import mapping
 
 from hpop.drive.closings import polygon_of
 from hpop.world import Person
-from hpop.world.people import described_person
+from hpop.world.content.people import described_person
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,8 @@ import shapely
 from shapely.geometry import Polygon, mapping
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.text import shown
 from hpop.errors import CoversRobot, DriveError, MapError, did_you_mean
 from hpop.models.base import PlanarModel
 from hpop.models.collision.leaving import Leaving, alone
@@ -24,9 +25,8 @@ from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.arcs import MOVE
 from hpop.planners.graphs.chains import Chains
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.text import shown
 from hpop.world import World
-from hpop.world.content import Zone
+from hpop.world.content.content import Zone
 
 BESIDE = 1.0  # m of room round an area in the world of its own, beyond all that a robot reaches
 

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray
-from hpop.batches import batches
-from hpop.contacts import STEP, first_contact
+from hpop.base.arrays import BoolArray
 from hpop.drive.closings import Closing
 from hpop.drive.plan import SAME, Plan, between
 from hpop.motions import Collision, laws_of
-from hpop.trajectory import Trajectory
+from hpop.trajectories.batches import batches
+from hpop.trajectories.contacts import STEP, first_contact
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 
 HALVINGS = 20  # of a motion in which a robot would touch what is closed

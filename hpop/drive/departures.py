@@ -8,11 +8,11 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.drive.closings import Closing
 from hpop.motions import HOLD, laws_of
-from hpop.planners.smoothing.homotopy import holes, word
-from hpop.trajectory import Trajectory
+from hpop.planners.programs.smoothing.homotopy import holes, word
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 ALIKE = 1e-6  # m, rad or s: what differs by less is the same

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
 from hpop.drive.adaptation import NOTICE, PATIENCE, adapted
 from hpop.drive.change import Change, written
@@ -30,19 +31,18 @@ from hpop.drive.surroundings import Surroundings
 from hpop.drive.telling import Telling, deadline_of
 from hpop.drive.wishes import Wish, wished
 from hpop.errors import DriveError
-from hpop.front import Point
 from hpop.frontier.choices import Preferring
 from hpop.motions import States
 from hpop.motions.space import StateSpec
-from hpop.options import MOST, real, whole
 from hpop.planners.base import Planner
-from hpop.planners.timed.safety import LEAVING
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.planners.graphs.timed.safety import LEAVING
+from hpop.problems.front import Point
+from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 DEADLINE = 0.2
 """s, for options, where none is given."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.search import Graph
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
 from hpop.drive.aside import Aside
 from hpop.drive.known import Known
@@ -22,16 +22,16 @@ from hpop.drive.ways import Ways
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.timed.clock import GOLDEN, TimeOptions
+from hpop.planners.graphs.timed.reading import reading_time
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import CORES, Spending
-from hpop.planners.timed.clock import GOLDEN, TimeOptions
-from hpop.planners.timed.reading import reading_time
+from hpop.runtime.status import Status
 from hpop.search.prepared import Prepared
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 
 LOOK = (

@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.scalars import is_whole
+from hpop.base.text import shown
 from hpop.drive.departures import leaves, next_turn
 from hpop.errors import DriveError
-from hpop.front import Front, Point
 from hpop.frontier.choices import Preferring
 from hpop.motions import States
-from hpop.scalars import is_whole
-from hpop.status import Status
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front, Point
+from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
 
 
 class Later(NamedTuple):
@@ -63,7 +63,7 @@ class Commit:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Option(Point):
-    """One way to go on from where another way may be taken; see :class:`hpop.front.Point`.
+    """One way to go on from where another way may be taken; see :class:`hpop.problems.front.Point`.
 
     leaves_at   s, of the drive: when it leaves the announced way; None: never
     next_turn   s from now on until the robot's next turn in place begins; None: there is none

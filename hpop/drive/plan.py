@@ -7,13 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.errors import DriveError
 from hpop.models.laws import Turn
 from hpop.motions import HOLD, States, is_curve, laws_of
 from hpop.motions.hold import CLOCK, LONGEST
 from hpop.motions.possible import extras
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 SAME = 1e-9  # s, m or rad: two moments, or two states, are the same
 FARTHEST = 1.0  # m: a robot that is said to be farther from its plan has left it

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.contacts import first_contact
 from hpop.criteria.base import trajectory_costs
 from hpop.drive.closings import Closing
 from hpop.drive.cuts import closed_ways
@@ -16,11 +15,12 @@ from hpop.drive.plan import SAME, joined, part
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.objectives import Objectives
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.runtime.status import Status
+from hpop.trajectories.contacts import first_contact
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 CLAIM = (
     "incomplete: known ways, looked at again among people and closings as they are told to be now; points need not be "

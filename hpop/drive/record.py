@@ -12,16 +12,16 @@ from typing import Any
 from shapely.errors import ShapelyError
 from shapely.geometry import shape
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import shown
 from hpop.drive.execution import Execution
 from hpop.drive.storage import read
 from hpop.errors import DriveError, HpopError
-from hpop.motion_table import MotionTable
 from hpop.planners.base import make_planner
-from hpop.problem import Problem
-from hpop.text import shown
-from hpop.trajectory import Trajectory
-from hpop.world.people import person_from
+from hpop.problems.problem import Problem
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.content.people import person_from
 
 
 @checked_arguments

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop import solving
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.drive.moment import Past
-from hpop.front import Front, Point
 from hpop.frontier.dominance import quantised
-from hpop.further import claimable
 from hpop.planners.base import Candidates
-from hpop.trajectory import Trajectory
+from hpop.problems import solving
+from hpop.problems.front import Front, Point
+from hpop.problems.further import claimable
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 WHOLE = "worst moments and means are those of the whole drive"
 

@@ -10,17 +10,17 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import MOST, real
+from hpop.base.text import shown
 from hpop.drive.change import Change
 from hpop.drive.closings import Closing
 from hpop.drive.execution import DEADLINE, Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
 from hpop.errors import CoversRobot, DriveError, OptionError
-from hpop.named_rows import named_rows
-from hpop.options import MOST, real
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.problems.named_rows import named_rows
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
 WORLD = ("close", "open", "people", "stop")

@@ -5,19 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, cast
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.registry import planners
+from hpop.base.scalars import is_whole
+from hpop.base.text import shown
 from hpop.drive.adaptation import NOTICE, PATIENCE
 from hpop.drive.execution import Execution
 from hpop.errors import DriveError, QueryError, did_you_mean
-from hpop.front import Front, Point, question_of
 from hpop.frontier.choices import Preferring
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
 from hpop.planners.needs import refuse_unsupported
-from hpop.problem import Problem
-from hpop.registry import planners
-from hpop.scalars import is_whole
-from hpop.text import shown
+from hpop.problems.front import Front, Point, question_of
+from hpop.problems.problem import Problem
 
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
 

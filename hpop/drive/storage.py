@@ -6,15 +6,15 @@ import os
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
+from hpop.base.atomic import replacing
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.errors import DriveError
-from hpop.front import found_from_file, seen_from_file
-from hpop.frontier.atomic import replacing
 from hpop.frontier.storage import checked_path
 from hpop.frontier.strict_json import parse, pieces, plain
-from hpop.motion_table import MotionTable
 from hpop.planners.base import Planner
-from hpop.regular_file import read_regular
-from hpop.text import shown
+from hpop.problems.front import found_from_file, seen_from_file
+from hpop.trajectories.motion_table import MotionTable
 
 if TYPE_CHECKING:
     from hpop.drive.execution import Execution

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.scalars import is_whole
+from hpop.base.text import shown
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.ways import OF_PEOPLE, bare
 from hpop.errors import DriveError, did_you_mean
 from hpop.models.execution import needed_about
 from hpop.motions import States
-from hpop.scalars import is_whole
-from hpop.text import shown
 from hpop.world import Person, World
-from hpop.world.content import Content
+from hpop.world.content.content import Content
 from hpop.world.yielding import taken_to_stop, yielding
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 GONE = 1e5  # m: nobody who is so far away matters
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from hpop.base.options import MOST, real
 from hpop.drive.plan import SAME
 from hpop.errors import DriveError
 from hpop.frontier import strict_json
-from hpop.options import MOST, real
 
 
 class Telling:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.drive.options import Commit
 from hpop.drive.plan import SAME
 from hpop.drive.surroundings import Surroundings
@@ -23,22 +23,22 @@ from hpop.drive.ways import Ways
 from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.claims import claimed_with_known
+from hpop.planners.graphs.timed.assembly import timed_graph
+from hpop.planners.graphs.timed.clock import TimeOptions
+from hpop.planners.graphs.timed.company import Company
+from hpop.planners.graphs.timed.graph import LaidOut, Timed
+from hpop.planners.graphs.timed.query import TimedQuery
+from hpop.planners.graphs.timed.safety import LEAVING, Safety, Start
 from hpop.planners.objectives import Objectives
-from hpop.planners.timed.assembly import timed_graph
-from hpop.planners.timed.clock import TimeOptions
-from hpop.planners.timed.company import Company
-from hpop.planners.timed.graph import LaidOut, Timed
-from hpop.planners.timed.query import TimedQuery
-from hpop.planners.timed.safety import LEAVING, Safety, Start
+from hpop.runtime.status import Status
 from hpop.search.timed import TimedPaths
 from hpop.search.timed.prepared import PreparedTimed, Walk
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.joined_ends import JoinedEnds
     from hpop.planners.graphs.state_graph import StateGraph
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 EARLIER = 0.5  # s by which a robot may come to a place before its plan says so, and the graph need not be made anew
 

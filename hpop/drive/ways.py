@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.copies import copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.copies import copied
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, listed, states_by_place
 from hpop.drive.known import Known
@@ -28,16 +28,16 @@ from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, with_en
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
+from hpop.runtime.status import Status
 from hpop.search import Graph, ParetoPaths, SearchStats
 from hpop.search.prepared import Prepared
 from hpop.search.prepared.known import known_paths
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from scipy.spatial import KDTree
 
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
     from hpop.world import World
 
 ASKED = 200  # arcs nearest to a change that tell which criteria's costs it changes

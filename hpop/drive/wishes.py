@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray
+from hpop.base.arrays import BoolArray
+from hpop.base.options import real
+from hpop.base.text import shown
 from hpop.drive.options import Option, Options
 from hpop.errors import DriveError, did_you_mean
-from hpop.options import real
-from hpop.text import shown
 
 SHARE = 0.2
 """By how much, as a share, other costs may grow where somebody is in a hurry and does not say."""

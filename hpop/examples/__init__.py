@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from hpop.errors import OutputError, unknown_name
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 HERE = Path(__file__).parent
 ARM = ("arm/arm6.urdf", "arm/arm6.srdf")

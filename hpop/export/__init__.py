@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hpop.base.lazy import on_first_use
 from hpop.export.base import Content, Exported, Frames, export_format
-from hpop.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.export.formats.bag import bag

@@ -16,16 +16,16 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from hpop import __version__
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.registry import formats
+from hpop.base.text import HARMFUL, printable, shown
 from hpop.errors import OptionError
-from hpop.poses import Poses, poses
-from hpop.registry import formats
-from hpop.text import HARMFUL, printable, shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.poses import Poses, poses
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 Content = bytes | Mapping[str, bytes]
 """Of a file, or of the files of a folder by name."""

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arrays import FloatArray
-from hpop.text import printable
+from hpop.base.arrays import FloatArray
+from hpop.base.text import printable
 
 if TYPE_CHECKING:
     from hpop.view.ride.scene import Cells, Part, Plate, Scene
-    from hpop.world.people import Person
+    from hpop.world.content.people import Person
 
 Colour = tuple[int, int, int]
 ROUND = 16  # sides of what is round

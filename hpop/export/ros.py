@@ -9,16 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.lazy import library
+from hpop.base.text import printable
 from hpop.export.base import Exported
 from hpop.export.turning import back, matrices, product
-from hpop.lazy import library
-from hpop.poses import Poses, nanoseconds, on_one_side
 from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, header, pose_stamped, transform
 from hpop.ros.paths import message_of
 from hpop.ros.spaced import spaced
 from hpop.ros.typed import typed
-from hpop.text import printable
+from hpop.trajectories.poses import Poses, nanoseconds, on_one_side
 
 FOLDER = "poses"  # the bag's, until it is where it belongs: the file in it is called so
 FIXED = 1e-9  # m and 1: what moves less on the base is fixed to it

@@ -10,19 +10,19 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import replacing
+from hpop.base.registry import formats as registered
+from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, OwnCodeError
 from hpop.export.base import PROGRAM, Content, Exported, Format, Frames
-from hpop.front import Front
 from hpop.frontier import strict_json
-from hpop.frontier.atomic import replacing
-from hpop.named_rows import NamedRow, named_rows
-from hpop.registry import formats as registered
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow, named_rows
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 ABOUT = ".about.json"
 MARK = "metadata.yaml"  # a folder without it is none of ours, and stays
@@ -86,7 +86,7 @@ def save(
     Parameters
     ----------
     problem : that the front answers, whose world is shown; None where no format shows one
-    rows : numbers, or names such as "knee" and "least turns" (:func:`hpop.named_rows.named_rows`)
+    rows : numbers, or names such as "knee" and "least turns" (:func:`hpop.problems.named_rows.named_rows`)
     formats : names of formats (``hpop formats`` lists them)
 
     Others as of :func:`write`. Raises as that does, and OptionError or UnknownName for a row that is not there.

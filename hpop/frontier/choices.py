@@ -7,11 +7,11 @@ from typing import Any, Generic, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
+from hpop.base.text import shown
 from hpop.frontier import choosing, knees
 from hpop.frontier.dominance import FloatArray, IntArray
 from hpop.frontier.errors import FrontError
 from hpop.frontier.point import Point
-from hpop.text import shown
 
 T = TypeVar("T")
 

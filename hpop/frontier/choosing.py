@@ -17,10 +17,10 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from hpop.base.scalars import is_number
+from hpop.base.text import shown
 from hpop.frontier.dominance import FloatArray
 from hpop.frontier.errors import FrontError, UnknownColumnError
-from hpop.scalars import is_number
-from hpop.text import shown
 
 # Scaled values are of order one; differences below this are rounding.
 TIE = 1e-12

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hpop.base.scalars import is_number
+from hpop.base.text import shown
 from hpop.frontier import choosing
 from hpop.frontier.dominance import BoolArray, FloatArray
 from hpop.frontier.errors import FrontError
-from hpop.scalars import is_number
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.frontier.front import Front

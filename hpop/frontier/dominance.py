@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar, cast, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import shown
 from hpop.frontier import conditions, selection, storage, tables, union
 from hpop.frontier.choices import Choices
 from hpop.frontier.dominance import (
@@ -26,7 +27,6 @@ from hpop.frontier.dominance import (
 from hpop.frontier.errors import FrontFileError
 from hpop.frontier.given import as_json, floats, minimised, names_of, origins
 from hpop.frontier.point import Point
-from hpop.text import shown
 
 if TYPE_CHECKING:
     import pandas

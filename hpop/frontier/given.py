@@ -9,11 +9,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
 from hpop.frontier.dominance import FloatArray, cost_matrix
 from hpop.frontier.errors import FrontError
 from hpop.frontier.strict_json import plain
-from hpop.scalars import python_value
-from hpop.text import shown
 
 
 def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f") -> tuple[str, ...]:

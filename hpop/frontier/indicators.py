@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 from hpop.frontier.dominance import FloatArray, filter, finite_costs
 
 BEYOND = 0.1  # of the range between ideal and nadir: how far beyond the nadir the default reference lies

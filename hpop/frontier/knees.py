@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 from hpop.frontier.choosing import least, scaled
 from hpop.frontier.dominance import BoolArray, FloatArray, finite_costs, is_nondominated
 from hpop.frontier.errors import FrontError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from hpop.text import shown
+from hpop.base.text import shown
 
 T = TypeVar("T")
 

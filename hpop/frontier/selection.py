@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from hpop.base.text import shown
 from hpop.frontier.dominance import BoolArray
-from hpop.text import shown
 
 WAYS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
 

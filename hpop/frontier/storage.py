@@ -17,14 +17,14 @@ from typing import Any, NoReturn, TypedDict, cast
 
 import numpy as np
 
+from hpop.base.atomic import replacing
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.frontier import version_1
-from hpop.frontier.atomic import replacing
 from hpop.frontier.columns import Kinds, numbers, parts, places
 from hpop.frontier.dominance import FloatArray
 from hpop.frontier.errors import FrontFileError
 from hpop.frontier.strict_json import parse, pieces
-from hpop.regular_file import read_regular
-from hpop.text import shown
 
 SCHEMA = "hpop-front"
 VERSION = 2

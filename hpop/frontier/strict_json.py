@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from itertools import chain
 from typing import Any, NoReturn
 
-from hpop.scalars import python_value
+from hpop.base.scalars import python_value
 
 SLICE = 2**16  # values of a long list that are written at once
 SLICE_OF_ROWS = 2**9  # lists of whole numbers

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.lazy import library
+from hpop.base.lazy import library
 
 if TYPE_CHECKING:
     import pandas

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast, runtime_checkabl
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray
+from hpop.base.options import whole
+from hpop.base.registry import completed, goals
 from hpop.errors import QueryError
 from hpop.motions import Model, States
-from hpop.options import whole
-from hpop.registry import completed, goals
 
 if TYPE_CHECKING:
     from hpop.motions.space import Values
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
     Place = tuple[float, float, float]
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import Column
-from hpop.math import cross, dot, norm
+from hpop.base.arrays import Column
+from hpop.base.math import cross, dot, norm
 from hpop.motions import Pose, Twist, Vector
 
 ALIGNED = 1e-7  # rad: below, the sine of an angle is the angle to the last bit

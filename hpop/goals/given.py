@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.registry import completed, goals, made
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import Goal, GoalDefaults
 from hpop.goals.sets import AnyOf, GoalSet
 from hpop.motions.space import StateSpace, StateSpec, Values
-from hpop.registry import completed, goals, made
-from hpop.scalars import python_value
-from hpop.text import shown
 
 ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # of a list of goals; names as well, where states have any
 

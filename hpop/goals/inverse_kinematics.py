@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
-from hpop.math import wrap
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import wrap
 from hpop.motions import Model, States, StateSpace
 from hpop.motions.states import LazyStates
 

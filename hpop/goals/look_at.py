@@ -7,15 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import dot, hypot, norm, wrap
+from hpop.base.options import LEAST, MOST, Angle, real, set_reals
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED, goal
 from hpop.goals.bearing import LEAST as CLOSEST
 from hpop.goals.bearing import off_axis, off_axis_rates, roll_of, roll_rate
 from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
-from hpop.math import dot, hypot, norm, wrap
 from hpop.motions import Pose, Twist, Vector
-from hpop.options import LEAST, MOST, Angle, real, set_reals
 
 
 @goal("look_at")

@@ -8,14 +8,14 @@ from functools import cached_property
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.options import LEAST, MOST, Angle, set_reals
+from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import goal
 from hpop.goals.bearing import Axes, off_axis, off_axis_rates, turn_to, turn_to_rates
 from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
 from hpop.motions import Pose, Twist, Vector
-from hpop.options import LEAST, MOST, Angle, set_reals
-from hpop.text import shown
 
 
 @dataclass(frozen=True)

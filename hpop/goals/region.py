@@ -14,19 +14,19 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import not_radians
+from hpop.base.options import FARTHEST, MOST, real
+from hpop.base.randomness import RNG
+from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED, GoalDefaults, checked_count
 from hpop.goals.inverse_kinematics import InverseKinematics, sampled_space
-from hpop.math import not_radians
 from hpop.motions import Model, Pose, States, Twist
-from hpop.options import FARTHEST, MOST, real
-from hpop.randomness import RNG
-from hpop.text import shown
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 DEGREE = math.radians(1)
 LEAST_SEEDS = 200  # random states from which a descent begins, at once

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray
+from hpop.base.randomness import RNG
 from hpop.errors import HpopWarning, QueryError
 from hpop.goals.base import REACHED, Goal, GoalDefaults, checked_count
 from hpop.motions import Model, States
 from hpop.motions.space import Values
-from hpop.randomness import RNG
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 
 @checked_arguments

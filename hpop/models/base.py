@@ -9,8 +9,10 @@ from dataclasses import fields, is_dataclass
 from inspect import isfunction
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.options import FARTHEST
+from hpop.base.registry import completed, models
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.collision.leaving import planar_collision
 from hpop.models.collision.parts import Part
@@ -35,9 +37,7 @@ from hpop.models.rigid import (
 )
 from hpop.models.stations import Stations, grid_of_stations, stops_of
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
-from hpop.options import FARTHEST
-from hpop.registry import completed, models
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hpop.base.math import is_symbolic
 from hpop.errors import UnsupportedCriterion
-from hpop.math import is_symbolic
 from hpop.motions import Model, Motions
 
 POSTURES = 16  # states, drawn from all that there are, whose cameras are compared

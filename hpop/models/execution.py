@@ -27,14 +27,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.math import wrap
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
+from hpop.base.options import LEAST
 from hpop.models.laws import Run
 from hpop.motions import HOLD, Law, Model, States
 from hpop.motions.hold import CLOCK
 from hpop.motions.possible import extras
-from hpop.options import LEAST
-from hpop.trajectory import STRAIGHT, Trajectory
+from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 RUN_SAMPLES = 400  # moments of a run at which the distance covered is known, to find when a planned state is passed
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from hpop.base.options import LEAST, Angle, real
+from hpop.base.text import shown
 from hpop.errors import CriterionError, ModelError
 from hpop.motions import Model
-from hpop.options import LEAST, Angle, real
-from hpop.text import shown
 
 FieldOfView = tuple[Angle, Angle]
 

@@ -11,9 +11,9 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any, TypeGuard
 
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.errors import ModelError
-from hpop.regular_file import read_regular
-from hpop.text import shown
 from hpop.world.files import place_seen_from, places_found_from, sha256
 
 Record = dict[str, Any]

@@ -13,12 +13,12 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import smooth_abs
+from hpop.base.options import MOST, one_of, real
 from hpop.errors import ModelError
-from hpop.math import smooth_abs
 from hpop.motions import Leg, States, StateSpace
-from hpop.options import MOST, one_of, real
 
 ALONG = ("up", "ahead", "left", "round")
 STEP = math.radians(5.0)

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
-from hpop.math import hypot, is_symbolic, smooth_abs
+from hpop.base.arrays import Column
+from hpop.base.math import hypot, is_symbolic, smooth_abs
 from hpop.models.joints import Joint
 from hpop.motions import LawDefaults, Phase, States
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.math import wrap
+from hpop.base.math import wrap
 from hpop.models.laws import Move
 from hpop.motions import Leg, Model, States, StateSpace
 

@@ -8,9 +8,9 @@ from typing import Protocol, cast, runtime_checkable
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
-from hpop.math import hypot, norm, smooth_abs
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
+from hpop.base.math import hypot, norm, smooth_abs
 from hpop.models.joints import Joint, carried, reach_of, total
 from hpop.motions import Body, Curve, Law, Motions, States, integrated, is_curve
 from hpop.motions.states import Vector

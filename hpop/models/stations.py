@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.motions import States, StateSpace
 
 

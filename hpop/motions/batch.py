@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from hpop import limits
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column, FloatArray, IntArray
-from hpop.math import is_symbolic
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.math import is_symbolic
+from hpop.base.options import whole
 from hpop.motions.bodies import Body, standing
 from hpop.motions.hold import stands
 from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
@@ -21,7 +21,7 @@ from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
 from hpop.motions.panels import INTEGRATED, Nodes, before_kinks, elapsed_before, panel_counts, quadrature_nodes, runs
 from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
 from hpop.motions.states import States, picked_states
-from hpop.options import whole
+from hpop.runtime import limits
 
 if TYPE_CHECKING:
     from hpop.world import World

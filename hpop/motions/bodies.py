@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
-from hpop.math import norm
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
+from hpop.base.math import norm
 from hpop.motions.laws import is_curve
 from hpop.motions.states import Pose
 

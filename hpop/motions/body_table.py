@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.table import Table
+from hpop.base.text import shown
 from hpop.errors import OptionError, did_you_mean
 from hpop.motions.laws import Model
 from hpop.motions.states import States
-from hpop.table import Table
-from hpop.text import shown
 
 NO_BODIES = frozenset(
     {"heading", "joints", "plane", "rigid", "spline", "turn-move", "wheels"}

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.registry import completed
 from hpop.motions.states import States
-from hpop.registry import completed
 
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
+from hpop.base.registry import completed
 from hpop.motions.laws import Law, LawDefaults, Model, Phase
 from hpop.motions.states import States
-from hpop.registry import completed
 
 CLOCK = "clock"  # s, from any zero: the state whose differences are the durations of holds and curves
 LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another unit, and would be sampled without end

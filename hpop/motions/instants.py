@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
+from hpop.base.math import norm
 from hpop.errors import UnsupportedCriterion
-from hpop.math import norm
 from hpop.motions.states import LazyStates, Pose, Twist, Vector
 
 if TYPE_CHECKING:

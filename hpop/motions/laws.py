@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeGuard
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.motions.collision import Collision
 from hpop.motions.space import StateSpace
 from hpop.motions.states import Pose, States, Twist
@@ -16,7 +16,7 @@ from hpop.motions.states import Pose, States, Twist
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions
     from hpop.motions.bodies import Body
-    from hpop.trajectory import Trajectory
+    from hpop.trajectories.trajectory import Trajectory
     from hpop.world import World
 
 
@@ -216,7 +216,7 @@ class Model(Protocol):
     field_of_view  (horizontal, vertical) rad, what the camera sees at once; None for all round
                    (:mod:`hpop.models.field_of_view`)
     bodies         method of the states (N,): what of the robot can stand in the way of its camera, and is drawn, as
-                   pairs of a shape of :mod:`hpop.world.solids` and its poses (N, 4, 4); ()
+                   pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
     parts          what collides, in a form of the model's own; ()
     platform       upright prisms, :class:`hpop.models.base.Part`, that x, y and yaw place and in which the robot stays
                    whatever its other states are; the parts of a model that provides "plane", () of others

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop import limits
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.motions.laws import Phase
+from hpop.runtime import limits
 
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions

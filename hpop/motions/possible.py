@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.errors import ModelError
 from hpop.motions.hold import CLOCK, HOLD, LONGEST, laws_of, stands
 from hpop.motions.laws import Law, Model, is_coupled, is_curve, slopes

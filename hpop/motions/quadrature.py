@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from hpop.motions.laws import Phase

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.motions.batch import Motions
 from hpop.motions.laws import Phase
 from hpop.motions.states import States

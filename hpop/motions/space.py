@@ -1,7 +1,7 @@
 """The space of a model's states: its columns, which of them come round, how far apart states are, and how one is given.
 
 Every wrap of a state happens here: a column that turns is an angle in which 2 pi is a whole turn, such as a heading or
-a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`hpop.math.wrap`.
+a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`hpop.base.math.wrap`.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
+from hpop.base.math import not_radians, wrap
+from hpop.base.options import MOST, real, whole
+from hpop.base.randomness import RNG
+from hpop.base.text import article, shown
 from hpop.errors import ModelError, QueryError, did_you_mean
-from hpop.math import not_radians, wrap
 from hpop.motions.states import States
-from hpop.options import MOST, real, whole
-from hpop.randomness import RNG
-from hpop.text import article, shown
 
 Values = tuple[float | None, ...]
 StateSpec = Sequence[float | None] | Mapping[str, float | None] | str

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
 
 
 @checked_arguments

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.symbols import lift
 from hpop.motions import Motions, States
-from hpop.symbols import lift
 
 __all__ = ["SymbolicMotions", "lift", "sparse_lookup"]
 
@@ -20,7 +20,7 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
     CasADi by itself takes products of mapped functions for dense: the Hessian of a polyline of 12 segments then costs
     twice the time.
 
-    quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.looks`
+    quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.looks`
     """
     import casadi
 

@@ -7,32 +7,32 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.lazy import on_first_use
+from hpop.base.lazy import on_first_use
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 
 if TYPE_CHECKING:
     from hpop.planners.any_angle import AnyAngle
-    from hpop.planners.epsilon_constraint.planner import EpsilonConstraint
     from hpop.planners.lattice import Lattice
-    from hpop.planners.roadmap.planner import Roadmap
+    from hpop.planners.programs.corridor.planner import WeightedSumCorridor
+    from hpop.planners.programs.epsilon_constraint.planner import EpsilonConstraint
+    from hpop.planners.programs.smoothing.planner import Smoothing
+    from hpop.planners.programs.spline.planner import Spline
+    from hpop.planners.roadmap import Roadmap
     from hpop.planners.rrt.planner import RRT
     from hpop.planners.searches.exact import Exact
-    from hpop.planners.smoothing.planner import Smoothing
-    from hpop.planners.spline.planner import Spline
     from hpop.planners.weighted_sum import WeightedSum
-    from hpop.planners.weighted_sum_corridor.planner import WeightedSumCorridor
 
 _HOMES = {
     "AnyAngle": "hpop.planners.any_angle",
-    "EpsilonConstraint": "hpop.planners.epsilon_constraint.planner",
+    "EpsilonConstraint": "hpop.planners.programs.epsilon_constraint.planner",
     "Exact": "hpop.planners.searches.exact",
-    "Lattice": "hpop.planners.lattice.planner",
+    "Lattice": "hpop.planners.lattice",
     "RRT": "hpop.planners.rrt.planner",
-    "Roadmap": "hpop.planners.roadmap.planner",
-    "Smoothing": "hpop.planners.smoothing.planner",
-    "Spline": "hpop.planners.spline.planner",
+    "Roadmap": "hpop.planners.roadmap",
+    "Smoothing": "hpop.planners.programs.smoothing.planner",
+    "Spline": "hpop.planners.programs.spline.planner",
     "WeightedSum": "hpop.planners.weighted_sum",
-    "WeightedSumCorridor": "hpop.planners.weighted_sum_corridor.planner",
+    "WeightedSumCorridor": "hpop.planners.programs.corridor.planner",
 }
 
 __all__ = [

@@ -11,20 +11,20 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.registry import completed, made, planners
+from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.planners.deferred import Deferred
 from hpop.planners.objectives import edge_objectives as edge_objectives  # public by this name too
-from hpop.registry import completed, made, planners
-from hpop.status import ProgressCallback, Status
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.runtime.status import ProgressCallback, Status
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import GraphFamily
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 T = TypeVar("T", bound=type)
 

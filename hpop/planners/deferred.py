@@ -9,8 +9,8 @@ from typing import overload
 
 import numpy as np
 
-from hpop.arrays import IntArray
-from hpop.trajectory import Trajectory
+from hpop.base.arrays import IntArray
+from hpop.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal, cast
 
+from hpop.base.registry import planners
 from hpop.errors import QueryError
-from hpop.registry import planners
 
 if TYPE_CHECKING:
     from hpop.motions.space import Values
     from hpop.planners.base import Planner
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 End = tuple[float, float, float | None]
 """x m, y m, yaw rad, or None where the heading is free."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 from time import perf_counter
 
 from hpop.planners.base import Candidates
-from hpop.status import Status
+from hpop.runtime.status import Status
 
 SHARES = (16, 4)  # of all points, one of so many, in the first sample and in the second
 MARGIN = 1.2  # what all points may take, beyond what the samples tell

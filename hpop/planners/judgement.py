@@ -13,18 +13,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.goals import GoalSet
-from hpop.motion_table import MotionTable
 from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.runtime.status import Status
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound by this, or by half a quantum
 

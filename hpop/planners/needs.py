@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, cast
 
+from hpop.base.registry import graphs, planners
 from hpop.errors import QueryError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import Model, Wheeled
 from hpop.planners.base import UNDECLARED, Planner
-from hpop.registry import graphs, planners
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 
 def refuse_unsupported(planner: Planner, model: Model) -> None:

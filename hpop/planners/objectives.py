@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, Group, place_of
 from hpop.criteria.quanta import stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion

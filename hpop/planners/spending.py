@@ -20,11 +20,11 @@ from typing import Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
-from hpop import limits
-from hpop.interrupts import interrupts_held
 from hpop.planners.base import Candidates
 from hpop.planners.objectives import Objectives
-from hpop.status import RESERVED, Budget, Status
+from hpop.runtime import limits
+from hpop.runtime.interrupts import interrupts_held
+from hpop.runtime.status import RESERVED, Budget, Status
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
@@ -65,7 +65,7 @@ class Spending:
         self.memory = memory
         self._began = perf_counter() - spent
         self._compiled = _compiling()
-        self._beside = LATER if "hpop.compiled" in sys.modules else BESIDE
+        self._beside = LATER if "hpop.runtime.compiled" in sys.modules else BESIDE
         self._resident, self._looked = _resident() if self.budget.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
@@ -235,5 +235,5 @@ def _resident() -> int:
 
 def _compiling() -> float:
     """Seconds that this process has spent on compiling kernels so far; none before numba is imported."""
-    compiled = sys.modules.get("hpop.compiled")
+    compiled = sys.modules.get("hpop.runtime.compiled")
     return compiled.compiling_seconds() if compiled else 0.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.motions import Model, States
 
 if TYPE_CHECKING:

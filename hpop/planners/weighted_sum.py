@@ -8,22 +8,22 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from hpop.base.scalars import set_python_values
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.graphs.claims import OFF, ROUNDED
 from hpop.planners.graphs.family import GraphFamily, GraphSpec, NotBuilt, make_family
+from hpop.planners.graphs.lattice.family import LatticeGraph
 from hpop.planners.graphs.query import GraphQuery, built_query, refuse_unanswerable
-from hpop.planners.lattice.planner import LatticeGraph
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.searches.exact import QUICK, SHARE
+from hpop.planners.searches.weights import Weights, asked_weights, check_count
 from hpop.planners.spending import Exhausted, Spending, stopped
-from hpop.planners.weights import Weights, asked_weights, check_count
-from hpop.scalars import set_python_values
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search import supported_paths
-from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 
 @planner("weighted-sum")

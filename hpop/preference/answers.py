@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST, real, whole
+from hpop.base.scalars import python_value
+from hpop.base.text import HARMFUL, shown
 from hpop.errors import StudyError
-from hpop.options import MOST, real, whole
 from hpop.preference.model import Evidence
 from hpop.preference.scale import Scale
-from hpop.scalars import python_value
-from hpop.text import HARMFUL, shown
 
 MOST_ANSWERS = 10_000
 """Of one person, pairs made of ratings among them."""

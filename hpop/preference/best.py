@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
 from hpop.frontier.choosing import least
 from hpop.preference.draws import Draws
 

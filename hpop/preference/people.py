@@ -15,14 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST, real
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.options import MOST, real
 from hpop.preference.preference import Preference
 from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, rescaled, stretched
 from hpop.preference.scale import Measure
-from hpop.text import shown
 
 LEAST_PEOPLE = 20
 """From which on a profile is used; of fewer it is reported alone."""

@@ -10,11 +10,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST_SEED, real, whole
+from hpop.base.text import counted
 from hpop.errors import StudyError
 from hpop.frontier import Front
-from hpop.options import MOST_SEED, real, whole
 from hpop.preference import storage
 from hpop.preference.answers import Answer, answer_of, checked_question, evidence, of_choices, of_ratings
 from hpop.preference.best import NEAR, Best, judged, judged_alone, row_of
@@ -22,7 +23,6 @@ from hpop.preference.draws import COUNT, Draws
 from hpop.preference.prior import Prior
 from hpop.preference.questions import most_telling
 from hpop.preference.scale import Feature, Scale, fingerprint
-from hpop.text import counted
 
 QUESTIONS = 12
 """After which nobody is asked any more, where it is not said otherwise."""

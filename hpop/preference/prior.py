@@ -9,13 +9,13 @@ from math import log
 import numpy as np
 from scipy.special import gammaln
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import real, whole
+from hpop.base.scalars import set_python_values
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.options import real, whole
 from hpop.preference.scale import LOG, Measure
-from hpop.scalars import set_python_values
-from hpop.text import shown
 
 SELECTIVE = 0.3
 """Share of people who care for some of the costs only."""

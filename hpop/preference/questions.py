@@ -11,7 +11,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.preference.draws import Draws
 from hpop.preference.model import BLOCK, probabilities
 

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST, real
+from hpop.base.text import counted, shown
 from hpop.errors import StudyError, did_you_mean
 from hpop.frontier import Front
 from hpop.frontier.choosing import ROUNDING
-from hpop.options import MOST, real
-from hpop.text import counted, shown
 
 LOG = "log"
 BENT = 9.0

@@ -14,17 +14,17 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.atomic import replacing
+from hpop.base.options import MOST_SEED
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.frontier.atomic import replacing
 from hpop.frontier.columns import Kinds, numbers, parts
 from hpop.frontier.strict_json import parse, pieces
-from hpop.options import MOST_SEED
 from hpop.preference.answers import MOST_ANSWERS, Answer, checked_question
 from hpop.preference.prior import Prior
 from hpop.preference.scale import Measure, Scale
-from hpop.regular_file import read_regular
-from hpop.text import shown
 
 SCHEMA = "hpop-preference"
 VERSION = 1

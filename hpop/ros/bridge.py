@@ -17,13 +17,13 @@ from time import monotonic
 from typing import Any
 from urllib.parse import urlsplit
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.lazy import library
+from hpop.base.text import printable, shown
 from hpop.errors import OptionError
-from hpop.following import log
-from hpop.lazy import library
 from hpop.ros import protocol
 from hpop.ros.path_server import PathServer
-from hpop.text import printable, shown
+from hpop.runtime.following import log
 
 MOST_WAITING = 16  # frames that wait to be read
 MOST_A_SECOND = 500  # messages

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, fields
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import one_of
+from hpop.base.text import shown
 from hpop.errors import OptionError
-from hpop.options import one_of
-from hpop.text import shown
 
 NAME = re.compile(r"[A-Za-z/][A-Za-z0-9_/]{0,199}")
 FRAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}")  # it stands in each pose of a path

@@ -10,11 +10,11 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import FARTHEST
+from hpop.base.scalars import is_number, is_whole
+from hpop.base.text import shown
 from hpop.errors import RosError
-from hpop.options import FARTHEST
-from hpop.scalars import is_number, is_whole
-from hpop.text import shown
 
 Message = dict[str, Any]
 

@@ -11,15 +11,15 @@ from threading import Condition, Thread
 from time import monotonic
 from typing import Any
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import printable, shown
 from hpop.errors import RosError
-from hpop.following import log
 from hpop.ros import protocol
 from hpop.ros.messages import Message, PlanarPose, planar_pose
 from hpop.ros.planning import Planning
 from hpop.ros.result import Answer, ErrorCode, Failure, canceled, failed
-from hpop.status import Progress
-from hpop.text import printable, shown
+from hpop.runtime.following import log
+from hpop.runtime.status import Progress
 
 Send = Callable[[str], None]
 ALIVE = 1.0  # s between two pieces of feedback, at least

@@ -7,17 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
 from hpop.errors import ModelError, OptionError, RosError
-from hpop.math import wrap
 from hpop.motions import Model, States
 from hpop.motions.hold import CLOCK
 from hpop.motions.possible import STILL
-from hpop.poses import Poses, nanoseconds
 from hpop.ros.messages import SECOND, Message, header, mapping, planar_pose, pose_stamped, time_of
 from hpop.ros.spaced import spaced
-from hpop.trajectory import STRAIGHT, Trajectory
+from hpop.trajectories.poses import Poses, nanoseconds
+from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 MOST_POSES = 20_000  # of a path, one every 5 cm: 1 km, below the 10 MB that a bridge takes (its max_message_size)
 
@@ -39,7 +39,7 @@ def path_message(
 
     Raises OptionError for a robot without a base.
 
-    >>> from hpop.registry import make_model
+    >>> from hpop.base.registry import make_model
     >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (1, 0, 0), (1, 0.1, np.pi / 2)])
     >>> path_message(goes)["poses"][-1]["pose"]["position"]
     {'x': 1.0, 'y': 0.1, 'z': 0.0}

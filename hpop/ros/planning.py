@@ -10,21 +10,21 @@ from typing import Any, cast
 import numpy as np
 import shapely
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import shown
 from hpop.errors import HpopError, LimitError, OptionError, QueryError, RosError, UnknownName
-from hpop.front import Front
 from hpop.frontier.union import JOINT
 from hpop.motions.space import Values
-from hpop.named_rows import NamedRow, named_rows
 from hpop.planners.base import Planner
-from hpop.problem import Problem
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow, named_rows
+from hpop.problems.problem import Problem
 from hpop.ros.interface import LONGEST_CHOICE, Interface
 from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
 from hpop.ros.protocol import GoalStatus
 from hpop.ros.result import Answer, ErrorCode, Failure, failed, values_of
-from hpop.status import ProgressCallback, Status, why_none
-from hpop.text import shown
+from hpop.runtime.status import ProgressCallback, Status, why_none
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
 MOST_OPTIONS = 500  # points of a front that are told

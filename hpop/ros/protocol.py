@@ -12,11 +12,11 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any
 
+from hpop.base.text import shown
 from hpop.errors import RosError
 from hpop.frontier import strict_json
 from hpop.ros.interface import Interface
 from hpop.ros.messages import Message
-from hpop.text import shown
 
 ACTION = "nav2_msgs/action/ComputePathToPose"
 TEXT = "std_msgs/msg/String"

@@ -5,10 +5,10 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
+from hpop.base.text import printable
 from hpop.ros.interface import FIELDS, Interface
 from hpop.ros.messages import SECOND, Message, header, stamp
 from hpop.ros.protocol import GoalStatus
-from hpop.text import printable
 
 LONGEST = 1000  # characters of an error's message
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.poses import Poses, poses_at
-from hpop.trajectory import Trajectory
+from hpop.trajectories.poses import Poses, poses_at
+from hpop.trajectories.trajectory import Trajectory
 
 APART = 0.05  # m between the poses of a path, at most; a cell of a usual map
 TURNED = np.deg2rad(45.0)  # between them, at most, so that it is clear which way round a turn goes

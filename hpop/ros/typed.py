@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
 from hpop.errors import RosError
 from hpop.ros.messages import Message
-from hpop.scalars import python_value
-from hpop.text import shown
 
 KINDS = {"string": str, "bool": bool}  # of values, others are numbers
 

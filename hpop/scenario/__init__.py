@@ -47,20 +47,21 @@ from typing import Any, cast
 import shapely
 from pydantic import BaseModel
 
-from hpop import limits
-from hpop.copies import copied
+from hpop.base.copies import copied
+from hpop.base.options import LEAST, MOST, real
+from hpop.base.registry import criteria, models, planners, readers
+from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import LimitError, QueryError, StudyError, UnsupportedModel, did_you_mean
 from hpop.motions import Model
-from hpop.options import LEAST, MOST, real
 from hpop.planners.base import Planner
 from hpop.planners.needs import refuse_unsupported
 from hpop.planners.objectives import integral_of
 from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
 from hpop.preference import Preference
-from hpop.problem import Problem
-from hpop.registry import criteria, models, planners, readers
+from hpop.problems.problem import Problem
+from hpop.runtime import limits
 from hpop.scenario.faults import Faults, entries
 from hpop.scenario.people import groups_of, people_of
 from hpop.scenario.schema import (
@@ -79,14 +80,14 @@ from hpop.scenario.schema import (
     ZoneEntry,
 )
 from hpop.scenario.yaml_lines import Document, Place
-from hpop.text import shown
-from hpop.world import World, geojson_content
-from hpop.world.content import Content, Landmark, Zone
-from hpop.world.crossings import check_joinable
-from hpop.world.predictions import bounded
-from hpop.world.readers import read_world
-from hpop.world.shapes import check_coordinates
-from hpop.world.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+from hpop.world import World
+from hpop.world.content.content import Content, Landmark, Zone
+from hpop.world.content.predictions import bounded
+from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.shapes import check_coordinates
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+from hpop.world.readers import geojson_content
+from hpop.world.readers.readers import read_world
 
 SHAPES = ("box", "cylinder", "sphere", "hull")
 

@@ -30,14 +30,14 @@ from hpop.drive.script import KINDS, Event
 from hpop.drive.surroundings import Surroundings
 from hpop.drive.wishes import HURRY, checked_wish
 from hpop.errors import HpopError
-from hpop.named_rows import name_meant
+from hpop.problems.named_rows import name_meant
 from hpop.scenario.faults import Faults
 from hpop.scenario.people import people_of
 from hpop.scenario.schema import STRICT, Entry, Point
 from hpop.scenario.yaml_lines import Document, Place
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 
 class EventEntry(BaseModel):

@@ -14,16 +14,16 @@ from typing import Any, TypeVar
 import shapely
 from pydantic import BaseModel, ValidationError
 
+from hpop.base.options import Degrees
+from hpop.base.registry import Registry, goals, model_parameters, models, readers
+from hpop.base.text import article, shown
 from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
 from hpop.goals import is_named
 from hpop.motions import Model, StateSpace
-from hpop.options import Degrees
-from hpop.registry import Registry, goals, model_parameters, models, readers
+from hpop.runtime.status import LIMITS, NO_LIMIT
 from hpop.scenario.schema import WorldSection, parameters_of
 from hpop.scenario.yaml_lines import Document, Place
-from hpop.status import LIMITS, NO_LIMIT
-from hpop.text import article, shown
-from hpop.world.readers import ENDINGS
+from hpop.world.readers.readers import ENDINGS
 
 EXPECTED = {
     "string_type": "text",

@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticOmit, core_schema
 
-from hpop.options import Degrees
-from hpop.registry import Registry, criteria, goals, model_parameters, models, needed, planners, readers
+from hpop.base.options import Degrees
+from hpop.base.registry import Registry, criteria, goals, model_parameters, models, needed, planners, readers
 from hpop.scenario.field_docs import parameter_docs
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
@@ -37,7 +37,7 @@ from hpop.scenario.schema import (
     ZoneEntry,
     parameters_of,
 )
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 Schema = dict[str, Any]
 

@@ -13,18 +13,18 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import yaml
 
+from hpop.base.options import Degrees
+from hpop.base.registry import make_model
+from hpop.base.regular_file import read_regular
+from hpop.base.text import argument, shown
 from hpop.errors import NOTE, MapError, OptionError, QueryError
-from hpop.options import Degrees
-from hpop.planners.free_map import FreeMap
+from hpop.planners.programs.free_map import FreeMap
 from hpop.planners.usable import elsewhere
-from hpop.problem import Problem
-from hpop.registry import make_model
-from hpop.regular_file import read_regular
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status, why_none
 from hpop.scenario.json_schema import LINE
-from hpop.status import Status, why_none
-from hpop.text import argument, shown
 from hpop.world import World
-from hpop.world.readers import reader_of
+from hpop.world.readers.readers import reader_of
 
 SCHEMA = "scenario.schema.json"
 MOST_BYTES = 2**20  # of a scenario, as hpop.scenario.yaml_lines has it

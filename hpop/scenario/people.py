@@ -8,12 +8,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from hpop.base.text import counted, printable, shown
 from hpop.errors import MapError
 from hpop.scenario.faults import Faults, entries
 from hpop.scenario.schema import FutureEntry, PersonEntry, TrackEntry, WaypointsEntry
 from hpop.scenario.yaml_lines import Place
-from hpop.text import counted, printable, shown
-from hpop.world.people import Future, Person
+from hpop.world.content.people import Future, Person
 from hpop.world.tracks import Track, read_tracks
 
 BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "waypoints"})

@@ -18,9 +18,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from hpop.options import Degrees
-from hpop.registry import hints_of, model_parameters
-from hpop.world.geojson_content import FLOW_WIDTH
+from hpop.base.options import Degrees
+from hpop.base.registry import hints_of, model_parameters
+from hpop.world.readers.geojson_content import FLOW_WIDTH
 
 STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, defer_build=True)
 PARAMETERS = ConfigDict(**STRICT, arbitrary_types_allowed=True, protected_namespaces=())

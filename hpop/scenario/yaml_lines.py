@@ -8,9 +8,9 @@ from typing import Any, NoReturn
 
 import yaml
 
+from hpop.base.regular_file import read_regular
+from hpop.base.text import printable, shown
 from hpop.errors import ScenarioError
-from hpop.regular_file import read_regular
-from hpop.text import printable, shown
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 20

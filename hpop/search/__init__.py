@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from hpop.lazy import on_first_use
+from hpop.base.lazy import on_first_use
 from hpop.search.graph import Graph
 from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.search.mean.capped_mean import MeanPaths, capped_mean_paths

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray, distinct
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from hpop.search.graph import Graph
 
 UNKNOWN, FREE, BLOCKED = range(3)

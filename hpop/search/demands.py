@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from hpop.base.options import MOST_COUNTED, amounts, whole
+from hpop.base.text import shown
 from hpop.errors import OptionError, did_you_mean
-from hpop.options import MOST_COUNTED, amounts, whole
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.networks import WHOLE
-from hpop.text import shown
 
 
 def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:

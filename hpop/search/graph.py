@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.options import whole
+from hpop.base.text import shown
 from hpop.errors import GraphError, did_you_mean
-from hpop.options import whole
 from hpop.search.networks import Edges, network
-from hpop.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx

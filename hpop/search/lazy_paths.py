@@ -17,14 +17,14 @@ from time import perf_counter
 
 import numpy as np
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
+from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.asked_arcs import BLOCKED, FREE, AskedArcs, Free
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import proven_gap
 from hpop.search.machinery.checkpoint import Arrays, Keeper, not_kept
 from hpop.search.queries import ParetoPaths
-from hpop.status import Budget, Progress, ProgressCallback, Status
 
 LEAST = 1e-9  # s: a budget that is left is positive
 ROUNDS, GENERATED, EXPANDED, COUNTS = range(4)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import IntArray, distinct
+from hpop.base.arrays import IntArray, distinct
 from hpop.errors import OptionError
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import EXACT, Precision

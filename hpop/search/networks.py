@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.scalars import is_number, python_value
+from hpop.base.text import shown
 from hpop.errors import GraphError, did_you_mean
 from hpop.frontier import default_quanta
-from hpop.scalars import is_number, python_value
-from hpop.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx

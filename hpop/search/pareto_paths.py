@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import IntArray
+from hpop.base.text import shown
 from hpop.errors import OptionError
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.demands import asked_in_words, bounds_of, precision_of
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision, proven_gap
 from hpop.search.methods import Question, chosen_method, chosen_order
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_node, checked_targets
-from hpop.status import Budget, ProgressCallback, Status
-from hpop.text import shown
 
 if TYPE_CHECKING:
     import networkx as nx

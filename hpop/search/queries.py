@@ -8,15 +8,15 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import whole
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
 from hpop.errors import GraphError, QueryError
 from hpop.frontier import Front
-from hpop.options import whole
-from hpop.scalars import python_value
+from hpop.runtime.status import Budget, Status
 from hpop.search.graph import Graph, strange_node
-from hpop.status import Budget, Status
-from hpop.text import shown
 
 UNLIMITED = Budget()
 

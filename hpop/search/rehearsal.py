@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from hpop import garbage
+from hpop.runtime import garbage
+from hpop.runtime.status import Budget
 from hpop.search.graph import Graph
 from hpop.search.machinery.beside import name_of
 from hpop.search.machinery.bounds import lower_bounds
@@ -21,7 +22,6 @@ from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.slices import Clock, Search
 from hpop.search.machinery.turns import Groups
 from hpop.search.supported.supported_paths import SupportedRun
-from hpop.status import Budget
 
 SIDE, HEADINGS = 3, 8  # of the lattice
 FAR = 2000  # a move costs at least so much: only turns are a small whole number

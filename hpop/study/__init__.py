@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.lazy import on_first_use
+from hpop.base.lazy import on_first_use
 
 if TYPE_CHECKING:
     from hpop.preference import Best, People, Preference, Prior

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import one_of
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.options import one_of
 from hpop.study.answers import Answers, Matrix
 from hpop.study.decisions import decided
 from hpop.study.design import Design
 from hpop.study.results import BEFORE, Method, Row, choice_tables, score_tables, stimuli_table
 from hpop.study.statistics.corrections import CORRECTIONS, Correction
-from hpop.text import shown
 
 if TYPE_CHECKING:
     import os

@@ -10,10 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import one_of
+from hpop.base.text import counted, shown
 from hpop.errors import StudyError
-from hpop.options import one_of
 from hpop.study.design import Design
 from hpop.study.documents import write_bytes
 from hpop.study.forms import Form
@@ -21,7 +22,6 @@ from hpop.study.participants import unequal
 from hpop.study.scoring import score
 from hpop.study.session import Session, asked_at, questions_of
 from hpop.study.tables import Column, Contents, csv_bytes, sqlite_bytes
-from hpop.text import counted, shown
 
 FOLDER = "answers"
 MOST_FILES = 2000

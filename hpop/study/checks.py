@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import NamedTuple
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 from hpop.errors import StudyError
 from hpop.study.answers import Answers, read_sessions
 from hpop.study.design import Design

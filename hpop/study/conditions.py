@@ -9,12 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hpop.base.text import printable
 from hpop.errors import StudyError
-from hpop.front import Front
-from hpop.named_rows import NamedRow, named_rows
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.study.orders import MOST_STIMULI
-from hpop.text import printable
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 VIEW = "view"
 """What stands for a row: the still view from the start, the baseline."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from hpop.base.text import counted
 from hpop.study.answers import Answers, Matrix
 from hpop.study.conditions import unlike
 from hpop.study.design import Design
@@ -14,7 +15,6 @@ from hpop.study.results import Method
 from hpop.study.session import questions_of
 from hpop.study.statistics.corrections import Correction
 from hpop.study.statistics.related import LEAST_STIMULI
-from hpop.text import counted
 
 PAPERS_POWER = (
     "It takes each score as another person's. Here the same people answered: how high each answers in general stays in "

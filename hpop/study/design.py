@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import MOST_SEED, one_of, whole
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.front import Front
 from hpop.frontier.strict_json import pieces
-from hpop.named_rows import NamedRow
-from hpop.options import MOST_SEED, one_of, whole
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow
 from hpop.study import documents, orders
 from hpop.study.conditions import KINDS, VIEW, Baseline, Condition, lettered, unlike
 from hpop.study.design_file import FILE, FRONT, MOST_BYTES, PEOPLE, SCHEDULE, DesignFile, PeopleFile
@@ -39,7 +40,6 @@ from hpop.study.participants import (
     uneven,
 )
 from hpop.study.protocol import Protocol, checked_text
-from hpop.text import shown
 
 SCHEMA, VERSION = "hpop-study", 1
 FORM_SCHEMA = "hpop-form"

@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from hpop.base.atomic import replacing
+from hpop.base.regular_file import read_regular
+from hpop.base.text import printable, shown
 from hpop.errors import StudyError
-from hpop.frontier.atomic import replacing
 from hpop.frontier.strict_json import parse, pieces
-from hpop.regular_file import read_regular
-from hpop.text import printable, shown
 
 MOST_FAULTS = 3
 """Faults of a file that are told one by one."""

@@ -10,12 +10,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import one_of
+from hpop.base.text import counted
 from hpop.errors import StudyError
-from hpop.options import one_of
 from hpop.study.results import BEFORE, label, placed
 from hpop.study.statistics import describe
-from hpop.text import counted
 from hpop.view.canvas import new_figure
 from hpop.view.style import COLOURS, HALO, LARGE, NORMAL, QUIET, SMALL, plain
 

@@ -10,11 +10,11 @@ from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 from hpop.errors import HpopError, StudyError
-from hpop.front import Front
-from hpop.problem import Problem
-from hpop.status import ProgressCallback
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.status import ProgressCallback
 from hpop.study.answers import FOLDER as ANSWERS
 from hpop.study.conditions import VIEW, Baseline
 from hpop.study.design import Design
@@ -27,7 +27,7 @@ from hpop.study.stimuli import save_stimuli
 from hpop.study.words import FOLDER as WORDS
 from hpop.study.words import MOST_BYTES as MOST_WORDS
 from hpop.study.words import checked_file
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 PAGES, STIMULI, REPORT = "pages", "stimuli", "report"
 KEPT = (ANSWERS, PAGES, STIMULI, WORDS)

@@ -17,13 +17,13 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import BaseModel, ConfigDict, Field, Strict, StringConstraints, ValidationError, model_validator
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.scalars import is_number, python_value
+from hpop.base.text import shown
 from hpop.errors import HpopError, StudyError, did_you_mean
-from hpop.scalars import is_number, python_value
 from hpop.scenario.faults import Faults
 from hpop.scenario.yaml_lines import Document
 from hpop.study.documents import in_words
-from hpop.text import shown
 
 MOST_ITEMS = 200
 MOST_STEPS = 1000

@@ -7,8 +7,8 @@ from hashlib import sha256
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.front import Front
+from hpop.base.arguments import checked_arguments
+from hpop.problems.front import Front
 
 
 @checked_arguments

@@ -12,19 +12,19 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.atomic import replacing
+from hpop.base.options import MOST, one_of, real
+from hpop.base.scalars import is_whole
+from hpop.base.text import shown
 from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, trajectory_costs
 from hpop.criteria.learnt import LEAST_WEIGHT, Learnt, Source, checked_parts, document
 from hpop.errors import HpopWarning, StudyError
-from hpop.front import Front
-from hpop.frontier.atomic import replacing
 from hpop.frontier.strict_json import pieces
-from hpop.options import MOST, one_of, real
-from hpop.problem import Problem
-from hpop.scalars import is_whole
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 
 FOLDS = 10
 """Parts of the trajectories, each left out once, at most."""

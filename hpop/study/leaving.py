@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import sweep
 from hpop.errors import StudyError
-from hpop.frontier.atomic import sweep
 from hpop.study import report_file
 from hpop.study.analysis import analyse
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers

@@ -18,10 +18,10 @@ from typing import Literal, TypeVar
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.base.options import one_of
+from hpop.base.text import counted
 from hpop.errors import StudyError
-from hpop.options import one_of
-from hpop.text import counted
 
 Kind = Literal["permutations", "williams", "latin", "random"]
 KINDS: tuple[Kind, ...] = ("permutations", "williams", "latin", "random")

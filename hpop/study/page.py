@@ -17,14 +17,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
-from hpop.regular_file import read_regular
 from hpop.study import stimuli
 from hpop.study.protocol import STOP_RULE
 from hpop.study.words import words
-from hpop.text import shown
 from hpop.view.single_page import single_page
 
 SCHEMA, VERSION = "hpop-session", 1

@@ -11,9 +11,9 @@ from itertools import product
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import counted, printable, shown
 from hpop.errors import StudyError
-from hpop.text import counted, printable, shown
 
 ID = re.compile(r"p[0-9]{2,4}")
 MOST = 1000

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import one_of, real, whole
+from hpop.base.text import counted
 from hpop.errors import StudyError
-from hpop.front import Front
 from hpop.frontier.choosing import farthest, scaled
 from hpop.motions.body_table import check_body
-from hpop.named_rows import NamedRow, named_rows
-from hpop.options import one_of, real, whole
-from hpop.text import counted
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow, named_rows
+from hpop.trajectories.trajectory import Trajectory
 
 KINDS = ("costs", "paths")
 MOST = 26

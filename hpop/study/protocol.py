@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import real
+from hpop.base.text import HARMFUL
 from hpop.errors import StudyError
-from hpop.options import real
-from hpop.text import HARMFUL
 
 MOST_TEXT = 20_000
 """Characters of a text that participants read."""

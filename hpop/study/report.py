@@ -14,8 +14,9 @@ import numpy as np
 import scipy
 
 import hpop
+from hpop.base.html import table_html
+from hpop.base.text import printable
 from hpop.errors import StudyError
-from hpop.html import table_html
 from hpop.study import design_file, report_file
 from hpop.study.conditions import unlike
 from hpop.study.documents import write_bytes
@@ -24,7 +25,6 @@ from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
 from hpop.study.statistics.pairs import STEP
 from hpop.study.tables import Column, Contents, csv_bytes
-from hpop.text import printable
 from hpop.view.canvas import png_of
 
 if TYPE_CHECKING:

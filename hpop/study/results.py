@@ -10,9 +10,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.registry import criteria
 from hpop.errors import StudyError
-from hpop.registry import criteria
 from hpop.study import statistics
 from hpop.study.answers import Answers, Matrix
 from hpop.study.design import Design

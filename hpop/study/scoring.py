@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from math import isnan, nan
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.scalars import python_value
 from hpop.study.forms import Form, Item, Score
-from hpop.text import shown
 
 DIGITS = 9
 """Of scores after the point: equal scores shall be equal numbers, else tests elsewhere see no ties."""

@@ -1,7 +1,7 @@
 """The study's own server: it gives each participant a page, and writes down each answer as soon as it is given.
 
 It gives the pages, the stimuli and what a page has recorded so far to that page, and no other file; who may ask is
-checked by :mod:`hpop.page_server`.
+checked by :mod:`hpop.runtime.page_server`.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from hpop.base.regular_file import open_regular
 from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
-from hpop.page_server import LOCAL, PIECE, PageHandler, PageServer
-from hpop.regular_file import open_regular
+from hpop.runtime.page_server import LOCAL, PIECE, PageHandler, PageServer
 from hpop.study.answers import FOLDER
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE

@@ -15,13 +15,13 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, StringConstraints
 
+from hpop.base.text import HARMFUL, counted, shown
 from hpop.errors import StudyError
 from hpop.study.conditions import VIEW
 from hpop.study.design import Design
 from hpop.study.documents import Part, read
 from hpop.study.forms import Form
 from hpop.study.participants import Participant
-from hpop.text import HARMFUL, counted, shown
 
 SCHEMA, VERSION = "hpop-answers", 1
 MOST_BYTES = 8 * 1024**2

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import MOST_SEED, real, whole
 from hpop.errors import StudyError
-from hpop.options import MOST_SEED, real, whole
 from hpop.study.answers import Answers
 from hpop.study.design import Design
 from hpop.study.forms import Form, Item

@@ -14,17 +14,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import replacing
+from hpop.base.options import real
+from hpop.base.text import shown
 from hpop.errors import OutputError, StudyError
-from hpop.following import followed
-from hpop.front import Front
-from hpop.frontier.atomic import replacing
-from hpop.options import real
-from hpop.problem import Problem
-from hpop.status import Progress, ProgressCallback
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.following import followed
+from hpop.runtime.status import Progress, ProgressCallback
 from hpop.study.words import Words, words
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.bodies import links_of, tilted_solids
 from hpop.view.ride.page import licence
 from hpop.view.ride.scene import Scene

@@ -8,10 +8,10 @@ from importlib import resources
 from pathlib import Path
 from string import Formatter
 
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
-from hpop.regular_file import read_regular
-from hpop.text import shown
 
 FOLDER = "words"
 """Of a study, with files for languages that hpop does not bring."""

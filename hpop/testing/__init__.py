@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from hpop import registry
-from hpop.arguments import checked_arguments
+from hpop.base import registry
+from hpop.base.arguments import checked_arguments
+from hpop.base.randomness import RNG
 from hpop.criteria.base import Criterion
 from hpop.motions import Model
-from hpop.randomness import RNG
 from hpop.testing.checks import Check
 from hpop.testing.criteria import check_criterion, criterion_checks
 from hpop.testing.models import check_model, model_checks

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.motions import Body, Motions, Pose, States
 from hpop.motions.states import Vector
 from hpop.testing.checks import SAME, differ
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 MOMENTS = 40  # within each motion
 MOMENT = 1e-6  # s, of differences

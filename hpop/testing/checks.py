@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.errors import HpopError
 
 SAME = 1e-9  # m or rad, and relative: so far apart is the same

@@ -8,14 +8,14 @@ from typing import Any, get_args
 
 import numpy as np
 
+from hpop.base.registry import criteria
+from hpop.base.text import shown
 from hpop.criteria.base import Aggregate, Criterion, Group, Role
 from hpop.errors import ModelError
 from hpop.models.collision.parts import Part
 from hpop.models.field_of_view import checked_field_of_view
 from hpop.motions import Model, Motions, States, collision_of
-from hpop.registry import criteria
 from hpop.testing.checks import SAME, differ
-from hpop.text import shown
 from hpop.world import World
 
 WHEELS = ("wheel_base", "wheel_speed", "wheel_acceleration")
@@ -97,7 +97,7 @@ def _platform(model: Model, states: States) -> str:
 def _bodies(model: Model, states: States) -> str:
     for shape, poses in model.bodies(states):
         if not hasattr(shape, "corners") and not hasattr(shape, "radius"):
-            return f"bodies are shapes of hpop.world.solids with poses, got {shown(shape)}"
+            return f"bodies are shapes of hpop.world.geometry.solids with poses, got {shown(shape)}"
         if np.shape(poses) not in ((4, 4), (1, 4, 4), (states.size, 4, 4)):
             return f"the poses of a body have the shape {np.shape(poses)}, for {states.size} states (N, 4, 4)"
         if not np.isfinite(poses).all():

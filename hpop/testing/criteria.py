@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.randomness import RNG, seed_of
+from hpop.base.registry import completed, make_model
+from hpop.base.text import shown
 from hpop.criteria.base import (
     CRITERION_DEFAULTS,
     Criterion,
@@ -23,18 +26,15 @@ from hpop.criteria.base import (
 from hpop.errors import CriterionError
 from hpop.models.differential_drive.driven import driven
 from hpop.motions import HOLD, Model, Motions, States
-from hpop.planners.lattice.graph import StateLattice
-from hpop.planners.lattice.grid import Headings
-from hpop.randomness import RNG, seed_of
-from hpop.registry import completed, make_model
+from hpop.planners.graphs.lattice.graph import StateLattice
+from hpop.planners.graphs.lattice.grid import Headings
 from hpop.testing.checks import Check, differ, fault_of, raise_faults
 from hpop.testing.contracts import criterion_says
 from hpop.testing.models import drawn_motions
 from hpop.testing.motions import random_motions
 from hpop.testing.predictions import predicted_batches, prediction_checks
 from hpop.testing.worlds import FRAME, in_frame, random_world, reframed
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 if TYPE_CHECKING:

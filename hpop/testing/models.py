@@ -8,22 +8,22 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.randomness import RNG, seed_of
+from hpop.base.registry import completed, make_model
+from hpop.base.text import shown
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.possible import STILL
 from hpop.planners.needs import in_plane
-from hpop.randomness import RNG, seed_of
-from hpop.registry import completed, make_model
 from hpop.testing.bodies import axes_of, bounded, measured, twisted, upright
 from hpop.testing.checks import SAME, Check, differ, fault_of, raise_faults
 from hpop.testing.contracts import law_says, model_says
 from hpop.testing.motions import holds, random_motions
 from hpop.testing.worlds import random_world
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 PAIRS = 12  # motions of each law

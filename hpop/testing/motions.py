@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import whole
 from hpop.models.differential_drive.driven import ahead
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.hold import CLOCK
-from hpop.options import whole
 from hpop.world import World
 
 MOST_DRAWN = 100_000

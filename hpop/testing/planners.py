@@ -15,21 +15,21 @@ from typing import Any, Never, cast
 import numpy as np
 import shapely
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.randomness import RNG, seed_of
+from hpop.base.registry import make_model, models
+from hpop.base.text import shown
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnsupportedCriterion, UnsupportedModel
-from hpop.front import Front
 from hpop.motions import Model, States, lacking
 from hpop.planners.base import UNDECLARED, Candidates, Planner, make_planner, sweeps
 from hpop.planners.objectives import integral_of
-from hpop.problem import Problem
-from hpop.randomness import RNG, seed_of
-from hpop.registry import make_model, models
-from hpop.status import Progress, Status
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import collision_free, verify
+from hpop.runtime.status import Progress, Status
 from hpop.testing.checks import Check, fault_of, raise_faults
 from hpop.testing.models import drawn_states
-from hpop.text import shown
-from hpop.verify import collision_free, verify
 from hpop.world import Person, Solid, Sphere, World, pose_at
 
 ROOM = (5.0, 4.0)  # m

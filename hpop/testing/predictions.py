@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import CriterionError
 from hpop.motions import HOLD, Motions
 from hpop.testing.checks import Check, differ, fault_of
 from hpop.world import World
-from hpop.world.people import Future, Person
+from hpop.world.content.people import Future, Person
 from hpop.world.tracks import Track
 
 TOLERANCE = 2e-3  # relative: panels of integrals end at other times, where people turn at other times
@@ -108,7 +108,7 @@ def _futures(criterion: Criterion, world: World, batches: list[Motions]) -> str:
     i = int(np.argmax(wrong))
     return (
         f"{found[i]:.6g} where a person may do two things, of which {least[i]:.6g} is the "
-        f"{'largest share' if worst else 'mean'} and {most[i]:.6g} the sum; see hpop.world.proxemics.expected"
+        f"{'largest share' if worst else 'mean'} and {most[i]:.6g} the sum; see hpop.world.content.proxemics.expected"
     )
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 from hpop.world import Ground, Obstacle, World, pose_at
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
 

@@ -10,7 +10,7 @@ The core never imports this package.
 
 from __future__ import annotations
 
-from hpop import matplotlib_folder
+from hpop.runtime import matplotlib_folder
 
 matplotlib_folder.provide()
 matplotlib_folder.forget_current_folder()

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, FigureBase, SubFigure
 
+from hpop.base.text import shown
 from hpop.errors import OptionError
-from hpop.text import shown
 
 SCREEN = 90  # dots an inch in a notebook
 

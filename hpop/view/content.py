@@ -12,12 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, PathPatch
 from shapely.geometry import LineString
 
-from hpop.arrays import FloatArray
-from hpop.text import printable
+from hpop.base.arrays import FloatArray
+from hpop.base.text import printable
 from hpop.view.ground import View, outline
 from hpop.view.style import HALO, SMALL
 from hpop.world import World
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 INK = "#202020"
 SKIN = "#ffffff"

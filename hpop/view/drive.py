@@ -10,15 +10,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, PathPatch
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import printable
 from hpop.criteria.others.robot import reach
 from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
 from hpop.drive.script import Happening
 from hpop.errors import OptionError
-from hpop.problem import Problem
-from hpop.text import printable
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import new_figure
 from hpop.view.content import INK, SKIN
 from hpop.view.ground import KEEP_OUT, View, draw_bare_floor, outline, view_of

@@ -17,21 +17,21 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.text import printable
 from hpop.criteria.others.robot import reach
 from hpop.errors import QueryError
-from hpop.problem import Problem
-from hpop.text import printable
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import figure_for, whole
 from hpop.view.content import INK, SKIN
 from hpop.view.ground import View, draw_bare_floor, view_of
 from hpop.view.paths import camera_heights, path_points
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import COLOURS, HALO, LARGE, NORMAL, QUIET, SMALL, mapped_points, plain
-from hpop.world.content import Person
-from hpop.world.proxemics import HALL
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import HALL
 
 TIMES, PLACES = 400, 300  # of the coloured way
 MOMENTS = 4  # maps above it

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.motions import States
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.paths import positions
 from hpop.view.style import GOAL, START, mapped
 

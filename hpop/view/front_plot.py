@@ -11,10 +11,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import OptionError
-from hpop.front import Front
+from hpop.problems.front import Front
 from hpop.view.canvas import figure_for, whole
 from hpop.view.style import (
     HALO,

@@ -16,15 +16,15 @@ from matplotlib.transforms import Affine2D
 from matplotlib.typing import ColorType
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria import Exposure, Obstruction
-from hpop.limits import LimitPassed
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
+from hpop.runtime.limits import LimitPassed
 from hpop.view.ends import end_poses
 from hpop.view.paths import Heights
 from hpop.view.style import HALO, QUIET, SMALL
 from hpop.world import World
-from hpop.world.shapes import Raster
+from hpop.world.geometry.shapes import Raster
 
 OBSTACLE = "#4a4a4a"
 AT_SOME = "#8a8a8a"

@@ -11,9 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.transforms import offset_copy
 
-from hpop.arrays import BoolArray
+from hpop.base.arrays import BoolArray
 from hpop.motions import HOLD
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.style import HALO, QUIET, SMALL, mapped_points
 
 SPOT = 6  # digits, m, to which the places of holds agree that are on one spot

@@ -15,11 +15,11 @@ from matplotlib.colors import Colormap, ListedColormap, Normalize
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.front import Front
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.text import printable
 from hpop.frontier.choosing import column_index
-from hpop.text import printable
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.page import Bar, Handle
 from hpop.view.style import DASHES, QUIET, Mark, Quantity, quantities
 

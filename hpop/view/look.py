@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from hpop.motions import States
-from hpop.planners.free_map import FreeMap
+from hpop.planners.programs.free_map import FreeMap
 from hpop.planners.usable import elsewhere, nearest_free
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.view.canvas import new_figure
 from hpop.view.content import draw_content
 from hpop.view.ends import end_poses

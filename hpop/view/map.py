@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
-from hpop.front import Front
-from hpop.limits import LimitPassed
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.limits import LimitPassed
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import checked, new_figure
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, EndPose, Ends, draw_ends, end_poses, goal_words

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from hpop.front import Front
-from hpop.html import PICTURES
-from hpop.problem import Problem
+from hpop.base.html import PICTURES
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
 from hpop.view.canvas import new_figure, png_of
 from hpop.view.content import draw_content
 from hpop.view.ends import draw_ends, end_poses

@@ -14,10 +14,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import Bbox
 
-from hpop.front import Front
+from hpop.base.text import printable
 from hpop.frontier.union import JOINT
-from hpop.status import Status
-from hpop.text import printable
+from hpop.problems.front import Front
+from hpop.runtime.status import Status
 from hpop.view.canvas import whole
 from hpop.view.ground import View
 from hpop.view.sheet import Sheet

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.motions import Law, Model, Pose, States, laws_of
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.style import mapped_points
 
 CURVE_PIECES = 12  # a motion along which a line is not straight is drawn as so many straight pieces

@@ -6,10 +6,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hpop.arguments import checked_arguments
-from hpop.front import FOR_YOU, Front
+from hpop.base.arguments import checked_arguments
 from hpop.preference import Preference
-from hpop.problem import Problem
+from hpop.problems.front import FOR_YOU, Front
+from hpop.problems.problem import Problem
 from hpop.view.canvas import figure_for, whole
 from hpop.view.map import draw_map
 from hpop.view.style import COLOURS, QUIET, SMALL, plain

@@ -13,9 +13,9 @@ from matplotlib.patches import Patch
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.motions import Model, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ground import outline
 from hpop.view.style import Mark
 from hpop.world import Solid, Sphere

@@ -15,16 +15,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from hpop import limits
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import replacing
+from hpop.base.options import real
 from hpop.errors import OutputError
-from hpop.front import Front
-from hpop.frontier.atomic import replacing
 from hpop.frontier.choices import Preferring
-from hpop.options import real
 from hpop.planners.spending import Spending
-from hpop.problem import Problem
-from hpop.status import Budget
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime import limits
+from hpop.runtime.status import Budget
 from hpop.view.encounters import draw_encounters
 from hpop.view.front_plot import draw_front
 from hpop.view.map import draw_map

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 
 STEP = 15  # degrees
 MINUS = "\N{MINUS SIGN}"

@@ -13,11 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
-from hpop.front import Front
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import checked, new_figure
 from hpop.view.content import INK, MOST_NAMES, STAR, write
 from hpop.view.ends import draw_ends, end_positions, goal_words
@@ -32,7 +32,7 @@ from hpop.view.sight import draw_cones, sight_entry
 from hpop.view.silhouettes import Surroundings, draw_silhouettes, ends_of
 from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, plain, whole_ticks
 from hpop.view.targets import draw_targets, targets_of
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 
 BORDER = 0.1  # round the paths, as a share of the longer side of the picture
 LEAST_BORDER = 0.15  # m

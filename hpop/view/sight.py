@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection, PolyCollection
 from matplotlib.patches import Patch, Wedge
 
-from hpop.arrays import FloatArray
-from hpop.math import wrap
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
 from hpop.models.field_of_view import field_of_view
 from hpop.motions import Model, Pose
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ground import View
 from hpop.view.paths import positions
 from hpop.view.robot import Flatten, from_above

@@ -17,8 +17,8 @@ from matplotlib.patches import Patch
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import FloatArray
-from hpop.problem import Problem
+from hpop.base.arrays import FloatArray
+from hpop.problems.problem import Problem
 from hpop.view.ground import View, draw_obstacles, outline
 from hpop.view.paths import Heights
 from hpop.view.robot import solid_outline

@@ -20,8 +20,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from hpop.base.text import printable, shown
 from hpop.errors import OptionError
-from hpop.text import printable, shown
 
 PAGE = """<!doctype html>
 <html lang="{language}">

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
-from hpop.front import Front
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import FARTHEST
+from hpop.base.text import printable
 from hpop.motions import Model, States, StateSpace
-from hpop.options import FARTHEST
-from hpop.text import printable
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import figure_for, whole
 from hpop.view.style import LARGE, NORMAL, QUIET, SMALL, Mark, marks, plain, whole_ticks
 

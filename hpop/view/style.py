@@ -20,14 +20,14 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.text import printable, shown
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import OptionError
-from hpop.front import Front
 from hpop.frontier.choices import Preferring
 from hpop.motions import Model, Pose, States
-from hpop.text import printable, shown
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
 
 COLOURS = ("#000000", "#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
 DASHES: tuple[tuple[float, tuple[float, ...]], ...] = (

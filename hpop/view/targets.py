@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from hpop.arrays import FloatArray
-from hpop.problem import Problem
+from hpop.base.arrays import FloatArray
+from hpop.problems.problem import Problem
 
 RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "#d62728"}
 SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the target

@@ -12,12 +12,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.transforms import ScaledTranslation
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray
-from hpop.math import norm
-from hpop.problem import Problem
-from hpop.trace import Trace
-from hpop.trajectory import Trajectory
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.math import norm
+from hpop.problems.problem import Problem
+from hpop.problems.trace import Trace
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import figure_for, whole
 from hpop.view.holds import is_held
 from hpop.view.style import (

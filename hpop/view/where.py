@@ -15,13 +15,13 @@ from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.text import printable
 from hpop.criteria.base import Criterion
-from hpop.problem import Problem
-from hpop.text import printable
-from hpop.trace import Trace
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.problems.trace import Trace
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.canvas import figure_for, whole
 from hpop.view.content import draw_content
 from hpop.view.ends import CIRCLE, RING, draw_ends

@@ -1,10 +1,10 @@
 """The workspace, its fields, and the readers of maps."""
 
-from hpop.world.field import Field
+from hpop.world.content.people import Future, Person
+from hpop.world.fields.field import Field
+from hpop.world.geometry.shapes import Obstacle, Raster
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 from hpop.world.ground import Ground
-from hpop.world.people import Future, Person
-from hpop.world.shapes import Obstacle, Raster
-from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 from hpop.world.tracks import Track, read_tracks
 from hpop.world.world import World
 

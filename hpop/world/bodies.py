@@ -12,13 +12,13 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop import limits
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.options import LEAST
 from hpop.errors import MapError
-from hpop.options import LEAST
-from hpop.world.content import Content
-from hpop.world.shapes import Obstacle, Raster
-from hpop.world.solids import Box, Cylinder, Hull, Solid
+from hpop.runtime import limits
+from hpop.world.content.content import Content
+from hpop.world.geometry.shapes import Obstacle, Raster
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid
 
 ENDLESS = 10.0
 """How far what has no end goes up and down from the floor, m; no further than so from what end it has."""

@@ -15,15 +15,15 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import BoolArray
+from hpop.base.arrays import BoolArray
+from hpop.base.registry import readers
+from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.registry import readers
-from hpop.text import shown
-from hpop.world.content import Content
+from hpop.world.content.content import Content
 from hpop.world.files import by_names, place_seen_from, places_found_from
+from hpop.world.geometry.shapes import Obstacle, Raster, check_size
+from hpop.world.geometry.solids import Solid
 from hpop.world.ground import Ground, Heights
-from hpop.world.shapes import Obstacle, Raster, check_size
-from hpop.world.solids import Solid
 from hpop.world.world import World
 
 
@@ -180,7 +180,7 @@ def _paths(description: Any) -> dict[str, str]:
 
 def _from_files(description: Mapping[str, Any], kind: str) -> World:
     options = dict(description["options"])
-    from hpop.world.readers import read_world
+    from hpop.world.readers.readers import read_world
 
     try:
         world = read_world(kind, description["path"], **options)

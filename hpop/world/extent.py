@@ -8,10 +8,10 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.text import shown
-from hpop.world.crossings import check_joinable
-from hpop.world.shapes import LARGEST, Obstacle, Raster, check_coordinates
+from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.shapes import LARGEST, Obstacle, Raster, check_coordinates
 
 
 def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeometry:

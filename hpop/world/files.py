@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 from typing import Any
 
+from hpop.base.regular_file import read_regular
+from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.regular_file import read_regular
-from hpop.text import shown
 
 MAX_BYTES = 1_000_000_000
 """Largest file that is read."""

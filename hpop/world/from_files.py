@@ -19,17 +19,18 @@ class FromFiles:
     def from_file(path: str | Path, *, reader: str | None = None, **options: Any) -> World:
         """Read a map by a reader's name, or by the ending of the file's: .geojson, .dxf, .pdf, .png, .yaml, .bag, ...
 
-        The options are the reader's, see :mod:`hpop.world.dxf`, :mod:`~hpop.world.pdf`, :mod:`~hpop.world.ros_bag`
-        and the other modules called as the readers are; :mod:`hpop.world.readers` has all of them.
+        The options are the reader's, see :mod:`hpop.world.readers.dxf`, :mod:`~hpop.world.readers.pdf`,
+        :mod:`~hpop.world.readers.ros_bag` and the other modules called as the readers are;
+        :mod:`hpop.world.readers.readers` has all of them.
         """
-        from hpop.world.readers import read_world, reader_of
+        from hpop.world.readers.readers import read_world, reader_of
 
         return read_world(reader_of(path) if reader is None else reader, path, **options)
 
     @staticmethod
     def from_moveit_scene(path: str | Path) -> World:
-        """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.moveit_scene.read`."""
-        from hpop.world import moveit_scene
+        """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.readers.moveit_scene.read`."""
+        from hpop.world.readers import moveit_scene
 
         return moveit_scene.read(path)
 
@@ -41,15 +42,15 @@ class FromFiles:
         keep_out: str | Path | None = None,
         height: Heights | None = None,
     ) -> World:
-        """Read a ROS map_server map; see `hpop.world.ros_map.read`."""
-        from hpop.world import ros_map
+        """Read a ROS map_server map; see `hpop.world.readers.ros_map.read`."""
+        from hpop.world.readers import ros_map
 
         return ros_map.read(path, unknown_is_free=unknown_is_free, keep_out=keep_out, height=height)
 
     @staticmethod
     def from_movingai(path: str | Path, *, resolution: float = 1.0) -> World:
-        """Read a grid map of the MovingAI benchmark; see `hpop.world.movingai.read`."""
-        from hpop.world import movingai
+        """Read a grid map of the MovingAI benchmark; see `hpop.world.readers.movingai.read`."""
+        from hpop.world.readers import movingai
 
         return movingai.read(path, resolution=resolution)
 
@@ -65,8 +66,8 @@ class FromFiles:
         crs: str | None = None,
         where: Mapping[str, Any] | None = None,
     ) -> World:
-        """Read a vector floor plan, in metres, degrees or a projection; see `hpop.world.geojson.read`."""
-        from hpop.world import geojson
+        """Read a vector floor plan, in metres, degrees or a projection; see `hpop.world.readers.geojson.read`."""
+        from hpop.world.readers import geojson
 
         placed: dict[str, Any] = {"scale": scale, "origin": origin, "units": units, "crs": crs}
         return geojson.read(path, **placed, polygons=polygons, wall_width=wall_width, where=where)
@@ -84,8 +85,8 @@ class FromFiles:
         outside_is_obstacle: bool = True,
         thinnest_obstacle: float | None = None,
     ) -> World:
-        """Read a blueprint image; see `hpop.world.image.read`."""
-        from hpop.world import image
+        """Read a blueprint image; see `hpop.world.readers.image.read`."""
+        from hpop.world.readers import image
 
         return image.read(
             path,

@@ -11,18 +11,18 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.text import shown
 from hpop.errors import MapError, OptionError
-from hpop.text import shown
 from hpop.world.bodies import solid_bodies
 from hpop.world.cache import Cache
-from hpop.world.crossings import check_joinable
 from hpop.world.extent import check_area, check_size, extent_of
-from hpop.world.field import Field
-from hpop.world.planar import FreeSpace, without
-from hpop.world.sampling import sample_clearance, sample_obstruction
-from hpop.world.shapes import Obstacle, Raster, check_prisms, overlaps
-from hpop.world.solids import Solid, check_solids, not_upright
+from hpop.world.fields.field import Field
+from hpop.world.fields.sampling import sample_clearance, sample_obstruction
+from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.planar import FreeSpace, without
+from hpop.world.geometry.shapes import Obstacle, Raster, check_prisms, overlaps
+from hpop.world.geometry.solids import Solid, check_solids, not_upright
 
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1

@@ -13,26 +13,26 @@ import shapely
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, Column
-from hpop.copies import copied
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, Column
+from hpop.base.copies import copied
+from hpop.base.math import is_symbolic
+from hpop.base.options import LEAST, MOST, real
+from hpop.base.text import shown
 from hpop.errors import MapError, OptionError
-from hpop.math import is_symbolic
-from hpop.options import LEAST, MOST, real
-from hpop.text import shown
 from hpop.world.bodies import closed_bodies
 from hpop.world.cache import Cache
-from hpop.world.content import Content, Landmark, Person, Zone
-from hpop.world.crossings import check_joinable
+from hpop.world.content.content import Content, Landmark, Person, Zone
 from hpop.world.extent import check_area
-from hpop.world.field import Field
+from hpop.world.fields.field import Field
+from hpop.world.fields.sampling import obstructed
 from hpop.world.from_files import FromFiles
+from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.planar import FreeSpace, without
+from hpop.world.geometry.shapes import Obstacle, Raster, check_heights, prisms_of
+from hpop.world.geometry.solids import MARGIN, Solid, check_solids
 from hpop.world.ground import WHOLE, Ground, Heights, union
-from hpop.world.planar import FreeSpace, without
 from hpop.world.presented import Presented
-from hpop.world.sampling import obstructed
-from hpop.world.shapes import Obstacle, Raster, check_heights, prisms_of
-from hpop.world.solids import MARGIN, Solid, check_solids
 
 if TYPE_CHECKING:
     from hpop.motions import Pose

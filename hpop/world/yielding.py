@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpop.text import some
-from hpop.world.people import STANDS, Future, Person
+from hpop.base.text import some
+from hpop.world.content.people import STANDS, Future, Person
 
 GAP = 0.02
 """m between a person who has stopped and what a robot needs."""

@@ -10,7 +10,7 @@ import numpy as np
 from playwright.sync_api import Page
 
 import hpop
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
 from hpop.view.explorer.payload import payload
 from hpop.view.single_page import single_page
 

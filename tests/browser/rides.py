@@ -13,7 +13,7 @@ from playwright.sync_api import Page
 
 import hpop
 from hpop.criteria.base import trajectory_costs
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 EYE = 1.2
 MARKUP = "</script><b>owls</b>"

@@ -14,9 +14,9 @@ from playwright.sync_api import Page
 
 import hpop
 from benchmarks import seeded_fronts as seeded
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.scenario import load_scenario
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 from tests.browser import explored
 from tests.browser.conftest import Watched
 from tests.browser.explored import state

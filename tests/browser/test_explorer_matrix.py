@@ -13,7 +13,7 @@ from playwright.sync_api import Page
 
 import hpop
 from benchmarks import seeded_fronts as seeded
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from tests.browser import explored
 from tests.browser.conftest import Watched
 from tests.browser.explored import bounds, selected, state, within

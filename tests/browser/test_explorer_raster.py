@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 
 WEB = Path(__file__).parents[2] / "web"
 WIDTH, HEIGHT = 97, 61

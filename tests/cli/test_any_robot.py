@@ -10,8 +10,8 @@ import pytest
 from click.testing import Result
 
 import hpop
-from hpop.registry import models
-from hpop.verify import verify
+from hpop.base.registry import models
+from hpop.problems.verify import verify
 
 ROBOT = Path(__file__).resolve().parents[2] / "examples/plugin/hpop_example_plugin/holonomic.py"
 

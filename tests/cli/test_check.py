@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
-from hpop import registry
+from hpop.base import registry
 from hpop.cli import user_code
 
 PLUGIN = """\

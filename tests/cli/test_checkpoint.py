@@ -14,7 +14,7 @@ from click.testing import CliRunner, Result
 import hpop.view
 from hpop.cli import main
 from hpop.cli.pictures import PicturesBeside
-from hpop.front import Front
+from hpop.problems.front import Front
 from tests.warm import COMMAND
 
 EXTENT = [[0, 0], [9, 0], [9, 7], [0, 7]]

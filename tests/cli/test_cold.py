@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from hpop.front import Front
+from hpop.problems.front import Front
 from tests.rooms import ONE_WALL
 
 ROOM = ONE_WALL.replace("step: 0.25", "step: 0.25, time_limit: 5")

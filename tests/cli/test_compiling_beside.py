@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
-import hpop.compiled
+import hpop.runtime.compiled
 import hpop.view
 from hpop.cli import results
 from hpop.cli.pictures import PicturesBeside
-from hpop.front import Front
 from hpop.planners.lattice import Lattice
+from hpop.problems.front import Front
 from hpop.search.machinery import beside
 
 AFTER = "the search is compiled beside after a first answer and its map, once for each number and kind of costs\n"
@@ -49,7 +49,7 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(beside, "_Process", Process)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # hence one process
-    monkeypatch.setattr(hpop.compiled, "is_kept", lambda compiled: False)
+    monkeypatch.setattr(hpop.runtime.compiled, "is_kept", lambda compiled: False)
     monkeypatch.setattr(results, "save", saved)
     monkeypatch.setattr(hpop.view, "save_pictures", drawn)
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from hpop.front import Front
+from hpop.problems.front import Front
 
 SCENARIO = """\
 world: {ros_map: {path: map.yaml}}

@@ -14,8 +14,8 @@ import pytest
 from hpop.cli.pictures import PicturesBeside
 from hpop.cli.results import check_writable
 from hpop.errors import OutputError
-from hpop.front import Front
-from hpop.interrupts import ENDING, endings_interrupt
+from hpop.problems.front import Front
+from hpop.runtime.interrupts import ENDING, endings_interrupt
 from tests.warm import DRAWN, UNDRAWN, Warm
 
 INTERRUPTED_IMPORT = """\
@@ -30,8 +30,8 @@ main()
 """
 JOBS = """\
 import os, signal, sys
-from hpop.interrupts import endings_interrupt
-from hpop.sweep import Sweep, processes
+from hpop.runtime.interrupts import endings_interrupt
+from hpop.runtime.sweep import Sweep, processes
 
 def job(planning, task):
     if task == 3:
@@ -65,7 +65,7 @@ BLOCKED = """\
 import signal
 from multiprocessing import forkserver
 from pathlib import Path
-from hpop.sweep import processes
+from hpop.runtime.sweep import processes
 
 with processes(1):
     status = Path(f"/proc/{forkserver._forkserver._forkserver_pid}/status").read_text()
@@ -83,7 +83,7 @@ def test_what_ends_a_group_does_not_end_the_process_that_workers_come_from() -> 
 
 def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
     """They hold its output, so reading that only ends when they have."""
-    code = "import os, signal; from hpop.sweep import processes; processes(1).submit(os.getpid).result(); "
+    code = "import os, signal; from hpop.runtime.sweep import processes; processes(1).submit(os.getpid).result(); "
     done = subprocess.run([sys.executable, "-c", f"{code}os.kill(os.getpid(), signal.SIGKILL)"], capture_output=True)
     assert done.returncode == -signal.SIGKILL
 

@@ -12,7 +12,7 @@ from click.testing import Result
 from hpop.cli.explain import REGISTRIES, explained
 from hpop.cli.glossary import entries, page
 from hpop.cli.report import WORDS
-from hpop.status import Status
+from hpop.runtime.status import Status
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
 

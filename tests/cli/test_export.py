@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
+from hpop.base.registry import formats
 from hpop.export import save
-from hpop.front import Front
-from hpop.registry import formats
+from hpop.problems.front import Front
 from hpop.scenario import load_scenario
 
 Run = Callable[..., Result]

@@ -10,7 +10,7 @@ from subprocess import CompletedProcess
 import pytest
 
 from hpop.cli.pictures import PicturesBeside
-from hpop.front import Front
+from hpop.problems.front import Front
 from tests.warm import UNDRAWN, Warm
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -29,7 +29,7 @@ from dataclasses import dataclass
 import hpop
 from hpop.planners import planner
 from hpop.planners.lattice import Lattice
-from hpop.registry import readers
+from hpop.base.registry import readers
 
 @planner("my_lattice")
 @dataclass(frozen=True)

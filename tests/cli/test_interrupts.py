@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from hpop.front import Front
+from hpop.problems.front import Front
 from tests.rooms import pillars
 from tests.warm import UNDRAWN, Process, Warm
 
@@ -127,7 +127,7 @@ def test_sigterm_keeps_what_a_running_search_has_found_and_its_checkpoint(
 HELD = """\
 import signal
 from pathlib import Path
-from hpop.planners.spline.job import SplineJob
+from hpop.planners.programs.spline.job import SplineJob
 solve, begun = SplineJob.solve, []
 def solve_one(job, path):
     begun.append(path)

@@ -14,7 +14,7 @@ import yaml
 from click.testing import Result
 from PIL import Image
 
-from hpop.front import Front
+from hpop.problems.front import Front
 from hpop.scenario import load_scenario
 from hpop.scenario.new import SCHEMA
 

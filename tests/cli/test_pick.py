@@ -12,7 +12,7 @@ import pytest
 from click.testing import Result
 
 from hpop import frontier
-from hpop.front import Front, Point
+from hpop.problems.front import Front, Point
 from hpop.scenario import load_scenario
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -15,15 +15,15 @@ import pytest
 from click.testing import Result
 
 import hpop.view
-from hpop import registry
+from hpop.base import registry
 from hpop.cli.pictures import PicturesBeside
 from hpop.criteria.base import criterion
-from hpop.front import Front
 from hpop.motions import Motions
 from hpop.planners.base import Candidates
-from hpop.problem import Problem
-from hpop.status import ProgressCallback
-from hpop.verify import verify
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import ProgressCallback
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import pytest
 import yaml
 
-from hpop.front import Front
+from hpop.problems.front import Front
 from tests.rooms import pillars
 from tests.warm import Warm
 
@@ -20,10 +20,10 @@ MOST = 1.5  # processor seconds; .4 on an idle machine
 #: `hpop plan` that presses Ctrl-C itself, when the search reports so many points, and counts from then on.
 INTERRUPTED = f"""\
 import signal, time
-import hpop.cli.pictures, hpop.following
+import hpop.cli.pictures, hpop.runtime.following
 from hpop.entry import main
 hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
-described, begun = hpop.following.described, []
+described, begun = hpop.runtime.following.described, []
 
 def interrupting(progress):
     if progress.front >= {POINTS} and not begun:
@@ -31,7 +31,7 @@ def interrupting(progress):
         signal.raise_signal(signal.SIGINT)
     return described(progress)
 
-hpop.following.described = interrupting
+hpop.runtime.following.described = interrupting
 try:
     main()
 finally:

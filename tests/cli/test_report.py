@@ -23,8 +23,8 @@ from hpop.cli.report import (
     print_front,
     shown_rows,
 )
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 
 ROBOT = hpop.DifferentialDrive(radius=0.2)
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 5, 4))

@@ -20,7 +20,7 @@ from cryptography import x509
 
 import hpop
 from hpop.cli.serving import Certificate, OnePage, certificate_for
-from hpop.page_server import LOCAL
+from hpop.runtime.page_server import LOCAL
 
 Run = Callable[..., Result]
 PAGE = b"<p>a page</p>"

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
-from hpop.front import Front
+from hpop.problems.front import Front
 from hpop.scenario import load_scenario
 
 

@@ -18,11 +18,11 @@ import hpop.view
 from hpop.cli import main, report
 from hpop.cli.pictures import PicturesBeside
 from hpop.errors import OptionError
-from hpop.front import Front
 from hpop.planners.base import Candidates
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
-from hpop.status import ProgressCallback, Status
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.status import ProgressCallback, Status
 from tests.rooms import TWO_WALLS
 
 LINE = re.compile(

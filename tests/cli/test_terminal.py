@@ -14,12 +14,12 @@ from click.testing import CliRunner, Result
 from matplotlib.text import Text
 
 from hpop import DifferentialDrive, Front, Problem, World
+from hpop.base.text import HARMFUL, printable
 from hpop.cli import main
 from hpop.errors import ScenarioError
 from hpop.scenario import load_scenario
-from hpop.text import HARMFUL, printable
 from hpop.view import draw_front, draw_map, draw_trace, draw_where
-from hpop.world.content import Landmark, Person
+from hpop.world.content.content import Landmark, Person
 
 CLEAR = "\x1b[2J\x1b[31mKäthe \u202e\x9b1m\r\x07"
 SHOWN = r"\x1b[2J\x1b[31mKäthe \u202e\x9b1m\r\x07"

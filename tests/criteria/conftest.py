@@ -8,7 +8,7 @@ import pytest
 
 from hpop.models import DifferentialDrive
 from hpop.motions import Phase, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 
 class Arc:

@@ -9,7 +9,7 @@ import shapely
 from hpop.criteria import AngularAcceleration, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(0, 0, 10, 10))

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.registry import criteria
 from hpop.criteria import Exposure, Turns, criterion, make_criterion, motion_costs, trajectory_cost
 from hpop.criteria.base import Criterion, describe_criterion, running_costs
 from hpop.errors import CriterionError, MapError, UnknownName
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.registry import criteria
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([shapely.box(4, 4, 5, 5)], extent=shapely.box(0, 0, 10, 10))

@@ -7,7 +7,7 @@ import shapely
 from hpop.criteria import BendingEnergy, Rotation, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(-50, -50, 50, 50))

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import hpop
+from hpop.base.registry import criteria
 from hpop.criteria.base import make_criterion, motion_costs, trajectory_cost
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import SymbolicMotions
-from hpop.registry import criteria
 from hpop.testing import random_world
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 from tests.own_criteria import NAMES, own_criterion
 
 VIEW = (1.9, 0.9)

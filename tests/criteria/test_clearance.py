@@ -12,7 +12,7 @@ from hpop.criteria import Clearance, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 BOXES = [shapely.box(2, 2, 3, 5), shapely.box(6, 1, 7, 2), shapely.Polygon([(6, 6), (8, 7), (5, 8)])]

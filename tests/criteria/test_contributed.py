@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import hpop.criteria
-from hpop.registry import GROUPS
+from hpop.base.registry import GROUPS
 
 ROOT = Path(__file__).parents[2]
 HOME = ROOT / "hpop" / "criteria"

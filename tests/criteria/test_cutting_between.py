@@ -14,9 +14,9 @@ from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.testing import check_criterion
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 ROOM = World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
 ROBOT = DifferentialDrive(speed=1.0)

@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.criteria import ExpectedContacts, TimeToCollision, WorstIntrusion, trajectory_cost
 from hpop.criteria.others.metrics import social_metrics
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, Track, World
 
 ROOM = World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))

@@ -12,7 +12,7 @@ from hpop.criteria import Energy, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(-50, -50, 50, 50))

@@ -21,7 +21,7 @@ from hpop.criteria import (
 )
 from hpop.criteria.others.metrics import social_metrics
 from hpop.errors import CriterionError
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Future, Person, Track, World
 
 ROOM = World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))

@@ -8,13 +8,13 @@ import pytest
 import shapely
 
 from hpop import DifferentialDrive
+from hpop.base.math import angle_between
 from hpop.criteria import HeadingMismatch, MeanHeadingMismatch, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
-from hpop.math import angle_between
 from hpop.models.driven import driven
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import lift
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))

@@ -8,14 +8,14 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import criteria
 from hpop.criteria import make_criterion, motion_costs
 from hpop.criteria.base import running_costs, trajectory_cost
 from hpop.models.driven import driven
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.symbolic import SymbolicMotions
-from hpop.registry import criteria
 from hpop.testing import random_world
-from hpop.world.content import Landmark, Person
+from hpop.world.content.content import Landmark, Person
 from tests.own_criteria import own_criterion
 
 CAR = hpop.DifferentialDrive(camera_offset=(0.1, 0.05))

@@ -16,8 +16,8 @@ from hpop.models.camera_height import rises
 from hpop.models.laws import linear, rest_to_rest
 from hpop.motions import StateSpace, integrated
 from hpop.motions.symbolic import SymbolicMotions
-from hpop.world.content import Landmark
-from hpop.world.obstruction import polygon_obstruction
+from hpop.world.content.content import Landmark
+from hpop.world.fields.obstruction import polygon_obstruction
 from tests.jointed import Jointed, camera_at, moments, states_of, tour
 
 WALLS = [

@@ -8,9 +8,9 @@ from scipy.integrate import quad
 from hpop.criteria import LandmarkBlindness, LandmarkVisibility, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 
 MODEL = DifferentialDrive()
 EYE = MODEL.camera_height

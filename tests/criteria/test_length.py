@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hpop.criteria import Length, trajectory_cost
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))

@@ -10,9 +10,9 @@ import shapely
 from hpop.criteria.others.metrics import SocialMetrics, social_metrics, zone_fractions
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 ROOM = World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
 ROBOT = DifferentialDrive(radius=0.3, speed=0.8)

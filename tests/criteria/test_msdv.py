@@ -9,7 +9,7 @@ from hpop.criteria import MSDV, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.criteria.comfort.msdv import sections, weighted, weighting
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(0, 0, 40, 40))

@@ -10,7 +10,7 @@ from hpop.criteria import NetWinding, Rotation, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(0, 0, 10, 10))

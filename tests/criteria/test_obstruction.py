@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from hpop.criteria import Duration, Exposure, Obstruction, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 EXTENT, WALL = shapely.box(-4, -3, 10, 6), shapely.box(-4, -3, 10, 0)  # the wall is all of y < 0

@@ -12,7 +12,7 @@ from hpop.criteria import Occlusion, make_criterion, motion_costs, trajectory_co
 from hpop.criteria.base import describe_criterion
 from hpop.errors import CriterionError
 from hpop.motions import Motions
-from hpop.world.solids import Box, Cylinder, Sphere
+from hpop.world.geometry.solids import Box, Cylinder, Sphere
 from tests.jointed import Jointed, agrees_everywhere, camera_at, states_of, tour
 
 TARGET = (2.0, 0.0, 0.3)

@@ -8,12 +8,12 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import criteria
 from hpop.criteria import Clearance, Occlusion, motion_costs, trajectory_cost
 from hpop.criteria.robot.singularity import manipulability
 from hpop.models.serial_arm.frames import frames
 from hpop.motions import lacking
-from hpop.registry import criteria
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 from tests.jointed import camera_at, jacobian, states_of
 from tests.own_criteria import NAMES, own_criterion
 

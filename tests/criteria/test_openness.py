@@ -8,7 +8,7 @@ from scipy.integrate import quad
 from hpop.criteria import Enclosure, Openness, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 MODEL = DifferentialDrive()

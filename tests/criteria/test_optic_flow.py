@@ -9,7 +9,7 @@ import shapely
 from hpop.criteria import OpticFlow, PeakOpticFlow, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WALLS = [shapely.box(-90, 1, 90, 2), shapely.box(-90, -2, 90, -1)]

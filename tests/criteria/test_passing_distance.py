@@ -12,7 +12,7 @@ from hpop.criteria import Clearance, PassingDistance, motion_costs, trajectory_c
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 KERB, TABLE, SIGN, LAMP = (

@@ -11,7 +11,7 @@ from hpop.criteria import make_criterion, motion_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.testing import conformance, random_motions, random_world
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 NAMES = [
     "hall_zones",

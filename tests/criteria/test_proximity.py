@@ -7,7 +7,7 @@ import shapely
 from hpop.criteria import Proximity, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WALL = World.from_polygons([shapely.box(0, 0, 1, 40)], extent=shapely.box(0, 0, 40, 40))

@@ -10,17 +10,17 @@ from typing import Any
 import pytest
 import shapely
 
-from hpop import registry
+from hpop.base import registry
 from hpop.criteria.base import criterion
 from hpop.criteria.quanta import with_quanta
 from hpop.errors import CriterionError, HpopError
-from hpop.front import Front
 from hpop.frontier import FrontError
 from hpop.models import DifferentialDrive
 from hpop.planners.objectives import edge_objectives
-from hpop.problem import Problem
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.verify import verify
 from hpop.world import World
 
 

@@ -6,7 +6,7 @@ import shapely
 
 from hpop.criteria import RotationTime, trajectory_cost
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(0, 0, 10, 10))

@@ -15,9 +15,9 @@ from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import SymbolicMotions
 from hpop.testing import check_criterion
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 ROOM = World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
 ROBOT = DifferentialDrive(radius=0.3, speed=1.0)

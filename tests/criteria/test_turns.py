@@ -9,7 +9,7 @@ from hpop.criteria.base import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
 from hpop.motions import Motions, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))

@@ -8,9 +8,9 @@ from hpop.criteria import UnseenLandmarks, trajectory_cost
 from hpop.criteria.base import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 
 MODEL = DifferentialDrive()
 WALL = shapely.box(0, 5, 10, 5.2)  # open from x = 10 to x = 16

@@ -10,14 +10,14 @@ import shapely
 from scipy.spatial.transform import Rotation
 
 import hpop
+from hpop.base.registry import criteria
 from hpop.criteria import Clearance, make_criterion, trajectory_cost
 from hpop.criteria.base import check_requirements
 from hpop.criteria.comfort._visual import visual_motion
 from hpop.errors import CriterionError, UnsupportedCriterion
-from hpop.history import History
 from hpop.motions import lacking
-from hpop.registry import criteria
 from hpop.testing import random_world
+from hpop.trajectories.history import History
 from tests.jointed import Anywhere, Jointed, camera_at, moments, tour
 from tests.own_criteria import NAMES, own_criterion
 

@@ -7,7 +7,7 @@ import shapely
 from hpop.criteria import Obstruction, WorstObstruction, trajectory_cost
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 MODEL = DifferentialDrive()

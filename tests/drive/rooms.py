@@ -9,7 +9,7 @@ import shapely
 
 import hpop
 from hpop.world import Person, World
-from hpop.world.content import Zone
+from hpop.world.content.content import Zone
 
 STEP = 0.5
 NORTH, SOUTH = shapely.box(5.2, 4.0, 5.9, 6.0), shapely.box(5.2, 0.0, 5.9, 1.4)  # m: the doors of the wall between

@@ -9,16 +9,16 @@ import pytest
 import shapely
 
 import hpop
-from hpop.contacts import contact
 from hpop.drive import Execution, Options
 from hpop.drive.plan import between
 from hpop.planners import Lattice
-from hpop.planners.timed.assembly import timed_graph
-from hpop.planners.timed.clock import TICK
-from hpop.planners.timed.graph import LaidOut
-from hpop.planners.timed.reading import reading_time
+from hpop.planners.graphs.timed.assembly import timed_graph
+from hpop.planners.graphs.timed.clock import TICK
+from hpop.planners.graphs.timed.graph import LaidOut
+from hpop.planners.graphs.timed.reading import reading_time
+from hpop.runtime.status import Status
 from hpop.search.timed import timed_paths
-from hpop.status import Status
+from hpop.trajectories.contacts import contact
 from hpop.world import Person
 from tests.drive.rooms import START, two_doors
 from tests.drive.test_fresh_search import covered

@@ -10,8 +10,8 @@ import shapely
 
 import hpop
 from hpop.drive import Execution, Options
-from hpop.status import Status
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
 from hpop.world import Person, World
 
 ROBOT = hpop.DifferentialDrive(radius=0.3)

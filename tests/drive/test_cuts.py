@@ -7,12 +7,12 @@ import pytest
 import shapely
 
 import hpop
-from hpop.contacts import contact
 from hpop.drive.closings import Closing
 from hpop.drive.cuts import cut_of
 from hpop.drive.plan import Plan, between, held, joined
 from hpop.drive.rechecked import clear_ways
-from hpop.trajectory import Trajectory
+from hpop.trajectories.contacts import contact
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
 ROBOT = hpop.DifferentialDrive(radius=0.25)

@@ -22,9 +22,9 @@ from hpop.planners import Lattice
 from hpop.planners.graphs.family import BuiltGraph
 from hpop.planners.graphs.query import built_query
 from hpop.planners.objectives import edge_objectives
-from hpop.status import Budget, Status
+from hpop.runtime.status import Budget, Status
 from hpop.world import Person, World
-from hpop.world.content import Zone
+from hpop.world.content.content import Zone
 
 EVENTS = 5
 DEADLINE = 1.0  # s of processor time, hundreds of times what a search of such a hall takes
@@ -113,7 +113,7 @@ def test_options_are_those_of_a_fresh_search_from_there(seed: int) -> None:
     hall = Hall(seed)
     problem = hall.problem(hall.start, hall.zones)
     try:
-        front = hpop.solving.front(problem, hall.planner.solve(problem))
+        front = hpop.problems.solving.front(problem, hall.planner.solve(problem))
     except QueryError:
         pytest.skip("start or goal is closed")
     if not len(front):
@@ -139,7 +139,7 @@ def check(hall: Hall, drive: hpop.drive.Execution, options: hpop.drive.Options) 
         assert options.keep_on is None
         assert not len(options)
         return
-    again = hpop.solving.front(hall.problem(state, [Zone("keep-out", area) for area in hall.closed]), fresh)
+    again = hpop.problems.solving.front(hall.problem(state, [Zone("keep-out", area) for area in hall.closed]), fresh)
     slack = np.where(again.quanta < 1.0, 1.5 * (fresh.tolerance.max(axis=0) + again.quanta), 0.5)
     mine, theirs = (np.maximum(f.costs, past_worst(hall, drive, options)) for f in (options.front, again))
     # The present plan may pass a corner that has come meanwhile: it is free, but a new lattice would not begin it.

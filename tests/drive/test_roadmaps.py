@@ -22,11 +22,11 @@ from hpop.errors import DriveError
 from hpop.frontier import is_nondominated
 from hpop.planners import Roadmap
 from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.roadmap.headings import StateRoadmap
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap.headings import StateRoadmap
-from hpop.status import Budget, Status
+from hpop.runtime.status import Budget, Status
 from hpop.world import World
-from hpop.world.content import Zone
+from hpop.world.content.content import Zone
 from tests.drive.test_fresh_search import covered
 
 EXTENT = shapely.box(0, 0, 7, 5)
@@ -125,7 +125,7 @@ class Driven:
         objectives = edge_objectives(self.problem.criteria, "roadmap")
         graph = roadmap.graph(objectives.optimised)
         query = GraphQuery(roadmap, objectives, graph, node, roadmap.goals, build_seconds=0.0)
-        return hpop.solving.front(self.problem, query.exact("roadmap", Budget())).costs
+        return hpop.problems.solving.front(self.problem, query.exact("roadmap", Budget())).costs
 
 
 def compared(options: hpop.drive.Options, costs: np.ndarray) -> None:

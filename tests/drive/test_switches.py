@@ -8,7 +8,7 @@ import shapely
 
 import hpop
 from hpop.errors import DriveError
-from hpop.verify import verify
+from hpop.problems.verify import verify
 from tests.drive.rooms import planned
 
 SWITCHES = 10  # a seed

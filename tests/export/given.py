@@ -9,12 +9,12 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.front import Front
 from hpop.motions import States
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Ground
-from hpop.world.content import Landmark, Person, Zone
-from hpop.world.shapes import Obstacle
+from hpop.world.content.content import Landmark, Person, Zone
+from hpop.world.geometry.shapes import Obstacle
 from tests.models.serial_arm.arms import arm6
 
 ODD = "</script>\n\x1b[2J\u202e, 'Höhe' # \"%s\" {x: 1}"

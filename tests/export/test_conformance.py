@@ -8,10 +8,10 @@ import re
 import numpy as np
 import pytest
 
+from hpop.base.registry import formats
 from hpop.errors import OptionError
 from hpop.export import Exported, Frames, save, write
-from hpop.poses import poses
-from hpop.registry import formats
+from hpop.trajectories.poses import poses
 from tests.export.given import ODD, front, problem, robots
 from tests.export.readers import READERS
 

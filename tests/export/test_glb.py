@@ -15,10 +15,10 @@ import shapely
 
 import hpop
 from hpop.export import write
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride import surfaces
-from hpop.world.content import Person
-from hpop.world.people import Future
+from hpop.world.content.content import Person
+from hpop.world.content.people import Future
 from hpop.world.tracks.track import Track
 from tests.export.given import DRIVE, ODD, POSES, problem, robots, through
 from tests.export.readers import GLTF, accessor

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hpop.base.registry import formats
 from hpop.export import write
-from hpop.registry import formats
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from tests.export.given import DRIVE, POSES
 from tests.export.readers import READERS
 

@@ -12,8 +12,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from hpop.export import Frames, save, write
-from hpop.poses import poses
-from hpop.trajectory import Trajectory
+from hpop.trajectories.poses import poses
+from hpop.trajectories.trajectory import Trajectory
 from tests.export.given import DRIVE, ODD, front, problem, robots
 from tests.export.readers import messages
 

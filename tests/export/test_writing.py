@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 import hpop
+from hpop.base.registry import formats
 from hpop.errors import OptionError, OutputError, OwnCodeError, UnknownName
 from hpop.export import Exported, export_format, save, write
-from hpop.front import Front
-from hpop.registry import formats
+from hpop.problems.front import Front
 from tests.export.given import front, problem, robots
 
 GOES = robots()["differential drive"]
@@ -163,7 +163,7 @@ def test_without_the_extra_it_says_how_to_get_it(tmp_path, monkeypatch, name):
             raise ImportError(f"No module named {module!r}")
         return imported(module, *rest, **more)
 
-    monkeypatch.setattr("hpop.lazy.import_module", without)
+    monkeypatch.setattr("hpop.base.lazy.import_module", without)
     with pytest.raises(OutputError, match=r"a bag needs rosbags.* pip install 'hpop\[bags\]'"):
         save(None, front(), tmp_path / "out", formats=[name])
     assert not list(tmp_path.iterdir())

@@ -14,7 +14,7 @@ import shapely
 import hpop
 from hpop.errors import HpopError, HpopWarning, QueryError, ScenarioError, UnknownName
 from hpop.goals import AnyOf, CameraAt, GoalSet, LookAt, Region, ToolAt, goal
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.scenario import load_scenario
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 6, 4))

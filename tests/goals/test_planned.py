@@ -14,11 +14,11 @@ import hpop
 from hpop.cli.registered import print_goals
 from hpop.cli.report import print_front
 from hpop.errors import QueryError
-from hpop.front import Front
 from hpop.goals import LookAt
 from hpop.planners.weighted_sum import WeightedSum
-from hpop.problem import Problem
-from hpop.verify import verify
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
 from hpop.view.targets import targets_of
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 6, 4))

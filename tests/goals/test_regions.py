@@ -18,7 +18,7 @@ from hpop.goals import CameraAt, LookAt, Region, ToolAt
 from hpop.goals.inverse_kinematics import APART, InverseKinematics
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from tests.jointed import Jointed, states_of
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 6, 4))

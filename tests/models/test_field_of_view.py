@@ -6,10 +6,10 @@ import math
 import pytest
 
 from hpop import DifferentialDrive
+from hpop.base.registry import completed, make_model
 from hpop.errors import ModelError
 from hpop.models.field_of_view import field_of_view
 from hpop.motions import MODEL_DEFAULTS
-from hpop.registry import completed, make_model
 
 
 def test_it_is_kept_with_the_model_and_left_out_where_there_is_none():

@@ -144,6 +144,6 @@ def test_joints_are_checked():
 
 def test_a_joint_beyond_its_stop_is_a_fault():
     rows = states((1, 1, 0, 0, 0, 0), (1, 1, 0, 1.0, 0, 0))
-    trajectory = hpop.trajectory.Trajectory(Crane(), rows, ("lift",))
+    trajectory = hpop.trajectories.trajectory.Trajectory(Crane(), rows, ("lift",))
     assert list(Crane().faults(trajectory)) == ["has a lift of 1 m in state 1, beyond its stop at 0.8"]
     assert Crane().doubtful(Crane().laws["lift"], rows.take([0]), rows.take([1])).tolist() == [True]

@@ -11,14 +11,14 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import make_model
 from hpop.criteria.base import motion_costs, trajectory_costs
 from hpop.errors import ModelError, QueryError, ScenarioError
 from hpop.motions import Motions, States, integrated
 from hpop.motions.symbolic import SymbolicMotions
-from hpop.registry import make_model
 from hpop.scenario import load_scenario
 from hpop.testing import random_motions, random_world
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from tests.models.test_twists import rotation_between, stacked
 from tests.own_criteria import NAMES, own_criterion
 

@@ -15,8 +15,8 @@ from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.laws import Move, rest_to_rest
 from hpop.motions import Leg, Motions, Phase, States
-from hpop.planners.trust import judge
-from hpop.verify import collision_free
+from hpop.planners.judgement import judge
+from hpop.problems.verify import collision_free
 from tests.models.collision.test_planar import LONG, ROBOTS, random_states, room
 
 

@@ -10,7 +10,7 @@ from hpop.criteria.base import motion_costs, trajectory_costs
 from hpop.models.driven import driven
 from hpop.motions import Body, States, integrated
 from hpop.testing import random_motions, random_world
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 MOMENT = 1e-6  # s, for differences
 FIXED = hpop.DifferentialDrive(camera_offset=(0.2, -0.1))

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from hpop import limits
 from hpop.errors import UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States, lacking
 from hpop.motions.symbolic import SymbolicMotions, lift
+from hpop.runtime import limits
 from hpop.world import World
 
 WORLD = World.from_polygons([shapely.box(4, 4, 5, 5)], extent=shapely.box(0, 0, 10, 10))

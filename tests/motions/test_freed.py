@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.arrays import Column
+from hpop.base.arrays import Column
 from hpop.motions.instants import Instants
 from hpop.world import Person, World
 

@@ -14,11 +14,11 @@ from hpop.models import DifferentialDrive
 from hpop.planners.any_angle import AnyAngle
 from hpop.planners.judgement import is_free, judge
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.verify import verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
 from hpop.world import World
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 ROBOT = DifferentialDrive(radius=0.15, camera_height=0.4)
 LONG = DifferentialDrive(footprint=((0.4, 0.12), (-0.2, 0.12), (-0.2, -0.12), (0.4, -0.12)), camera_height=0.4)

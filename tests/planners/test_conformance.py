@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 
+from hpop.base.registry import make_model, models, planners
 from hpop.errors import UnsupportedModel
 from hpop.models.mobile_arm import MobileArm
 from hpop.planners.base import make_planner
-from hpop.problem import Problem
-from hpop.registry import make_model, models, planners
+from hpop.problems.problem import Problem
 from hpop.testing.planners import planner_checks, small_problem
 from tests.models.serial_arm.arms import arm6
 

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from hpop.criteria import Clearance, Length
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice, WeightedSum
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -13,11 +13,11 @@ import hpop
 from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
 from hpop.planners import Lattice
-from hpop.planners.lattice import planner as lattice_planner
+from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
-from hpop.problem import Problem
-from hpop.verify import verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
 
 WORLD = hpop.World.from_polygons([shapely.box(2.0, 1.0, 3.0, 4.0)], extent=shapely.box(0, 0, 5, 4))
 ROBOT = hpop.DifferentialDrive(radius=0.2, camera_height=0.6, camera_offset=(0.1, 0.0))

@@ -18,8 +18,8 @@ from hpop.planners.graphs.family import make_family
 from hpop.planners.searches.exact import Exact
 from hpop.planners.spending import Exhausted
 from hpop.planners.weighted_sum import WeightedSum
-from hpop.status import Progress, Status
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.runtime.status import Progress, Status
 from hpop.world import Person
 from tests.hulls import Hull
 from tests.search.conftest import front_by_closure

@@ -7,8 +7,8 @@ import shapely
 from hpop.criteria import make_criterion
 from hpop.models import DifferentialDrive
 from hpop.planners.judgement import judge
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -8,8 +8,8 @@ import shapely
 
 import hpop
 from hpop.planners import AnyAngle, EpsilonConstraint, Roadmap, Smoothing, WeightedSum, WeightedSumCorridor, spending
-from hpop.status import Status, Watch
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status, Watch
 from tests.watched import watched
 
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
@@ -53,7 +53,7 @@ def until(monkeypatch, costed):
 def test_a_graph_that_is_not_costed_in_time_leaves_the_paths_of_a_part_of_it(
     planner, edges, what, until, costed, monkeypatch
 ):
-    monkeypatch.setattr("hpop.planners.lattice.planner.MOST_FIRST", 40)
+    monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
     monkeypatch.setattr("hpop.planners.graphs.arcs.BLOCK", 1000)
     until(edges)
     front = asked("watched", "turns").solve(planner)
@@ -67,7 +67,7 @@ def test_a_graph_that_is_not_costed_in_time_leaves_the_paths_of_a_part_of_it(
 
 
 def test_a_roadmap_that_is_not_costed_in_time_leaves_the_paths_of_one_of_fewer_samples(until, monkeypatch):
-    monkeypatch.setattr("hpop.planners.roadmap.growing.SMALLEST", 50)
+    monkeypatch.setattr("hpop.planners.graphs.roadmap.growing.SMALLEST", 50)
     monkeypatch.setattr("hpop.planners.graphs.arcs.BLOCK", 1000)
     until(15_000)  # a roadmap of 50 samples has some 10,000 edges, one of 200 some 40,000
     front = asked("watched", "turns").solve(Roadmap(samples=200, neighbours=6, time_limit=1000.0))

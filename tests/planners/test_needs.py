@@ -8,9 +8,9 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import planners
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.planners.base import UNDECLARED, make_planner
-from hpop.registry import planners
 
 HALL = hpop.World.from_polygons([], extent=shapely.box(0, 0, 4, 4))
 

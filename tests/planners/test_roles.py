@@ -8,11 +8,11 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import criteria
 from hpop.criteria.base import criterion, place_of
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.comfort.turns import Turns
-from hpop.planners.epsilon_constraint.grid import Roles
-from hpop.registry import criteria
+from hpop.planners.programs.epsilon_constraint.grid import Roles
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 1, 3, 3)], extent=shapely.box(0, 0, 5, 4))
 

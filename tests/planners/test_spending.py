@@ -10,15 +10,15 @@ import pytest
 import shapely
 
 import hpop
-from hpop import compiled
+from hpop.base.registry import criteria
 from hpop.planners import spending
 from hpop.planners.graphs import arcs
 from hpop.planners.lattice import Lattice
-from hpop.planners.roadmap.planner import Roadmap
+from hpop.planners.roadmap import Roadmap
 from hpop.planners.spending import Exhausted, Spending
 from hpop.planners.weighted_sum import WeightedSum
-from hpop.registry import criteria
-from hpop.status import Budget
+from hpop.runtime import compiled
+from hpop.runtime.status import Budget
 from tests.interrupted import interrupted_locks
 from tests.watched import watched
 
@@ -89,7 +89,7 @@ def test_memory_that_nobody_counts_shows_in_the_size_of_the_process(monkeypatch)
 
 
 def test_what_a_stage_found_is_kept_when_the_whole_is_not_built_in_time(monkeypatch):
-    monkeypatch.setattr("hpop.planners.lattice.planner.MOST_FIRST", 40)
+    monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
     problem, planner = asked("length", "turns"), Lattice(step=0.25)
     lattice = planner.lattice(problem)
     room = lattice.size * lattice.headings.count * 20  # bytes: it can be laid out, but not costed

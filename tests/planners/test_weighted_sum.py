@@ -11,10 +11,10 @@ import shapely
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import Candidates, Lattice, WeightedSum
-from hpop.problem import Problem
-from hpop.status import Progress, Status
-from hpop.sweep import processes
-from hpop.verify import verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Progress, Status
+from hpop.runtime.sweep import processes
 from hpop.world import World
 
 STEP = 0.5

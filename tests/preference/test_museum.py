@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.preference import Preference, Prior
 from hpop.scenario import load_scenario
 from tests import preferring as people

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 from scipy.stats import chisquare
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import Preference, Prior

@@ -44,7 +44,7 @@ class Gate(Planning):
         self.entered.set()
         try:
             while not self.open.wait(1e-3):
-                progress(hpop.status.Progress("search"))
+                progress(hpop.runtime.status.Progress("search"))
             return super().answer(goal, robot, progress)
         finally:
             self.left.set()

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 import hpop
 from hpop.errors import ModelError, OptionError, RosError
 from hpop.ros import PlanarPose, path_message, plain, planar_pose, pose_message, trajectory_of, typed
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from tests.export.given import DRIVE, robots
 
 PATH = "nav_msgs/msg/Path"

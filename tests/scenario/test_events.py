@@ -11,7 +11,7 @@ import hpop
 from hpop.errors import HpopError
 from hpop.scenario.events import load_events
 from hpop.world import Person, World
-from hpop.world.content import Zone
+from hpop.world.content.content import Zone
 
 GOOD = """\
 choice: least turns

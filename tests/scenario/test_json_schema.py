@@ -12,9 +12,9 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from hpop.base.registry import criteria, goals, models, planners
 from hpop.cli import main
 from hpop.errors import HpopError
-from hpop.registry import criteria, goals, models, planners
 from hpop.scenario import load_scenario
 from hpop.scenario.json_schema import LINE, scenario_schema
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop import registry
+from hpop.base import registry
 from hpop.criteria.base import criterion
 from hpop.errors import (
     CriterionError,
@@ -23,10 +23,10 @@ from hpop.errors import (
     UnknownName,
     UnsupportedModel,
 )
-from hpop.front import Front
 from hpop.frontier import Front as Costs
 from hpop.motions import Motions
 from hpop.preference import Preference
+from hpop.problems.front import Front
 from hpop.scenario import load_scenario
 
 ROOM = """\

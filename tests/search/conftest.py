@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, pareto_paths
-from hpop.status import Budget, Status
 
 Vector = tuple[int, ...]
 

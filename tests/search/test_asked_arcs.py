@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.search import Graph
 from hpop.search.asked_arcs import BLOCKED, FREE, UNKNOWN, AskedArcs
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hpop.errors import OptionError
+from hpop.runtime.status import Status
 from hpop.search import Graph, pareto_paths
-from hpop.status import Status
 
 
 def within(costs: np.ndarray, at_most: tuple[int | None, ...]) -> list[list[int]]:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, asked_arcs, pareto_paths
 from hpop.search import lazy_paths as module
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
-from hpop.status import Budget, Progress, Status
 
 
 class Doors:

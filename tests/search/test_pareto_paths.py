@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError, QueryError
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.namoa_star import namoa_star
 from hpop.search.staircase import search as staircase
-from hpop.status import Budget, Progress, Status
 from tests.walks import check_walks
 
 

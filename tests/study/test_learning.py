@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria import Learnt
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.errors import CriterionError, HpopWarning, StudyError

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.errors import OptionError, StudyError, UnknownName
 from hpop.study.picking import pick
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 
 def places(trajectory: Trajectory, count: int = 40) -> FloatArray:

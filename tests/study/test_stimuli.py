@@ -13,10 +13,10 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import StudyError
-from hpop.status import Progress
+from hpop.runtime.status import Progress
 from hpop.study.page import rides_of, session_page
 from hpop.study.words import words
-from hpop.world.content import Landmark, Person
+from hpop.world.content.content import Landmark, Person
 from tests.study.conftest import CONSENT
 
 

@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from hpop.base.math import is_symbolic
 from hpop.criteria import make_criterion
 from hpop.errors import CriterionError
-from hpop.math import is_symbolic
 from hpop.models import DifferentialDrive
 from hpop.testing import check_criterion, conformance, random_motions, random_world
-from hpop.world.proxemics import any_moves, expected, offset
+from hpop.world.content.proxemics import any_moves, expected, offset
 from tests.own_criteria import NAMES, own_criterion
 
 FRAME = "costs the same wherever the world's frame lies"

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 import hpop
+from hpop.base.registry import make_model, models
 from hpop.errors import ModelError
 from hpop.motions import Phase, States
-from hpop.registry import make_model, models
 from hpop.testing import check_model, conformance
 
 PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
@@ -336,7 +336,7 @@ def measuring(distance: float) -> Callable[..., Any]:
 
 
 SMALL = (hpop.models.base.Part(((0.0, 0.0),), 0.1, 0.0, 2.0),)
-BOX = hpop.world.solids.Box((0.1, 0.1, 0.1))
+BOX = hpop.world.geometry.solids.Box((0.1, 0.1, 0.1))
 
 MISTAKES = [
     (TWISTS, "rotation of the base in a slide", {"twist": turned_about}),
@@ -372,7 +372,7 @@ MISTAKES = [
     (SAYS, "wheels, but its wheel_base is None", {"provides": lambda has: has | {"wheels"}}),
     (SAYS, "plane, but its platform is empty", {"platform": says(())}),
     (SAYS, "a part reaches 0.43[0-9]* m from the axis, its platform 0.1 m", {"platform": says(SMALL)}),
-    (SAYS, "bodies are shapes of hpop.world.solids", {"bodies": says(lambda states: [("box", np.eye(4))])}),
+    (SAYS, "bodies are shapes of hpop.world.geometry.solids", {"bodies": says(lambda states: [("box", np.eye(4))])}),
     (SAYS, "the poses of a body have the shape .3, 4, 4.", {"bodies": says(lambda s: [(BOX, np.ones((3, 4, 4)))])}),
     (SAYS, "clearance of its collision is a distance >= 0", {"collision": measuring(-1.0)}),
     (LED, "duration of a slide, which is reversible, back", {"laws": law(Sluggish)}),

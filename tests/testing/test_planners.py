@@ -15,11 +15,11 @@ import pytest
 import hpop
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.planners import Candidates, Lattice
-from hpop.problem import Problem
-from hpop.status import ProgressCallback, Status
+from hpop.problems.problem import Problem
+from hpop.runtime.status import ProgressCallback, Status
 from hpop.testing import check_planner
 from hpop.testing.planners import planner_checks
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 ROBOT = hpop.DifferentialDrive(radius=0.2)
 NEEDS = "says what it needs of a model"

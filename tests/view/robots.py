@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import rest_to_rest
 from hpop.models.rigid import RigidPose, RigidTwist, RigidTwistRate
 from hpop.motions import Body, Law, Leg, Model, Motions, Phase, States, StateSpace, integrated
 from hpop.motions.states import Vector
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 

@@ -16,7 +16,7 @@ from hpop.view.content import MOST_NAMES, draw_content
 from hpop.view.ground import KEEP_OUT, View, view_of
 from hpop.view.map import path_points
 from hpop.world import Track
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 WAY = shapely.LineString([(0.5, 5.5), (4, 5.5), (4, 7.5)])
 SLOW = Zone("speed", shapely.box(7, 2, 9, 4), limit=0.4)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from hpop.front import Front
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.holds import holds_of
 from hpop.view.map import draw_map
 from hpop.view.trace import draw_trace

@@ -8,7 +8,7 @@ import shapely
 
 import hpop
 from hpop.view.look import look
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 ROBOT = hpop.DifferentialDrive(radius=0.25)
 HALL = hpop.World.from_polygons([shapely.box(4, 0, 4.2, 6)], extent=shapely.box(0, 0, 10, 6))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from hpop import matplotlib_folder
+from hpop.runtime import matplotlib_folder
 
 USE = """\
 from pathlib import Path
@@ -23,7 +23,7 @@ import hpop.view
 print(*(path.name for path in Path().glob("*/*")))
 """
 
-PROVIDED = "import os, subprocess, sys; from hpop import matplotlib_folder; matplotlib_folder.provide(); "
+PROVIDED = "import os, subprocess, sys; from hpop.runtime import matplotlib_folder; matplotlib_folder.provide(); "
 SHORT = f"""\
 {PROVIDED}
 subprocess.run([sys.executable, "-P", "-c", {PROVIDED!r}], check=True)

@@ -8,12 +8,13 @@ import pytest
 import shapely
 from PIL import Image
 
-from hpop import DifferentialDrive, Problem, World, limits
+from hpop import DifferentialDrive, Problem, World
 from hpop.errors import OutputError
 from hpop.planners.spending import Spending
-from hpop.status import Budget
+from hpop.runtime import limits
+from hpop.runtime.status import Budget
 from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
-from hpop.world.content import Landmark
+from hpop.world.content.content import Landmark
 
 
 @pytest.fixture

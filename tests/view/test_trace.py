@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.criteria.base import make_criterion, trajectory_cost
 from hpop.motions import States
-from hpop.trace import trace
+from hpop.problems.trace import trace
 from hpop.view import draw_trace
 from hpop.view.trace import camera_rates
 from tests.models.serial_arm.arms import arm6

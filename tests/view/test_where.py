@@ -12,10 +12,10 @@ import hpop
 from hpop.criteria import make_criterion
 from hpop.models.driven import driven
 from hpop.motions import States
-from hpop.trace import trace
+from hpop.problems.trace import trace
 from hpop.view import draw_where
 from hpop.view.where import shown_along
-from hpop.world.content import Landmark, Person
+from hpop.world.content.content import Landmark, Person
 
 NAMES = ["obstruction", "turns", "length"]
 ENTRIES = {  # of what is drawn with a gid or a label

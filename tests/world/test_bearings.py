@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from hpop.errors import OptionError
 from hpop.motions.symbolic import lift
 from hpop.world import World
-from hpop.world.bearings import MARGIN, REACH, Seen, as_seen, bearings
+from hpop.world.sight.bearings import MARGIN, REACH, Seen, as_seen, bearings
 
 ANGLES = 2 * np.pi * np.arange(16) / 16
 

@@ -13,13 +13,13 @@ import shapely
 import hpop
 from hpop.errors import MapError
 from hpop.motions import States
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.testing.worlds import in_frame, reframed
 from hpop.world import Box, Cylinder, Ground, Hull, Obstacle, Solid, Sphere, World, pose_at
 from hpop.world import bodies as made_bodies
 from hpop.world.bodies import ENDLESS, convex_pieces
-from hpop.world.content import Person, Zone
-from hpop.world.solids import SAGITTA
+from hpop.world.content.content import Person, Zone
+from hpop.world.geometry.solids import SAGITTA
 
 HALL = shapely.box(0, 0, 6, 4)
 CORNER = shapely.Polygon([(0, 0), (2, 0), (2, 1), (1, 1), (1, 3), (0, 3)])

@@ -14,7 +14,7 @@ import shapely
 
 from hpop.errors import MapError
 from hpop.world import World
-from hpop.world.content import Content, Landmark, Person, Zone
+from hpop.world.content.content import Content, Landmark, Person, Zone
 
 HALL = shapely.box(0, 0, 10, 8)
 SQUARE = shapely.box(6, 6, 7, 7)

@@ -10,9 +10,10 @@ import shapely
 from hpop import World
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
-from hpop.world import crossings, geojson_content
-from hpop.world.content import Zone
-from hpop.world.crossings import check_joinable, check_mendable, check_widenable
+from hpop.world.content.content import Zone
+from hpop.world.geometry import crossings
+from hpop.world.geometry.crossings import check_joinable, check_mendable, check_widenable
+from hpop.world.readers import geojson_content
 
 SECONDS = 5.0  # of the processor; GEOS takes 22 for what the first test gives
 

@@ -12,7 +12,8 @@ from geographiclib.geodesic import Geodesic
 from hpop.cli import main
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
-from hpop.world import World, geojson_content
+from hpop.world import World
+from hpop.world.readers import geojson_content
 
 MUSEUM = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}  # metres from EPSG:3857, see SOURCE.txt
 

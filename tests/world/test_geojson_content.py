@@ -11,7 +11,7 @@ import shapely
 
 from hpop.errors import MapError
 from hpop.world import World
-from hpop.world.geojson_content import read
+from hpop.world.readers.geojson_content import read
 
 MUSEUM = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}  # metres from EPSG:3857, see SOURCE.txt
 RING = [[0, 0], [4, 0], [4, 2], [0, 2], [0, 0]]

@@ -11,8 +11,9 @@ from geographiclib.geodesic import Geodesic
 
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
-from hpop.world import World, geojson_content
-from hpop.world import crs as systems
+from hpop.world import World
+from hpop.world.readers import crs as systems
+from hpop.world.readers import geojson_content
 
 CORNER = (9.18, 48.78)
 RADIUS = 6378137.0

@@ -11,13 +11,13 @@ import pytest
 import shapely
 
 import hpop
-from hpop import limits
 from hpop.planners.lattice import Lattice
+from hpop.runtime import limits
 from hpop.world import Ground, World
 from hpop.world.cache import Cache
-from hpop.world.content import Landmark, Person, Zone
-from hpop.world.planar import FreeSpace
-from hpop.world.visibility import openness_field
+from hpop.world.content.content import Landmark, Person, Zone
+from hpop.world.geometry.planar import FreeSpace
+from hpop.world.sight.visibility import openness_field
 
 MUSEUM = Path(hpop.__file__).parents[1] / "examples" / "museum.geojson"
 ROBOT = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)

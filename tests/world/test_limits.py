@@ -9,15 +9,16 @@ import pytest
 import shapely
 
 import hpop
-from hpop import limits
+from hpop.base.registry import criteria
 from hpop.criteria.others import zone_fields
 from hpop.planners.lattice import Lattice
-from hpop.registry import criteria
-from hpop.world import Field, World, visibility
-from hpop.world.bearings import bearings
+from hpop.runtime import limits
+from hpop.world import Field, World
 from hpop.world.cache import nbytes
-from hpop.world.content import Landmark, Zone
-from hpop.world.visibility import landmarks_unseen, openness_field
+from hpop.world.content.content import Landmark, Zone
+from hpop.world.sight import visibility
+from hpop.world.sight.bearings import bearings
+from hpop.world.sight.visibility import landmarks_unseen, openness_field
 
 ROUND = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
 PATH = shapely.LineString([(1, 1), (7, 1)])
@@ -72,7 +73,7 @@ MAKE: dict[str, Callable[[World], Any]] = {
 
 @pytest.fixture(params=MAKE)
 def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[World], Any]:
-    for name in ("hpop.world.bearings.CAST", "hpop.criteria.others.zone_fields.ROWS"):
+    for name in ("hpop.world.sight.bearings.CAST", "hpop.criteria.others.zone_fields.ROWS"):
         monkeypatch.setattr(name, 200)
     return MAKE[request.param]
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 import hpop
 from hpop.errors import MapError
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.scenario import load_scenario
 from hpop.world import Box, Cylinder, Hull, Sphere, World
 

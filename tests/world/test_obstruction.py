@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from hpop.world import Obstacle, Raster, obstruction
-from hpop.world.obstruction import disjoint_prisms, polygon_obstruction, raster_obstruction
+from hpop.world import Obstacle, Raster
+from hpop.world.fields import obstruction
+from hpop.world.fields.obstruction import disjoint_prisms, polygon_obstruction, raster_obstruction
 
 
 def one(obstacles, radius=2.0, x=0.0, y=0.0, z=0.0):

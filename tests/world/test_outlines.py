@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.arrays import BoolArray
+from hpop.base.arrays import BoolArray
 from hpop.errors import MapError
-from hpop.world import World, outlines
-from hpop.world.outlines import outlined
+from hpop.world import World
+from hpop.world.geometry import outlines
+from hpop.world.geometry.outlines import outlined
 
 
 def joined(cells: BoolArray) -> shapely.Geometry:

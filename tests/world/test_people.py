@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 from hpop.errors import MapError
 from hpop.motions.symbolic import lift
 from hpop.world import Future, Person, Track, World
-from hpop.world.content import Content
-from hpop.world.predictions import bounded
+from hpop.world.content.content import Content
+from hpop.world.content.predictions import bounded
 
 L = Track.through([(1, 0, 0), (3, 2, 0), (4, 2, 1)])
 T = np.array([0.0, 0.5, 1.0, 2.0, 3.5, 3.999, 4.0, 6.0])

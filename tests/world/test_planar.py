@@ -11,7 +11,7 @@ from shapely.geometry import Polygon
 
 from hpop.errors import OptionError
 from hpop.world import World
-from hpop.world.planar import FreeSpace
+from hpop.world.geometry.planar import FreeSpace
 
 
 def a_world(seed, raster=False):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import hpop
 from hpop.errors import MapError, QueryError
 from hpop.world import Future, Person, Track, World
-from hpop.world.predictions import bounded
+from hpop.world.content.predictions import bounded
 
 WALL = shapely.box(6, 0, 6.5, 4)
 HALL = World.from_polygons([WALL, (shapely.box(1, 5, 2, 6), (2.2, 2.5))], extent=shapely.box(0, 0, 10, 8))
@@ -261,7 +261,7 @@ def test_fronts_carry_how_predictions_end():
     problem = problem_with(Person(1.0, 7.0, velocity=(1.0, 0.0), name="Ada"), horizon=4.0)
     trajectory = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (5, 1, 0)])
     from hpop.planners.base import Candidates
-    from hpop.status import Status
+    from hpop.runtime.status import Status
 
     costs = np.array([list(problem.evaluate(trajectory).values())])
     candidates = Candidates(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from hpop.motions.symbolic import lift
-from hpop.world.content import Person
-from hpop.world.proxemics import BLOCK, in_frame, offset, over, position
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import BLOCK, in_frame, offset, over, position
 
 
 def test_who_walks_faces_where_they_go_and_who_stands_where_the_body_does():

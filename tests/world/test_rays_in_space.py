@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from hpop.world.rays_in_space import Surfaces, over_disc, over_sphere
-from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
+from hpop.world.geometry.rays_in_space import Surfaces, over_disc, over_sphere
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 REACH = 9.0
 

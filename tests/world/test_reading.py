@@ -12,15 +12,16 @@ import yaml
 from click.testing import CliRunner
 from PIL import Image
 
-from hpop import limits
+from hpop.base.registry import readers
 from hpop.cli import main
 from hpop.errors import LimitError
 from hpop.planners.spending import Spending
-from hpop.registry import readers
+from hpop.runtime import limits
+from hpop.runtime.status import Budget
 from hpop.scenario import load_scenario
-from hpop.status import Budget
-from hpop.world import World, geojson_content
-from hpop.world.readers import read_world
+from hpop.world import World
+from hpop.world.readers import geojson_content
+from hpop.world.readers.readers import read_world
 
 SIDE = 40  # cells or polygons along each side of a map
 PARTS = 8  # that it is read in, at least
@@ -110,7 +111,7 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
         ("picture", 5 * SIDE),
         ("movingai", 5 * SIDE),
     ):
-        monkeypatch.setattr(f"hpop.world.{module}.BLOCK", size)
+        monkeypatch.setattr(f"hpop.world.readers.{module}.BLOCK", size)
 
 
 @pytest.mark.cases(but=("zones",))

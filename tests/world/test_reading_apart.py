@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop import limits
 from hpop.apart.answer import Answer, Refused, refusal, unpacked
 from hpop.errors import MapError
-from hpop.world import World, reading_apart
-from hpop.world.readers import reader_of
+from hpop.runtime import limits
+from hpop.world import World
+from hpop.world.readers import reading_apart
+from hpop.world.readers.readers import reader_of
 from tests.plans import bag, dxf, grid, pdf, stream
 
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 from hpop.errors import MapError
 from hpop.world import World
-from hpop.world.ros_map import load
-from hpop.world.shapes import MAX_CELLS
+from hpop.world.geometry.shapes import MAX_CELLS
+from hpop.world.readers.ros_map import load
 
 YAML = {
     "image": "map.pgm",

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import MapError
-from hpop.world.solids import SAGITTA, Box, Cylinder, Hull, Solid, Sphere, pose_at
+from hpop.world.geometry.solids import SAGITTA, Box, Cylinder, Hull, Solid, Sphere, pose_at
 
 angles = st.tuples(*[st.floats(-3.2, 3.2)] * 3)
 PYRAMID = np.array([(0.0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (1, 0.5, 3)])

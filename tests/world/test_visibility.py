@@ -13,9 +13,9 @@ from shapely import affinity
 from hpop.errors import OptionError
 from hpop.motions.symbolic import lift
 from hpop.world import Ground, World
-from hpop.world.content import Landmark
-from hpop.world.in_view import bearing
-from hpop.world.visibility import (
+from hpop.world.content.content import Landmark
+from hpop.world.sight.in_view import bearing
+from hpop.world.sight.visibility import (
     _grid,
     landmark_field,
     landmarks_unseen,

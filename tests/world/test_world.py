@@ -17,8 +17,8 @@ from shapely.geometry import LineString, Polygon
 from hpop.errors import MapError, OptionError
 from hpop.world import Ground, Obstacle, Raster, World
 from hpop.world.description import unpack_cells
+from hpop.world.fields.obstruction import polygon_obstruction
 from hpop.world.files import by_names
-from hpop.world.obstruction import polygon_obstruction
 
 EXTENT = shapely.box(0, 0, 10, 10)
 

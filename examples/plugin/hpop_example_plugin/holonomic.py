@@ -11,9 +11,9 @@ from functools import cached_property
 import numpy as np
 
 import hpop
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import hypot, smooth_abs
 from hpop.errors import ModelError
-from hpop.math import hypot, smooth_abs
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import rest_to_rest
 from hpop.motions import Law, Leg, Phase, States, StateSpace

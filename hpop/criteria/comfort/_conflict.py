@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.compiled import kernel
+from hpop.base.arrays import FloatArray
+from hpop.runtime.compiled import kernel
 
 
 @kernel

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.models.field_of_view import FieldOfView
 from hpop.motions import Instants, Rate
-from hpop.world.bearings import REACH
-from hpop.world.rays_in_space import Surfaces, over_sphere, rows
+from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows
+from hpop.world.sight.bearings import REACH
 
 
 def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:

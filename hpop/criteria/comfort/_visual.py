@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.history import History
+from hpop.base.arrays import FloatArray
 from hpop.motions import Pose
+from hpop.trajectories.history import History
 
 
 class VisualMotion(NamedTuple):

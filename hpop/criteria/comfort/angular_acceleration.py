@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import hinge, norm
+from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import hinge, norm
 from hpop.motions import Motions
-from hpop.options import MOST, set_reals
 
 FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
 

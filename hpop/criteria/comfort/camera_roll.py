@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import angle_between, hypot
 from hpop.criteria.base import criterion
-from hpop.math import angle_between, hypot
 from hpop.motions import Motions, Pose
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import angle_between, is_symbolic, norm
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import angle_between, is_symbolic, norm
 from hpop.motions import Instants, Motions
-from hpop.options import LEAST, MOST, set_reals
 
 PANELS = 16  # of each phase in place, where the speed passes ``slow`` within a few degrees
 

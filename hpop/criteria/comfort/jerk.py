@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort._visual import camera_at
 from hpop.errors import CriterionError
-from hpop.history import History
-from hpop.options import MOST, set_reals
+from hpop.trajectories.history import History
 
 SPLIT = 10  # samples a smoothing time
 

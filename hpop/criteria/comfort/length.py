@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import hypot
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
-from hpop.math import hypot
 from hpop.motions import Motions, States
 
 

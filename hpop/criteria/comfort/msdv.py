@@ -7,10 +7,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort._visual import visual_motion
-from hpop.history import History
+from hpop.trajectories.history import History
 
 STEP = 0.02  # s: 50 Hz, 80 times the upper corner of Wf, so the bilinear transform bends nothing
 

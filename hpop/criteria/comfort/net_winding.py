@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria.base import criterion
-from hpop.history import History
+from hpop.trajectories.history import History
 
 
 @criterion(

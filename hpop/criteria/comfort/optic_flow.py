@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import set_reals, set_wholes
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort._flow_in_space import flow_in_space, rays_of_view
 from hpop.errors import CriterionError
 from hpop.models.camera_height import camera_height, rises
 from hpop.models.field_of_view import field_of_view
 from hpop.motions import Instants, Motions, Rate
-from hpop.options import set_reals, set_wholes
-from hpop.world.bearings import Seen, bearings
-from hpop.world.in_view import ALL_ROUND
-from hpop.world.rays_in_space import surfaces_of
+from hpop.world.geometry.rays_in_space import surfaces_of
+from hpop.world.sight.bearings import Seen, bearings
+from hpop.world.sight.in_view import ALL_ROUND
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class OpticFlow(_Flow):
     camera's height, 20 m where there is none, so floor and ceiling are left out. A turn about the camera costs its
     angle, a tilt 2/π of it; a move costs the same at any speed, since slow flow lasts longer. In the middle of a
     corridor of half-width w a metre costs 1/(2 w) rad. Among obstacles a move is within 3 % of exact rays, and .3 to
-    .6 % too large on average (`hpop.world.bearings`).
+    .6 % too large on average (`hpop.world.sight.bearings`).
 
     The mean is over the bearings that the model's ``field_of_view`` holds, those within h/2 of the camera's yaw, each
     of the ``bearings`` weighted by how much of the sector about it is in view; all, if the model has none.

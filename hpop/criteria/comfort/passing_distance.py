@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
 from hpop.models.camera_height import camera_height
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world.bearings import MARGIN, as_seen
+from hpop.world.sight.bearings import MARGIN, as_seen
 
 
 @criterion("passing_distance", group="C", unit="m", aggregate="max", requires=("camera",), quantum=1e-3)

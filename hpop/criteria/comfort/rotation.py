@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.motions import Motions
 

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort._visual import visual_motion
 from hpop.criteria.comfort.svc import STEP, sicken
 from hpop.errors import CriterionError
-from hpop.history import History
-from hpop.options import set_reals
+from hpop.trajectories.history import History
 
 
 @criterion("sickness", group="C", unit="%", aggregate="trajectory", requires=("camera",), smooth=False)

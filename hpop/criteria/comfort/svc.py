@@ -26,7 +26,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 
 GRAVITY = 9.81  # m/s²
 STEP = 0.01  # s, of Euler's method, as in the published simulations; the answer to a jolt is some 3 to 7 % too large

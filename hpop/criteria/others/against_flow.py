@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import base_velocity
 from hpop.criteria.others.zone_fields import one_way_flows
@@ -23,7 +23,7 @@ class AgainstFlow:
     rule of this library, no published measure.
 
     A zone's border, and the line where the direction changes, are blurred over about two field cells on either side
-    (see :class:`hpop.world.field.Field`), so that the cost has a gradient.
+    (see :class:`hpop.world.fields.field.Field`), so that the cost has a gradient.
     """
 
     def cost(self, m: Motions) -> Column:

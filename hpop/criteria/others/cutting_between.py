@@ -8,14 +8,14 @@ from math import prod
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import check_one_future
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
-from hpop.world.checked import named_as
-from hpop.world.content import Person
-from hpop.world.proxemics import any_moves, position
+from hpop.world.content.checked import named_as
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import any_moves, position
 
 CHORDS = 8  # straight pieces that stand for a curve
 STEP = 0.25  # m: nobody who follows a track, or walks another way than the others, walks farther in a piece

@@ -8,16 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import hypot, is_zero
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import checked_radius, clock, reach
 from hpop.errors import CriterionError
-from hpop.math import hypot, is_zero
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world.blurred import Blurred
-from hpop.world.content import Person
-from hpop.world.proxemics import HALL, expected, offset
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import HALL, expected, offset
+from hpop.world.fields.blurred import Blurred
 
 
 @criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("base", "people"))

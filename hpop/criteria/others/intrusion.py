@@ -7,18 +7,18 @@ from functools import lru_cache
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import hypot, is_zero
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.others.hall_zones import within
 from hpop.criteria.others.robot import checked_radius, clock, reach
 from hpop.errors import CriterionError
-from hpop.math import hypot, is_zero
 from hpop.motions import Instants, Motions
 from hpop.motions.instants import Rate
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world.blurred import Blurred
-from hpop.world.content import Person
-from hpop.world.proxemics import HALL, expected, offset
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import HALL, expected, offset
+from hpop.world.fields.blurred import Blurred
 
 
 @criterion("worst_intrusion", group="O", unit="1", aggregate="max", requires=("base", "people"), quantum=1e-3)

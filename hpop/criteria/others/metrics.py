@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import LEAST, MOST, real
 from hpop.criteria.others.robot import checked_radius, reach
 from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
-from hpop.history import Track
 from hpop.motions.panels import JUST
-from hpop.options import LEAST, MOST, real
-from hpop.world.proxemics import HALL, offset
+from hpop.trajectories.history import Track
+from hpop.world.content.proxemics import HALL, offset
 
 if TYPE_CHECKING:
-    from hpop.trajectory import Trajectory
+    from hpop.trajectories.trajectory import Trajectory
     from hpop.world import World
-    from hpop.world.people import Person
+    from hpop.world.content.people import Person
 
 STEP = 0.01  # s
 COMPLIANT = 0.5  # m

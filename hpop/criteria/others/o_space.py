@@ -8,14 +8,14 @@ from math import prod
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import check_one_future, clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world.content import Person
-from hpop.world.proxemics import over, position
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import over, position
 
 
 @criterion("o_space", group="O", unit="s", aggregate="sum", requires=("base", "groups"))

@@ -8,15 +8,15 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import erf, hypot, is_zero
+from hpop.base.options import one_of
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
-from hpop.math import erf, hypot, is_zero
 from hpop.motions import Motions
-from hpop.options import one_of
-from hpop.world.content import Person
-from hpop.world.proxemics import expected, in_frame, worst
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import expected, in_frame, worst
 
 Combination = Literal["sum", "max"]
 LEAST_AHEAD = 0.5  # m

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import MOST, real
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
-from hpop.options import MOST, real
-from hpop.world.checked import named_as
-from hpop.world.content import Person
-from hpop.world.proxemics import any_moves
+from hpop.world.content.checked import named_as
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import any_moves
 
 
 def reach(model: Model, radius: float | None) -> float:

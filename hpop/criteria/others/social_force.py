@@ -6,16 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import erf, erfcx, hypot, is_zero
+from hpop.base.options import LEAST, MOST, set_reals
+from hpop.base.symbols import summed
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import base_velocity, clock
 from hpop.errors import CriterionError
-from hpop.math import erf, erfcx, hypot, is_zero
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
-from hpop.symbols import summed
-from hpop.world.content import Person
-from hpop.world.proxemics import expected, offset
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import expected, offset
 
 STANDSTILL = 1e-9  # a length of D below which the force is 0: its range γ|D| is
 TINY = 1e-6  # m: no deviation is taken to be smaller, if it grows

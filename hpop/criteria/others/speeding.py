@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import smooth_abs
 from hpop.criteria.base import criterion
 from hpop.criteria.others.zone_fields import speed_limits
-from hpop.math import smooth_abs
 from hpop.motions import Instants, Motions
 
 
@@ -21,8 +21,8 @@ class Speeding:
     v is the speed of the base, and it is the place of its axis that counts; where zones overlap the lowest limit
     holds. A rule of this library, no published measure.
 
-    A zone's border is blurred over about two field cells on either side (see :class:`hpop.world.field.Field`), so
-    that the cost has a gradient; what a path straight across a border costs is not changed by it.
+    A zone's border is blurred over about two field cells on either side (see :class:`hpop.world.fields.field.Field`),
+    so that the cost has a gradient; what a path straight across a border costs is not changed by it.
     """
 
     def cost(self, m: Motions) -> Column:

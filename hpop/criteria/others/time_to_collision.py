@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import base_velocity, checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world.content import Person
-from hpop.world.proxemics import offset, worst
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import offset, worst
 
 
 @criterion("time_to_collision", group="O", unit="1", aggregate="max", requires=("base", "people"), smooth=False)

@@ -7,16 +7,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.math import hypot, is_zero
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
-from hpop.math import hypot, is_zero
 from hpop.motions import Motions
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world.blurred import Blurred
-from hpop.world.content import Person
-from hpop.world.proxemics import HALL, expected, in_frame
+from hpop.world.content.content import Person
+from hpop.world.content.proxemics import HALL, expected, in_frame
+from hpop.world.fields.blurred import Blurred
 
 
 @criterion("visibility_to_people", group="O", unit="s", aggregate="sum", requires=("base", "people"))

@@ -8,11 +8,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop import limits
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.runtime import limits
 from hpop.world import World
-from hpop.world.content import Zone
-from hpop.world.field import Field, grid_points
+from hpop.world.content.content import Zone
+from hpop.world.fields.field import Field, grid_points
 
 MAX_SAMPLES = 4_000_000
 ROWS = 1 << 16  # samples whose squares are looked at together

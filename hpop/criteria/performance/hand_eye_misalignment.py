@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import cross, dot, is_zero, sine_of
+from hpop.base.options import Angle, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import cross, dot, is_zero, sine_of
 from hpop.motions import Instants, Motions, Vector
-from hpop.options import Angle, set_reals
 
 
 @criterion("hand_eye_misalignment", group="P", unit="rad s", aggregate="sum", requires=("camera",), world_frame=True)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.models.camera_height import rises
 from hpop.models.field_of_view import checked_fov, field_of_view
 from hpop.motions import Motions
-from hpop.options import MOST, set_reals
-from hpop.world import sight_in_space
-from hpop.world.visibility import landmarks_unseen
+from hpop.world.sight import sight_in_space
+from hpop.world.sight.visibility import landmarks_unseen
 
 
 @dataclass(frozen=True)
@@ -59,11 +59,11 @@ class LandmarkBlindness(_Unseen):
 class LandmarkVisibility(_Unseen):
     """1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= h/2] [|ε_i| <= v/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i.
 
-    s_i is the line of sight in three dimensions (`hpop.world.visibility`), β_i the bearing off the camera's yaw, ε_i
-    the elevation off its pitch, ν_i the angle in the plane between the landmark's front and the direction to the camera
-    (cos 1 if it has no front), d_i the distance in three dimensions, g = 1 up to ``near``, falling linearly to 0 at
-    ``far``. (h, v) is the model's ``field_of_view``, all round if it has none; or ``fov`` at all elevations: a viewer
-    of a 360-degree camera looks somewhere.
+    s_i is the line of sight in three dimensions (`hpop.world.sight.visibility`), β_i the bearing off the camera's yaw,
+    ε_i the elevation off its pitch, ν_i the angle in the plane between the landmark's front and the direction to the
+    camera (cos 1 if it has no front), d_i the distance in three dimensions, g = 1 up to ``near``, falling linearly to 0
+    at ``far``. (h, v) is the model's ``field_of_view``, all round if it has none; or ``fov`` at all elevations: a
+    viewer of a 360-degree camera looks somewhere.
 
     All factors but the view's are one smooth field of the plane: the border of a shadow is about two cells wide. The
     edges of the view are sharp, and smoothed on symbols only, so a landmark that comes into view within a motion is

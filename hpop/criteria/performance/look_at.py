@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import angle_between
 from hpop.criteria.base import criterion
 from hpop.criteria.performance.target import Targeted
-from hpop.math import angle_between
 from hpop.motions import Motions
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.models.camera_height import rises
 from hpop.motions import Motions, Rate
-from hpop.options import set_reals
-from hpop.world.filled import filled
-from hpop.world.rays_in_space import rows
+from hpop.world.fields.filled import filled
+from hpop.world.geometry.rays_in_space import rows
 
 SMALLEST = 0.1  # m: the obstruction is sampled four times a radius, on a map of any size
 

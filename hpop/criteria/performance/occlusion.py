@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.options import LEAST, set_reals, set_wholes
 from hpop.criteria.base import criterion
 from hpop.criteria.performance.target import Targeted
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
-from hpop.options import LEAST, set_reals, set_wholes
-from hpop.world.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
-from hpop.world.solids import Solid
+from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
+from hpop.world.geometry.solids import Solid
 
 BLOCK = 1 << 14  # rays at once: they stay in the processor's cache
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import LEAST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.models.camera_height import rises
 from hpop.motions import Motions
-from hpop.options import LEAST, set_reals
-from hpop.world import sight_in_space
-from hpop.world.visibility import openness
+from hpop.world.sight import sight_in_space
+from hpop.world.sight.visibility import openness
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import wrap
+from hpop.base.options import LEAST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.history import History
-from hpop.math import wrap
 from hpop.motions import Motions
-from hpop.options import LEAST, set_reals
+from hpop.trajectories.history import History
 
 TIE = 1e-9  # turns within this share of a multiple's half count as halfway
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from hpop.base.options import FARTHEST, real
+from hpop.base.text import shown
 from hpop.errors import CriterionError
 from hpop.motions import Pose, Vector
-from hpop.options import FARTHEST, real
-from hpop.text import shown
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column
+from hpop.base.arrays import BoolArray, Column
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.history import History, Track
 from hpop.models.camera_height import rises
 from hpop.models.field_of_view import checked_fov, field_of_view
-from hpop.options import LEAST, MOST, set_reals
-from hpop.world import sight_in_space
-from hpop.world.content import Landmark
-from hpop.world.in_view import in_view
-from hpop.world.visibility import sees
+from hpop.trajectories.history import History, Track
+from hpop.world.content.content import Landmark
+from hpop.world.sight import sight_in_space
+from hpop.world.sight.in_view import in_view
+from hpop.world.sight.visibility import sees
 
 STEP = 0.05  # s between the moments at which the viewer looks
 

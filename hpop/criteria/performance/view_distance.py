@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import norm
+from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.performance.target import Targeted
 from hpop.errors import CriterionError
-from hpop.math import norm
 from hpop.motions import Instants, Motions
-from hpop.options import MOST, set_reals
 
 
 @criterion("view_distance", group="P", unit="m s", aggregate="sum", requires=("camera",), world_frame=True)

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
-from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion(

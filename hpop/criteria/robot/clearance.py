@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import is_symbolic
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError, UnsupportedCriterion
-from hpop.math import is_symbolic
 from hpop.motions import Motions, collision_of, is_coupled
-from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion("clearance", group="R", unit="m", aggregate="max", quantum=1e-3)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.errors import CriterionError
-from hpop.history import History
-from hpop.options import MOST, set_reals
+from hpop.trajectories.history import History
 
 
 @criterion(

@@ -7,12 +7,12 @@ from typing import cast
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import hinge, is_symbolic
+from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import hinge, is_symbolic
 from hpop.motions import Instants, Motions, Wheeled
-from hpop.options import MOST, set_reals
 
 
 @criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",), instead=("joint_energy",))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import norm
 from hpop.criteria.base import criterion
 from hpop.criteria.robot.joints import joint_rates
-from hpop.math import norm
 from hpop.motions import Motions
 
 

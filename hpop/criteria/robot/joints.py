@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
 from hpop.motions import Instants, Model, Motions
 
 

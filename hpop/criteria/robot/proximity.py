@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import smooth_abs
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.math import smooth_abs
 from hpop.motions import Instants, Motions
-from hpop.options import LEAST, MOST, set_reals
 
 
 @criterion("proximity", group="R", unit="1", aggregate="sum", requires=("base",), instead=("clearance",))

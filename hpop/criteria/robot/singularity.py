@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
+from hpop.base.math import dot
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.robot.joints import joints_of
 from hpop.errors import CriterionError
-from hpop.math import dot
 from hpop.motions import Model, Motions, States
-from hpop.options import LEAST, MOST, set_reals
 
 FLAT = 1e-12  # of a pivot: what is smaller is rounding
 

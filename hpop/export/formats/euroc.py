@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hpop.export.base import Exported, export_format
-from hpop.poses import nanoseconds
+from hpop.trajectories.poses import nanoseconds
 
 AXES = (
     "right-handed, x and y on the floor, z up (REP-103), m; quaternion w, x, y, z of the body (x ahead, y left, z up); "

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.export.base import PROGRAM, Exported, export_format
 from hpop.export.meshes import Mesh, meshes_of
 from hpop.export.turning import product
 
 if TYPE_CHECKING:
-    from hpop.world.people import Person
+    from hpop.world.content.people import Person
 
 AXES = (
     "right-handed, x right, y up, z towards the viewer (glTF), m; the world's (x, y, z) is (x, z, -y); "

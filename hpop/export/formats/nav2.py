@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from hpop.base.text import printable
 from hpop.errors import OptionError
 from hpop.export.base import Exported, export_format
 from hpop.ros.spaced import spaced
-from hpop.text import printable
 
 AXES = (
     "right-handed, x and y on the floor, z up (REP-103), m; orientation x, y, z, w of the base (x ahead, y left); "

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 
 class Bodies(NamedTuple):

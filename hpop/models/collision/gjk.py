@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 
-from hpop.arrays import FloatArray
-from hpop.compiled import lean
+from hpop.base.arrays import FloatArray
 from hpop.models.collision.convex import Bodies
+from hpop.runtime.compiled import lean
 
 STEPS = 128  # at most; bodies without round parts take some 10
 TOUCHING = 1e-14  # of the size of the simplex: what is nearer to the origin holds it

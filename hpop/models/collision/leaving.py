@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
 from hpop.models.joints import Joint, carried, swept_corners, total
 from hpop.motions import States
 

@@ -16,15 +16,15 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hpop import limits
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part, joints_of
 from hpop.models.collision.words import reason
 from hpop.motions import Motions, States, is_curve
+from hpop.runtime import limits
 
 if TYPE_CHECKING:
     from hpop.world import World
-    from hpop.world.planar import FreeSpace
+    from hpop.world.geometry.planar import FreeSpace
 
 TOUCH = 1e-9  # m: a disc may touch
 TURN_SAMPLE = math.radians(5.0)  # rad: a turn is covered by hulls of outlines at most this far apart

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.parts import Part, joints_of
 from hpop.models.collision.words import reason
 from hpop.motions import Law, Motions, States, is_curve, slopes

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from hpop.base.text import shown
 from hpop.models.collision.parts import Part
-from hpop.text import shown
-from hpop.world.shapes import overlaps
+from hpop.world.geometry.shapes import overlaps
 
 if TYPE_CHECKING:
     from hpop.world import World

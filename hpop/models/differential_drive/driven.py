@@ -17,11 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column
-from hpop.math import smooth_abs
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column
+from hpop.base.math import smooth_abs
 from hpop.motions import LawDefaults, Model, Phase, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 
 def gauss(count: int) -> tuple[tuple[float, float], ...]:

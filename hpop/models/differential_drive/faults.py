@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.motions import Law, States, is_curve, laws_of
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.models.differential_drive.model import DifferentialDrive

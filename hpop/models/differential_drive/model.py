@@ -10,7 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import LEAST, MOST, Angle, one_of, real, set_reals
+from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.collision.parts import Part, convex_parts
@@ -20,9 +22,7 @@ from hpop.models.field_of_view import FieldOfView, checked_field_of_view
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace
-from hpop.options import LEAST, MOST, Angle, one_of, real, set_reals
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 MAST_RADIUS = 0.05  # m
 BODY_HEIGHT = 0.4  # m

@@ -12,13 +12,13 @@ from itertools import combinations
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.differential_drive.model import DifferentialDrive
 from hpop.models.serial_arm.chain import Chain, Mount, Part
 from hpop.models.serial_arm.self_collision import always_touching
 from hpop.models.serial_arm.srdf import Pair, pair_of
-from hpop.world.solids import Cylinder, Hull, Solid
+from hpop.world.geometry.solids import Cylinder, Hull, Solid
 
 BASE = 3  # joints by which the base moves, and the frame that moves with it
 PLATFORM = "mobile base"  # as messages call it, among the links

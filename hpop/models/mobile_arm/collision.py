@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.mobile_arm.carried import PLATFORM
 from hpop.models.serial_arm.collision import ArmCollision

@@ -9,9 +9,11 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import hypot, smooth_abs
+from hpop.base.options import Angle
+from hpop.base.text import shown
 from hpop.errors import ModelError, QueryError
-from hpop.math import hypot, smooth_abs
 from hpop.models.base import model
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.collision.planar import PlanarCollision
@@ -34,11 +36,9 @@ from hpop.models.serial_arm.reach import Reach
 from hpop.models.serial_arm.self_collision import SAMPLES
 from hpop.models.serial_arm.srdf import Pair
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist
-from hpop.options import Angle
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.solids import Shape
+from hpop.world.geometry.solids import Shape
 
 AXIS = Mount()  # of the base, on the floor
 UNFOLDED = 1e-6  # rad or m: an arm is folded if no joint is farther from where it is then

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
+from hpop.base.arrays import Column
 from hpop.models.rigid import RigidPose, RigidTwist, RigidTwistRate
 from hpop.motions import Vector
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from hpop.arrays import Column
-from hpop.math import smooth_abs
+from hpop.base.arrays import Column
+from hpop.base.math import smooth_abs
 from hpop.models.laws import Turn, linear, rest_to_rest, standing
 from hpop.motions import Phase, States
 

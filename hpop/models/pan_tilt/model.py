@@ -10,9 +10,12 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import hypot, smooth_abs
+from hpop.base.options import MOST, Angle, real, set_reals
+from hpop.base.registry import completed
+from hpop.base.text import shown
 from hpop.errors import ModelError
-from hpop.math import hypot, smooth_abs
 from hpop.models.base import PlanarModel, model
 from hpop.models.collision.parts import Part
 from hpop.models.differential_drive.model import FIXED, SLOWEST, DifferentialDrive, OnBase
@@ -26,10 +29,7 @@ from hpop.models.pan_tilt.stations import stations
 from hpop.models.rigid import Mount
 from hpop.models.stations import Stations
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, is_curve
-from hpop.options import MOST, Angle, real, set_reals
-from hpop.registry import completed
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 ALL_ROUND: Literal["all round"] = "all round"  # a pan without end stops
 FARTHEST_TURNED = 4.0 * math.pi  # rad: no cable is wound further

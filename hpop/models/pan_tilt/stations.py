@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.math import wrap
 from hpop.errors import OptionError
-from hpop.math import wrap
 from hpop.models.stations import Stations, grid_of_stations, stops_of
 from hpop.motions import StateSpace
 

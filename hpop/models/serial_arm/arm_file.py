@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.serial_arm.assembly import assembled, parts_of, touching
 from hpop.models.serial_arm.chain import Chain, Mount, Part
@@ -17,9 +18,8 @@ from hpop.models.serial_arm.doubts import pointless, strangers, uncovered, undri
 from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
 from hpop.models.serial_arm.srdf import Pair, Semantics, read_srdf
 from hpop.models.serial_arm.urdf import Mesh, read_urdf
-from hpop.text import shown
 from hpop.world.files import sha256
-from hpop.world.solids import Hull
+from hpop.world.geometry.solids import Hull
 
 Values = tuple[float, ...]
 

@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.text import shown
 from hpop.errors import did_you_mean
 from hpop.models.serial_arm.chain import Chain, Mount, Part
 from hpop.models.serial_arm.srdf import Pair, pair_of
 from hpop.models.serial_arm.urdf import Joint, Mesh, Robot
-from hpop.text import shown
-from hpop.world.solids import Hull, Solid
+from hpop.world.geometry.solids import Hull, Solid
 
 MOVING = ("revolute", "prismatic", "continuous")
 LONGEST_MIMICRY = 20

@@ -12,8 +12,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hpop.arrays import Column, IntArray
-from hpop.math import is_symbolic, norm
+from hpop.base.arrays import Column, IntArray
+from hpop.base.math import is_symbolic, norm
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.motions import Body, Motions, States, Twist
 from hpop.motions.quadrature import adaptive_integrals, evenly, pieces_of

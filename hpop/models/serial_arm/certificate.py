@@ -21,10 +21,10 @@ import math
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.models.collision.gjk import distance
 from hpop.models.serial_arm.scene import Scene
+from hpop.runtime.compiled import kernel, lean
 
 GAP = 0.25  # relative: a distance that does not prove the whole interval need not be more precise
 POOL = 1 << 14  # places for lists of pairs, beside two of all; where they are full, lists are no longer shortened

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from hpop.arrays import BoolArray, FloatArray, frozen
+from hpop.base.arrays import BoolArray, FloatArray, frozen
 
 if TYPE_CHECKING:
-    from hpop.world.solids import Solid
+    from hpop.world.geometry.solids import Solid
 
 
 class Mount(NamedTuple):

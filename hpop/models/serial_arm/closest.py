@@ -22,11 +22,11 @@ import math
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import FloatArray
 from hpop.models.collision.gjk import support
 from hpop.models.serial_arm.certificate import GAP, POOL, apart_at_least, measured, placed
 from hpop.models.serial_arm.scene import Scene
+from hpop.runtime.compiled import kernel, lean
 
 PRECISE = 1e-6  # relative: how far a least distance that is seen may be below what it is
 

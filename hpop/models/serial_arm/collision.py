@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.serial_arm.chain import Chain, Part
 from hpop.models.serial_arm.scene import Scene, paired, scene_of, within_reach
 from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
-from hpop.world.solids import Solid
+from hpop.world.geometry.solids import Solid
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -88,8 +88,8 @@ class ArmCollision:
     @property
     def is_uncompiled(self) -> bool:
         """Whether the first question takes some 20 s more, for kernels that are not compiled yet."""
-        from hpop.compiled import is_kept
         from hpop.models.serial_arm.certificate import blocked_by
+        from hpop.runtime.compiled import is_kept
 
         return not is_kept(blocked_by)
 

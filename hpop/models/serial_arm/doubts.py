@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from hpop.base.text import shown
 from hpop.errors import did_you_mean
 from hpop.models.serial_arm.srdf import Semantics
 from hpop.models.serial_arm.urdf import Robot
-from hpop.text import shown
 
 MOST_NAMED = 8
 """Names that a note lists."""

@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.serial_arm.chain import Chain, Part
 from hpop.motions import Motions, States
-from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 if TYPE_CHECKING:
     from hpop.world import World

@@ -21,9 +21,9 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.math import hypot, is_zero
 from hpop.errors import ModelError
-from hpop.math import hypot, is_zero
 from hpop.models.serial_arm.chain import Chain, Mount
 from hpop.models.serial_arm.xml import exact
 from hpop.motions import States

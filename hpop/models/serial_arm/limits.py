@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.models.serial_arm.chain import Chain
 from hpop.motions import Law, States
 

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.text import printable, shown
 from hpop.errors import ModelError, did_you_mean
 from hpop.models.serial_arm.urdf import Mesh
 from hpop.models.serial_arm.xml import file_bytes
-from hpop.text import printable, shown
-from hpop.world.solids import Hull
+from hpop.world.geometry.solids import Hull
 
 MOST_BYTES = 50_000_000
 """Largest mesh file that is read."""

@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, cast
 
 import numpy as np
 
-from hpop.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import not_radians
+from hpop.base.options import MOST, Angle, BesideScenario, real
+from hpop.base.registry import check_parameters, models
+from hpop.base.text import shown
 from hpop.errors import ModelError
-from hpop.math import not_radians
 from hpop.models.base import model
 from hpop.models.field_of_view import FieldOfView, checked_field_of_view
 from hpop.models.files import is_record, path_of, record, without_places
@@ -32,14 +35,11 @@ from hpop.models.serial_arm.spline import Spline
 from hpop.models.serial_arm.srdf import Pair
 from hpop.models.serial_arm.xml import pose_of
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
-from hpop.options import MOST, Angle, BesideScenario, real
-from hpop.registry import check_parameters, models
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.world import World
-    from hpop.world.solids import Shape
+    from hpop.world.geometry.solids import Shape
 
 NEAR = 1e-9  # m or rad: an end that is so near to a state is that state
 REFERENCE = 1.0  # m/s: states are as many metres apart as the joints need seconds at their greatest speeds

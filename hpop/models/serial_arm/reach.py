@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import Column
-from hpop.math import is_symbolic, smooth_abs
+from hpop.base.arrays import Column
+from hpop.base.math import is_symbolic, smooth_abs
 from hpop.models.laws import TINY, linear
 from hpop.models.serial_arm.limits import Extremes
 from hpop.motions import LawDefaults, Phase, States

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.convex import Bodies, bodies_of
 from hpop.models.serial_arm.chain import Chain, Part
-from hpop.world.solids import Solid
+from hpop.world.geometry.solids import Solid
 
 
 class Scene(NamedTuple):

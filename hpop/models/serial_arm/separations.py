@@ -13,10 +13,10 @@ import math
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.models.serial_arm.certificate import apart_at_least, measured, placed
 from hpop.models.serial_arm.scene import Scene
+from hpop.runtime.compiled import kernel, lean
 
 PRECISE = 1e-9  # relative
 

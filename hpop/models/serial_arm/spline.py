@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
-from hpop.math import smooth_abs
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.math import smooth_abs
 from hpop.models.serial_arm.limits import Extremes
 from hpop.motions import Phase, States
 

@@ -14,12 +14,12 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import LEAST
+from hpop.base.text import printable, shown
 from hpop.errors import did_you_mean
 from hpop.models.serial_arm.xml import XmlFile, exact, pose_of
-from hpop.options import LEAST
-from hpop.text import printable, shown
-from hpop.world.solids import Box, Cylinder, Shape, Sphere
+from hpop.world.geometry.solids import Box, Cylinder, Shape, Sphere
 
 KINDS = ("fixed", "revolute", "prismatic", "continuous", "floating", "planar")
 MOST_LINKS = 1000

@@ -14,11 +14,11 @@ from xml.parsers import expat
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST
+from hpop.base.regular_file import read_regular
+from hpop.base.text import printable, shown
 from hpop.errors import ModelError
-from hpop.options import MOST
-from hpop.regular_file import read_regular
-from hpop.text import printable, shown
 
 MOST_BYTES = 10_000_000
 """Largest file that is read."""

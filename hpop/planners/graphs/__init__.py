@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.lazy import on_first_use
+from hpop.base.lazy import on_first_use
 
 if TYPE_CHECKING:
-    from hpop.planners.any_angle import CornersGraph
+    from hpop.planners.graphs.corners import CornersGraph
     from hpop.planners.graphs.family import BuiltGraph, GraphFamily, OnGraph, graph_family
-    from hpop.planners.lattice.planner import LatticeGraph
-    from hpop.planners.roadmap.planner import RoadmapGraph
+    from hpop.planners.graphs.lattice.family import LatticeGraph
+    from hpop.planners.graphs.roadmap.family import RoadmapGraph
 
 __all__ = ["BuiltGraph", "CornersGraph", "GraphFamily", "LatticeGraph", "OnGraph", "RoadmapGraph", "graph_family"]
 
@@ -18,11 +18,11 @@ __getattr__ = on_first_use(
     __name__,
     {
         "BuiltGraph": "hpop.planners.graphs.family",
-        "CornersGraph": "hpop.planners.any_angle",
+        "CornersGraph": "hpop.planners.graphs.corners",
         "GraphFamily": "hpop.planners.graphs.family",
-        "LatticeGraph": "hpop.planners.lattice.planner",
+        "LatticeGraph": "hpop.planners.graphs.lattice.family",
         "OnGraph": "hpop.planners.graphs.family",
-        "RoadmapGraph": "hpop.planners.roadmap.planner",
+        "RoadmapGraph": "hpop.planners.graphs.roadmap.family",
         "graph_family": "hpop.planners.graphs.family",
     },
 )

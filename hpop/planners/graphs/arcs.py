@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 
 Counts: TypeAlias = NDArray[np.unsignedinteger[Any]]
 MOVE = 0  # the kind of moves; all others are made in place

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.errors import ModelError
 from hpop.motions import Motions, States

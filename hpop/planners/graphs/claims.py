@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Protocol
 
+from hpop.runtime.status import Status
 from hpop.search import ParetoPaths
-from hpop.status import Status
 
 if TYPE_CHECKING:
     from hpop.search.timed.paths import TimedPaths

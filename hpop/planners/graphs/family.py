@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.registry import graphs, made
 from hpop.errors import OptionError, QueryError, UnknownName
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.joined_ends import Ends
@@ -17,12 +18,11 @@ from hpop.planners.graphs.shortest import shortest_path
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Spending
-from hpop.registry import graphs, made
-from hpop.status import ProgressCallback, Status
+from hpop.runtime.status import ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.state_graph import StateGraph
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 F = TypeVar("F", bound=type)
 GraphSpec = str | Mapping[str, Mapping[str, Any] | None]

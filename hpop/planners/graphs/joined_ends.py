@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.copies import copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.copies import copied
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
@@ -30,7 +30,7 @@ from hpop.search import Graph
 from hpop.search.graph import inserted
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
     from hpop.world import World
 
 HEADING_TOLERANCE = 2e-3  # rad: a yaw written with three decimals is on its heading

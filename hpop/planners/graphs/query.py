@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import MOST, MOST_COUNTED, amounts
 from hpop.errors import CriterionError, OptionError, did_you_mean
 from hpop.frontier import is_nondominated
-from hpop.options import MOST, MOST_COUNTED, amounts
 from hpop.planners.base import Candidates
 from hpop.planners.deferred import Deferred
 from hpop.planners.graphs.claims import at_memory_limit, claimed
@@ -22,17 +22,17 @@ from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives
+from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.search.asked_arcs import Free
 from hpop.search.machinery.checkpoint import CheckpointSpec
 from hpop.search.queries import SearchStats
 from hpop.search.supported.first_paths import first_paths
-from hpop.status import Budget, Progress, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import BuiltGraph
-    from hpop.problem import Problem
-    from hpop.trajectory import Trajectory
+    from hpop.problems.problem import Problem
+    from hpop.trajectories.trajectory import Trajectory
 
 MAX_COSTS = 6
 COARSE = 0.01

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpop import limits
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.runtime import limits
 from hpop.search.supported.first_paths import first_paths
 
 

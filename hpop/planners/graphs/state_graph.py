@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.copies import copied
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.copies import copied
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
@@ -27,7 +27,7 @@ from hpop.search import Graph
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
     from hpop.world import World
 
 A = TypeVar("A")

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.stretches import Stretches
 from hpop.planners.spending import Spending
 from hpop.search import Graph
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.chains import Chains
@@ -33,7 +33,7 @@ class TrajectoryGraph(ABC):
 
     model, world
     spending   what building it may spend
-    has_clock  whether the graph can be put on a clock, so that people may move (:mod:`hpop.planners.timed`)
+    has_clock  whether the graph can be put on a clock, so that people may move (:mod:`hpop.planners.graphs.timed`)
     """
 
     has_clock: ClassVar[bool] = False

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.math import wrap
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
 from hpop.planners.goals import one_goal, start_of
-from hpop.trajectory import STRAIGHT, Trajectory
+from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 PIECE = 0.6  # m: a segment is integrated, and its clearance sampled, in pieces of about this length
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 import shapely
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.models.laws import Move
 from hpop.planners.goals import one_goal, start_of
 from hpop.planners.judgement import is_free
 from hpop.planners.polylines.polyline import Polyline
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 SPACING = 0.02  # m: of the points of a curve
 DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: how far a polyline may leave its curve, largest first: few corners are better

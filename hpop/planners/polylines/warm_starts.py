@@ -8,10 +8,12 @@ from concurrent.futures import Executor
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.registry import planners
+from hpop.base.text import counted, shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.front import Front
+from hpop.frontier import Front
 from hpop.motions import HOLD
 from hpop.planners.base import Candidates, Planner, driven, joined, make_planner, stages_of
 from hpop.planners.judgement import judge
@@ -19,15 +21,13 @@ from hpop.planners.needs import refuse_moving, refuse_unsupported
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.polylines.straightened import straightened
 from hpop.planners.spending import LEAST
-from hpop.registry import planners
-from hpop.status import ProgressCallback, Status, Watch
-from hpop.text import counted, shown
-from hpop.trajectory import Trajectory
+from hpop.runtime.status import ProgressCallback, Status, Watch
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
-WarmStart = str | Mapping[str, Mapping[str, Any]] | Front | Sequence[Trajectory]
+WarmStart = str | Mapping[str, Mapping[str, Any]] | Front[Trajectory] | Sequence[Trajectory]
 SHARED = ("step", "headings")
 SHARE = 0.5  # of a time limit that the planner of the warm starts may take
 FORMS = "the name of a planner, {name: options}, a front, or a list of trajectories"
@@ -198,7 +198,7 @@ def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Pla
 
 def _given(starting: Starting, problem: Problem) -> WarmStarts:
     spec = starting.warm_start
-    given = spec.trajectories if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
+    given = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
     if any(trajectory.model != problem.model for trajectory in given):
         raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
     return _moving(given, Status.COMPLETE, ())

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hpop.base.text import shown
 from hpop.criteria.base import Criterion, check_command, motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
-from hpop.limits import LimitPassed
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import SymbolicMotions
 from hpop.planners.programs.nlp import SparseWorld, vector
 from hpop.planners.programs.outcome import ONE_PROGRAM
-from hpop.text import shown
+from hpop.runtime.limits import LimitPassed
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 
 def smooth_places(criteria: Sequence[Criterion], problem: Problem, planner: str) -> tuple[int, ...]:

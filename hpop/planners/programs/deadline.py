@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from hpop.limits import LimitPassed
+from hpop.runtime.limits import LimitPassed
 
 BUILDING = "a program was built"
 SOLVING = "a program was solved"

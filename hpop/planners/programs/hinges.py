@@ -1,7 +1,7 @@
 """Hinges ``max(x, 0)`` in nonlinear programs, where no solver that takes derivatives finds an end at the kink.
 
 Where one is summed up, as in ``∫ (|α| - threshold)₊ dt``, and the cost rises with it, a variable lies above x and above
-0 instead: the solver presses it onto one of them. So a criterion says that it may, by :func:`hpop.math.hinge`.
+0 instead: the solver presses it onto one of them. So a criterion says that it may, by :func:`hpop.base.math.hinge`.
 
 Where a maximum is bounded sample by sample, ``max(e, 0) <= z`` with z >= 0 says no more than ``e <= z``. The first has
 no gradient on one side: of fifteen bounds on the clearance in the museum, eleven did not converge; of the second, none
@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
-from hpop.arrays import Column
-from hpop.math import instead_of_hinges
+from hpop.base.arrays import Column
+from hpop.base.math import instead_of_hinges
 from hpop.motions.symbolic import lift
 
 

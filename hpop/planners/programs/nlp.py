@@ -10,19 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import Column, FloatArray
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.math import is_symbolic
 from hpop.errors import OptionError
-from hpop.math import is_symbolic
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import lift, sparse_lookup
 from hpop.world import World
-from hpop.world.field import Field, Places
+from hpop.world.fields.field import Field, Places
+from hpop.world.fields.looks import quadratics
 from hpop.world.ground import WHOLE, Heights
-from hpop.world.looks import quadratics
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 ROUNDING = 0.02  # rad: the time of smaller turns is not believed
 

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, Generic, TypeVar
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.text import counted
 from hpop.planners.programs.deadline import CUT_SHORT
-from hpop.text import counted
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 F = TypeVar("F")
 

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.math import wrap
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
 from hpop.models.differential_drive.driven import ahead
 from hpop.motions import States
 from hpop.planners.rrt.query import Base, Query, WheelLimits, of_wheels

@@ -12,25 +12,25 @@ from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.options import one_of, set_wholes
+from hpop.base.randomness import MaybeRNG, set_seed
+from hpop.base.scalars import set_python_values
 from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
 from hpop.errors import QueryError
-from hpop.options import one_of, set_wholes
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import one_goal, start_of
+from hpop.planners.graphs.roadmap.positions import checked_ends
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane, on_wheels
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.roadmap.positions import checked_ends
 from hpop.planners.rrt.query import Query
 from hpop.planners.rrt.run import LATE, TreeRun, load_ompl, run
-from hpop.randomness import MaybeRNG, set_seed
-from hpop.scalars import set_python_values
-from hpop.status import Budget, ProgressCallback, Status, Watch
-from hpop.sweep import Sweep
+from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
+from hpop.runtime.sweep import Sweep
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 Keep = Literal["selected", "all"]
 MOST_RUNS = 100_000

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.math import wrap
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
 from hpop.models.differential_drive.driven import NODES, driven
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.motions import Wheeled
     from hpop.world import World
-    from hpop.world.planar import FreeSpace
+    from hpop.world.geometry.planar import FreeSpace
 
 STEP = 0.4  # s: wheel accelerations are constant for so long
 NEAR, NEAR_YAW = 0.8, 0.3  # m, rad: from the goal to where braking ends; the rest is closed

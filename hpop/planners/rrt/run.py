@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.errors import OptionError
 from hpop.planners.rrt.close import close
 from hpop.planners.rrt.query import NEAR, STEP, Base, Query, of_wheels

@@ -10,29 +10,29 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from hpop.base.options import MOST, amounts, set_wholes
+from hpop.base.scalars import set_python_values
 from hpop.criteria.base import place_of
 from hpop.errors import OptionError
-from hpop.options import MOST, amounts, set_wholes
 from hpop.planners.base import Candidates, Planner, joined, planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph
 from hpop.planners.graphs.query import GraphQuery, built_query, refuse_too_many, tolerance_counts
+from hpop.planners.graphs.timed.asked import Asked, needless, people_move
+from hpop.planners.graphs.timed.clock import HOLD, TimeOptions
 from hpop.planners.in_time import evaluable_in_time
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
-from hpop.planners.timed.asked import Asked, needless, people_move
-from hpop.planners.timed.clock import HOLD, TimeOptions
-from hpop.scalars import set_python_values
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.beside import Onset, begin, compiling_beside, first_is_awaited, is_compiling
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
 from hpop.search.pareto_paths import main_kernels
-from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
-    from hpop.problem import Problem
+    from hpop.problems.problem import Problem
 
 QUICK = 0.1  # s, of a search before the exact one, at least
 SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
@@ -189,7 +189,7 @@ class ExactSearch:
         in_stages: bool,
     ) -> Iterator[Candidates]:
         """Answers on a clock."""
-        from hpop.planners.timed.answers import answers  # on first use: it takes what only they need
+        from hpop.planners.graphs.timed.answers import answers  # on first use: it takes what only they need
 
         asked = Asked(
             self.name, self.time_options, self.eps, self.tolerance, self.checkpoint, self.max_turns, in_stages
@@ -360,22 +360,8 @@ def _of_part(found: Candidates, part: str) -> Candidates:
 class Exact(ExactSearch, OnGraph):
     """All non-dominated paths of a graph of any family, found by exact multi-objective search.
 
-    on            the graph family with its options, such as ``{"lattice": {"step": 0.5}}``,
-                  ``{"roadmap": {"samples": 300}}`` or ``{"corners": {"step": 0.5}}``
-    max_detour    longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
-                  which needs max_turns as well; a time-mean is then optimised itself
-    max_turns     count  paths with more turns are left out; needs the criterion turns
-    eps           every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
-    tolerance     or within these amounts, by the name of a cost: ``{"length": 0.1}``
-    time_limit    s      to read the map, build the graph and search, not to compile; what is found until then is
-                         returned and called incomplete
-    max_labels    count  partial paths kept by the search
-    max_memory    bytes  of the map that is read, the fields that are made, the graph and the search
-    checkpoint    file in which the search keeps its state, and from which it goes on if it is there
-    clock         s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
-    hold          s  that the robot stands at least when it waits for people who move; None: it never waits
-    arrive_by     s  at the latest, among people who move; None: whenever
-    margin        m  to be kept from people, those who stand as well
+    on   the graph family with its options, such as ``{"lattice": {"step": 0.5}}``,
+         ``{"roadmap": {"samples": 300}}`` or ``{"corners": {"step": 0.5}}``
 
     The planners "lattice", "roadmap" and "any-angle" are this search with the options of their graph beside its own.
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six. Guarantees that no path of

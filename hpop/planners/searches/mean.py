@@ -14,18 +14,18 @@ from typing import Any, Self, TypeAlias, cast
 
 import numpy as np
 
+from hpop.base.options import real
 from hpop.criteria import Duration
 from hpop.criteria.base import Criterion, Role, place_of
 from hpop.errors import OptionError, UnsupportedCriterion
-from hpop.options import real
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.claims import OFF, ROUNDED
 from hpop.planners.graphs.query import MAX_COSTS, GraphQuery
 from hpop.planners.objectives import Objectives, edge_objectives, integral_of
 from hpop.planners.spending import Exhausted, Spending
+from hpop.runtime.status import ProgressCallback, Status
 from hpop.search import Graph, capped_mean_paths, pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointSpec
-from hpop.status import ProgressCallback, Status
 
 DetourSpec: TypeAlias = float | Mapping[str, float]
 LARGEST_DETOUR = 1000

@@ -30,8 +30,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.general.tables import build, trace
 from hpop.search.general.vector_sets import SET_COLUMNS, SIZE, enter, enter_all, is_covered, needs, weigh
 from hpop.search.graph import Graph

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel
 from hpop.search.machinery.bounds import UNREACHABLE
 
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel, lean
 
 START, SIZE, ROOM, SET_COLUMNS = range(4)  # columns of the table of sets
 PIECE = 64  # members that are compared at a time

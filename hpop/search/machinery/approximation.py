@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import MOST, MOST_COUNTED, set_reals, whole
 from hpop.frontier import is_nondominated
-from hpop.options import MOST, MOST_COUNTED, set_reals, whole
 
 ANYTHING = MOST_COUNTED  # no cost of a path is larger
 CHUNK = 1024  # open labels that are compared with the front at once

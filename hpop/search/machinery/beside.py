@@ -16,7 +16,7 @@ from subprocess import DEVNULL, PIPE, Popen
 from time import sleep
 from typing import Any, NamedTuple
 
-from hpop.interrupts import interrupts_held
+from hpop.runtime.interrupts import interrupts_held
 
 PARTS = ("search", "bounds", "weights")  # of a rehearsal, in the order of their need
 # The kernels of a search in the order in which it takes them.
@@ -101,7 +101,7 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
     turns    the cost that counts turns, -1 for none
     kernels  gives, for these, the kernel that takes longest to compile and the one that a first answer takes
     """
-    from hpop.compiled import can_be_kept, is_kept  # numba: on first use
+    from hpop.runtime.compiled import can_be_kept, is_kept  # numba: on first use
 
     longest, first = kernels(aggregates, turns)
     if can_be_kept(longest) and not is_kept(longest):
@@ -135,7 +135,7 @@ def first_is_awaited() -> bool:
     """Whether what a first answer takes is compiled beside: then one is sought without."""
     if not _awaited:
         return False
-    from hpop.compiled import is_kept
+    from hpop.runtime.compiled import is_kept
 
     return not is_kept(_awaited[0].first)
 
@@ -144,7 +144,7 @@ def wait_for(compiled: Any, report: Callable[[], None]) -> None:
     """Wait while a process is at this kernel, and report now and then."""
     if not _processes:
         return
-    from hpop.compiled import compiling_elsewhere
+    from hpop.runtime.compiled import compiling_elsewhere
 
     name = name_of(compiled)
     with compiling_elsewhere():

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
+from hpop.runtime.status import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups, NoRoom
-from hpop.status import Status
 
 UNREACHABLE = np.int64(2**62)
 PILES = 63  # costs have up to 62 bits

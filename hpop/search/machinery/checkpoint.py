@@ -33,12 +33,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop import __version__
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import check_replaceable, replacing
+from hpop.base.options import MOST, set_reals
+from hpop.base.text import shown
 from hpop.errors import HpopWarning, OptionError, OutputError
-from hpop.frontier.atomic import check_replaceable, replacing
-from hpop.options import MOST, set_reals
-from hpop.status import Status
-from hpop.text import shown
+from hpop.runtime.status import Status
 
 if TYPE_CHECKING:
     from hpop.search.graph import Graph

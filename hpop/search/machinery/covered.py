@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.compiled import kernel
+from hpop.runtime.compiled import kernel
 
 
 @kernel

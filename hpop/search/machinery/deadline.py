@@ -5,8 +5,8 @@ from __future__ import annotations
 from time import thread_time
 from typing import Any
 
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.machinery.slices import Clock
-from hpop.status import Budget, ProgressCallback, Status
 
 STEPS = 6e6  # a second, at the least: what a step takes depends on the memory that it waits for
 SLICE, LEAST = 120_000, 2_000  # steps of a slice: 2 to 20 ms, and what is not worth a call

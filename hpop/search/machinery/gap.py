@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import lean
 
 
 @lean

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search.machinery.kernels import plan_keys, repack
 from hpop.search.machinery.labels import Unsound, is_heap
 from hpop.search.machinery.slices import HEAP, KEYS, N_OPEN, Clock, Search

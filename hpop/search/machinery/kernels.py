@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import IntArray
-from hpop.compiled import is_kept, kernel, lean, numba
-from hpop.interrupts import interrupts_held
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import is_kept, kernel, lean, numba
+from hpop.runtime.interrupts import interrupts_held
 
 WORD_BITS = 62  # of a key word: non-negative as int64
 

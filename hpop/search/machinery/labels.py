@@ -21,8 +21,8 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel
 from hpop.search.machinery.kernels import precedes
 
 Nodes: TypeAlias = NDArray[np.int32]

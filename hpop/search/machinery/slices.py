@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import is_kept
-from hpop.interrupts import interrupts_held
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import is_kept
+from hpop.runtime.interrupts import interrupts_held
+from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.machinery import beside
 from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, weight
-from hpop.status import Budget, Progress, ProgressCallback, Status
 
 # What a kernel returns: the first two, or the array that has no room left for the next expansion.
 DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)

@@ -27,11 +27,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel, lean
+from hpop.runtime.status import Status
 from hpop.search.graph import Graph, inserted
 from hpop.search.machinery.slices import PARTS, Clock
-from hpop.status import Status
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less

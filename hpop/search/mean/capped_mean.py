@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import whole
 from hpop.errors import GraphError, OptionError
-from hpop.options import whole
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.mean.limits import MAX_PRODUCT, MeanLimits
 from hpop.search.pareto_paths import pareto_paths
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
-from hpop.status import Budget, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper

@@ -24,8 +24,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.kernels import drop_first, push
 from hpop.search.machinery.slices import (

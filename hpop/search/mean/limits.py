@@ -18,12 +18,12 @@ from typing import Any, Self
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import whole
+from hpop.base.text import shown
 from hpop.errors import GraphError, OptionError
-from hpop.options import whole
 from hpop.search.graph import MAX_SUM, Graph
 from hpop.search.machinery.approximation import ANYTHING
-from hpop.text import shown
 
 MOST_BOUND = 2**63 - 1
 MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration

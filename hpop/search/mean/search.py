@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.heap_search import HeapSearch

@@ -8,7 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.search.general.search import General
 from hpop.search.graph import Graph
@@ -17,7 +18,6 @@ from hpop.search.machinery.slices import Clock, Search
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.queries import UNLIMITED
 from hpop.search.staircase.search import Staircase
-from hpop.text import shown
 
 
 class Closings:

@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.deadline import Deadline
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups

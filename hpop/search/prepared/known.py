@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.errors import QueryError
+from hpop.runtime.compiled import lean
 from hpop.search.graph import Graph
 
 

@@ -18,9 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, IntArray
-from hpop.options import MOST, real
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.options import MOST, real
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least, costs_to_go
 from hpop.search.machinery.deadline import Deadline
@@ -34,7 +35,6 @@ from hpop.search.prepared.outlook import Outlook
 from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head
 from hpop.search.prepared.run import PreparedRun
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
-from hpop.status import Budget, ProgressCallback, Status
 
 MANY = 100_000  # nodes: of fewer the exact search is mostly done before joint bounds are needed
 SHARE = 0.2  # of the nodes: where a closing changes the bounds of more, making all anew is faster

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, bits, enter, leave
 
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.frontier import is_nondominated
+from hpop.runtime.status import Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.deadline import Deadline
@@ -26,7 +27,6 @@ from hpop.search.prepared.known import KnownPaths
 from hpop.search.queries import ParetoPaths, SearchStats
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import TooWide
-from hpop.status import Status
 
 if TYPE_CHECKING:
     from hpop.search.prepared.prepared import Prepared

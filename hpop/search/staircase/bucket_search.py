@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search.machinery.labels import Unsound, is_heap
 from hpop.search.machinery.slices import Clock, Search
 from hpop.search.staircase.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, QUEUE, USED, fill, waiting

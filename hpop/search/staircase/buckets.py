@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel, lean
 
 CHUNK = 32  # entries
 # State of the queue: bucket that is open, entries in its heap, first free chunk, how many are free, chunks ever used.

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.slices import Clock
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, STEP_BITS, UP, IntLanes, Steps
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision, thinned
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision

@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import kernel, lean
-from hpop.interrupts import interrupts_held
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel, lean
+from hpop.runtime.interrupts import interrupts_held
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, REST

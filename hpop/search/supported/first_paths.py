@@ -13,12 +13,12 @@ from typing import Any, cast
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.frontier import is_nondominated
+from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.queries import ParetoPaths, SearchStats
 from hpop.search.supported.given_weights import simplex_lattice
-from hpop.status import Budget, Progress, ProgressCallback, Status
 
 DIVISIONS = (2, 3)  # of the weights of whole costs, after each cost alone
 TIE = 1e-6  # weight of the others where one cost is minimised alone

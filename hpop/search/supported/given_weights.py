@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from typing import Any
 
+from hpop.base.options import real, whole
+from hpop.base.text import shown
 from hpop.errors import OptionError
-from hpop.options import real, whole
 from hpop.search.supported.weight_cone import Vector
-from hpop.text import shown
 
 FINEST = 10**6  # denominators of given weights
 MAX_WEIGHTS = 100_000

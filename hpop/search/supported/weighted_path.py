@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel, lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.kernels import WORD_BITS, drop_first, push
 
 LIMB_BITS = 31

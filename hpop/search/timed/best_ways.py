@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.timed.joint import FAR, Ahead, Sweep, depart, row_of, weigh_standing
 from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.machinery.bounds import enter, leave
 from hpop.search.timed.graph import RATE, RATE_BITS
 from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate

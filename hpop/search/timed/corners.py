@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.machinery.approximation import ANYTHING
 from hpop.search.timed.joint import DOWN, FAR, LANES, UP, Joint
 

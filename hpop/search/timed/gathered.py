@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import IntArray
-from hpop.compiled import kernel
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import kernel
 from hpop.search.timed.tables import Tables
 from hpop.search.timed.walks import cost_of_walk
 

@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.options import whole
+from hpop.base.text import shown
 from hpop.errors import GraphError
-from hpop.options import whole
 from hpop.search.graph import MAX_SUM, Graph
-from hpop.text import shown
 
 MAX_TICKS = 2**20  # of an arc, of a hold, of the horizon: fourteen hours at 1/20 s
 RATE_BITS = 20

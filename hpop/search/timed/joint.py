@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.compiled import inlined, lean, wide
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import inlined, lean, wide
 from hpop.search.timed.tables import NEVER, STAYS, Tables, arc_cost, free_since, is_open, omega_at
 
 LANES = 8  # 32 bytes: one vector register

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper, Saved, not_kept
 from hpop.search.machinery.slices import Clock
 from hpop.search.timed.bounds import Seed

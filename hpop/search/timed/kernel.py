@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.machinery.slices import (
     CLOSED,
     DONE,

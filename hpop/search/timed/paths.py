@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import IntArray
+from hpop.runtime.status import Status
 from hpop.search.queries import SearchStats
 from hpop.search.timed.graph import TimedGraph
-from hpop.status import Status
 
 HOLD = -1
 

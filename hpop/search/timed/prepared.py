@@ -13,10 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.base.options import MOST, MOST_COUNTED, real, whole
+from hpop.base.text import shown
 from hpop.errors import GraphError, QueryError
 from hpop.frontier import is_nondominated
-from hpop.options import MOST, MOST_COUNTED, real, whole
+from hpop.runtime.status import Budget, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.deadline import Deadline
@@ -32,8 +34,6 @@ from hpop.search.timed.rest import rest_of_way, ways_through
 from hpop.search.timed.search import TimedSearch
 from hpop.search.timed.tables import Tables
 from hpop.search.timed.walks import cost_of_walk
-from hpop.status import Budget, Status
-from hpop.text import shown
 
 METHOD = "timed"
 FIRST, SECOND = 0.35, 0.95  # of all limits: in between comes a search within a precision

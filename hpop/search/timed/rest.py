@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.status import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, reverse
 from hpop.search.machinery.slices import Clock
@@ -15,7 +16,6 @@ from hpop.search.timed.calm import NOTHING, last_changes, settle, spread_back
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.tables import Tables
 from hpop.search.timed.uses import UNKNOWN, Rest
-from hpop.status import Status
 
 
 class Ways(NamedTuple):

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.runtime.status import Status
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.machinery.slices import (
     CLOSED,
@@ -51,7 +52,6 @@ from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, w
 from hpop.search.timed.solutions import Goal, is_covered, solve
 from hpop.search.timed.tables import NEVER, Tables
 from hpop.search.timed.uses import Rest
-from hpop.status import Status
 
 WAYS = 32  # that are followed after each slice of work
 BLOCK = 1 << 16  # labels whose estimates are made at once

@@ -23,8 +23,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.timed.tables import NEVER, Tables, free_since, omega_at, worst_rate
 
 # Columns of a node: where its block begins and how long it is, ripe rows, all rows, when it was last seen, and whether

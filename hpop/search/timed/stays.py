@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.timed.graph import RATE, RATE_BITS
 from hpop.search.timed.tables import STAYS, Tables
 

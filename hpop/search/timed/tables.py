@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import inlined, lean
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import inlined, lean
 from hpop.search.timed.graph import RATE_BITS, TimedGraph
 
 PLAIN, STAYS = -1, -2  # rows of arcs without a table of their own

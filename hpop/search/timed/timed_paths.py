@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import IntArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import IntArray
+from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
+from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.demands import asked_in_words, bounds_of, precision_of
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.paths import TimedPaths
-from hpop.status import Budget, ProgressCallback, Status
-from hpop.text import shown
 
 if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec

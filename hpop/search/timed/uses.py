@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import lean
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import lean
 from hpop.search.timed.calm import last_gains
 from hpop.search.timed.stays import one_stay_suffices
 from hpop.search.timed.tables import Tables

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.search.timed.joint import LANES, UNIT
 
 EVEN = 0.25  # what each cost has at least of a mixed weight, times the share of one among them all

@@ -15,10 +15,10 @@ import numpy as np
 from scipy import optimize, special, stats
 from scipy.sparse import coo_array, csgraph
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray, IntArray, frozen
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray, frozen
+from hpop.base.options import whole
 from hpop.errors import StudyError
-from hpop.options import whole
 
 ALIKE = 1e-9
 """Part of a variance by single choices below which that by people is none: all of them answered alike."""

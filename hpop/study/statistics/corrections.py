@@ -6,11 +6,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import one_of
+from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.options import one_of
-from hpop.text import shown
 
 Correction = Literal["holm", "bonferroni", "none"]
 CORRECTIONS: tuple[Correction, ...] = ("holm", "bonferroni", "none")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
 from hpop.study.statistics.related import checked
 
 

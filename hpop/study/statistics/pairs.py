@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import one_of
 from hpop.errors import StudyError
-from hpop.options import one_of
 from hpop.study.statistics.related import checked
 
 Zeros = Literal["pratt", "wilcox"]

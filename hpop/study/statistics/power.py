@@ -14,15 +14,15 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from scipy import stats
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST_SEED, one_of, real, whole
+from hpop.base.scalars import python_value
+from hpop.base.text import counted, shown
 from hpop.errors import StudyError
-from hpop.options import MOST_SEED, one_of, real, whole
-from hpop.scalars import python_value
 from hpop.study.statistics.pairs import exact_p, rank_sum_chances
 from hpop.study.statistics.related import checked, complete_rows, friedman_statistics
 from hpop.study.statistics.shares import share
-from hpop.text import counted, shown
 
 Test = Literal["friedman", "wilcoxon", "kruskal"]
 TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal")

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from scipy import stats
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import BoolArray, FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, FloatArray
 from hpop.errors import StudyError
 
 LEAST_STIMULI = 3

@@ -10,9 +10,9 @@ from math import comb
 import numpy as np
 from scipy import special, stats
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import whole
 from hpop.errors import StudyError
-from hpop.options import whole
 
 MOST_OUTCOMES = 200_000
 """Of a multinomial test that are counted out."""

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
-from hpop.front import Front
-from hpop.further import claimable, criteria_of
-from hpop.problem import Problem
-from hpop.trace import Trace, trace
+from hpop.problems.front import Front
+from hpop.problems.further import claimable, criteria_of
+from hpop.problems.problem import Problem
+from hpop.problems.trace import Trace, trace
 from hpop.view.explorer.corners import millimetres
 from hpop.view.explorer.packed import Packer
 from hpop.view.style import label

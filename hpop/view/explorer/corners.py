@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
-from hpop.motion_table import MotionTable
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions import Law, Model, States
-from hpop.trajectory import Trajectory
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.paths import positions
 
 PIECES = 24  # a motion along which the camera's path bends is drawn as so many straight pieces at most,

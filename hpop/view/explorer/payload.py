@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from hpop.base.text import printable
 from hpop.criteria.base import Criterion
-from hpop.front import Front
 from hpop.frontier.choices import Preferring
 from hpop.frontier.union import JOINT
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.text import printable
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
 from hpop.view.explorer import along, world
 from hpop.view.explorer.corners import MILLIMETRES, corners
 from hpop.view.explorer.packed import Packer

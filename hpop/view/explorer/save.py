@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import replacing
 from hpop.errors import OutputError
-from hpop.front import Front
-from hpop.frontier.atomic import replacing
 from hpop.frontier.choices import Preferring
-from hpop.problem import Problem
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
 from hpop.view.explorer.payload import SCRIPT, payload
 from hpop.view.single_page import page_file, single_page
 from hpop.world.files import place_seen_from

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.front import Front
-from hpop.lazy import library
-from hpop.problem import Problem
+from hpop.base.arguments import checked_arguments
+from hpop.base.lazy import library
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
 from hpop.view.explorer.payload import SCRIPT, payload
 from hpop.view.single_page import bundle, single_page
 

@@ -16,11 +16,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.text import printable
 from hpop.errors import MapError
-from hpop.front import Front
-from hpop.problem import Problem
-from hpop.text import printable
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
 from hpop.view.ends import camera_ends
 from hpop.view.explorer.corners import millimetres
 from hpop.view.explorer.packed import Packer
@@ -28,8 +28,8 @@ from hpop.view.ground import View, view_of
 from hpop.view.paths import Heights
 from hpop.view.targets import targets_by_name
 from hpop.world import World
-from hpop.world.content import Person, Zone
-from hpop.world.shapes import Raster
+from hpop.world.content.content import Person, Zone
+from hpop.world.geometry.shapes import Raster
 
 MOST_CELLS = 2000  # of a raster along its longer side that are told apart: more than a screen does
 MOST_CORNERS = 60_000  # of the outlines of a raster: some 100 kB

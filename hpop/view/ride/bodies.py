@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.motions import Model, States
-from hpop.poses import on_one_side, quaternions_of
+from hpop.trajectories.poses import on_one_side, quaternions_of
 from hpop.view.ride.scene import Scene
 from hpop.view.ride.surfaces import Colour
-from hpop.world.solids import Shape, Sphere
+from hpop.world.geometry.solids import Shape, Sphere
 
 LINKS: tuple[Colour, ...] = ((206, 208, 210), (120, 128, 138))
 """Of the links of a robot, in turns."""
@@ -47,7 +47,7 @@ class Body(NamedTuple):
 def body_of(shape: Shape, pose: FloatArray | None = None) -> Body:
     """The triangles of a shape, placed by a pose (4, 4), where one is given.
 
-    >>> from hpop.world.solids import Box
+    >>> from hpop.world.geometry.solids import Box
     >>> len(body_of(Box((1.0, 2.0, 3.0))).triangles)
     12
     """

@@ -6,8 +6,8 @@ from typing import cast
 
 import numpy as np
 
-from hpop.arrays import BoolArray, IntArray
-from hpop.compiled import kernel
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import kernel
 
 
 def boxes(cells: BoolArray) -> IntArray:

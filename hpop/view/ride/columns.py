@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from hpop.compiled import lean
+from hpop.runtime.compiled import lean
 from hpop.view.ride.rows import (
     EXTENT,
     FAR,

@@ -13,14 +13,14 @@ import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import FloatArray
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.atomic import replacing
+from hpop.base.options import real, whole
+from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, QueryError
-from hpop.frontier.atomic import replacing
-from hpop.options import real, whole
-from hpop.problem import Problem
-from hpop.text import shown
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.scene import Scene
 
 if TYPE_CHECKING:

@@ -11,14 +11,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import replacing
+from hpop.base.text import printable
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, OutputError
-from hpop.front import Front
-from hpop.frontier.atomic import replacing
-from hpop.named_rows import NamedRow, named_rows
-from hpop.problem import Problem
-from hpop.text import printable
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow, named_rows
+from hpop.problems.problem import Problem
 from hpop.view.explorer.along import columns_of, words
 from hpop.view.ride.bodies import links_of, tilted_solids
 from hpop.view.ride.scene import Scene

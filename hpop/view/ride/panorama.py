@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.view.ride import surfaces, tiles
 from hpop.view.ride.columns import draw
 from hpop.view.ride.drawn import Look, Met, Room, Things, View

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from hpop.compiled import lean
+from hpop.runtime.compiled import lean
 
 HALF_TURN = 3.1
 """rad: an edge that seems longer is so close that the angle cannot tell on which side of the camera it passes."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from hpop.compiled import lean
+from hpop.runtime.compiled import lean
 
 PI = math.pi
 NEAR, FAR = 1e-3, 1e6

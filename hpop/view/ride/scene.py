@@ -16,15 +16,15 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.arrays import FloatArray, IntArray
-from hpop.problem import Problem
-from hpop.text import counted, printable
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.text import counted, printable
+from hpop.problems.problem import Problem
 from hpop.view.ride import surfaces
 from hpop.view.ride.surfaces import Colour
 from hpop.world import World
-from hpop.world.content import Landmark, Person, Zone
-from hpop.world.shapes import Obstacle, Raster
-from hpop.world.solids import Solid
+from hpop.world.content.content import Landmark, Person, Zone
+from hpop.world.geometry.shapes import Obstacle, Raster
+from hpop.world.geometry.solids import Solid
 
 VERSION = 1
 STOREY = 3.0
@@ -237,7 +237,7 @@ class Scene:
         number = len(prisms) + 1
         cells = None
         if world.raster is not None:
-            from hpop.view.ride.boxes import boxes  # a kernel, see hpop.compiled
+            from hpop.view.ride.boxes import boxes  # a kernel, see hpop.runtime.compiled
 
             low, high = _ends(world.raster.heights, storey)
             cells = Cells(boxes(world.raster.cells), world.raster, low, high, number, surfaces.WALL)

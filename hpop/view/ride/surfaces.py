@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 
 Colour = tuple[int, int, int]
 """Red, green and blue in sRGB, 0 to 255."""

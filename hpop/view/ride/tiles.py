@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from hpop.text import printable
+from hpop.base.text import printable
 from hpop.view.ride.drawn import Tile
 from hpop.view.ride.scene import Plate
 from hpop.view.ride.surfaces import PERIOD, waves

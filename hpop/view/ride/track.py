@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
-from hpop.poses import poses
-from hpop.trace import trace
-from hpop.trajectory import Trajectory
+from hpop.problems.trace import trace
+from hpop.trajectories.poses import poses
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.along import taken_together, told_ends
 from hpop.view.ride.bodies import link_poses
 from hpop.world import World

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import math
 
-from hpop.compiled import lean
+from hpop.runtime.compiled import lean
 from hpop.view.ride.rows import PI, arctangent
 
 

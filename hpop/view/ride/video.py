@@ -19,17 +19,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop import __version__
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.atomic import replacing
+from hpop.base.options import MOST_WORKERS, real, whole
 from hpop.errors import OptionError, OutputError
-from hpop.following import followed
-from hpop.front import Front
-from hpop.frontier.atomic import replacing
-from hpop.interrupts import interrupts_held
-from hpop.named_rows import named_rows
-from hpop.options import MOST_WORKERS, real, whole
-from hpop.problem import Problem
-from hpop.status import Progress, ProgressCallback
-from hpop.trajectory import Trajectory
+from hpop.problems.front import Front
+from hpop.problems.named_rows import named_rows
+from hpop.problems.problem import Problem
+from hpop.runtime.following import followed
+from hpop.runtime.interrupts import interrupts_held
+from hpop.runtime.status import Progress, ProgressCallback
+from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, panorama, png
 from hpop.view.ride.scene import VERSION
 from hpop.view.ride.spherical import mark_spherical

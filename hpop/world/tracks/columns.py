@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from hpop.text import shown
+from hpop.base.text import shown
 from hpop.world.tracks.table import UNITS, Asked
 
 NAMES = {

@@ -17,8 +17,8 @@ from itertools import chain, islice
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.text import shown
+from hpop.base.arrays import FloatArray
+from hpop.base.text import shown
 from hpop.world.tracks.columns import comments_of, titled
 from hpop.world.tracks.table import MOST_ROWS, Asked, Tracks, identity, tracks_of
 

@@ -12,7 +12,7 @@ from contextlib import closing
 
 import numpy as np
 
-from hpop.text import shown
+from hpop.base.text import shown
 from hpop.world.tracks.table import MOST_ROWS, Asked, Tracks, identity, tracks_of
 
 MAGIC = b"SQLite format 3\x00"

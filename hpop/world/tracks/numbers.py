@@ -9,8 +9,8 @@ from io import StringIO
 
 import numpy as np
 
-from hpop.arrays import FloatArray
-from hpop.text import shown
+from hpop.base.arrays import FloatArray
+from hpop.base.text import shown
 from hpop.world.tracks.table import MOST_ROWS, Asked
 
 

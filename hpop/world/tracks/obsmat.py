@@ -11,7 +11,7 @@ from collections.abc import Hashable, Sequence
 
 import numpy as np
 
-from hpop.arrays import distinct
+from hpop.base.arrays import distinct
 from hpop.world.tracks.numbers import read_numbers
 from hpop.world.tracks.table import Asked, Tracks, identity, tracks_of
 

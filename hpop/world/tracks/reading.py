@@ -7,11 +7,11 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import one_of
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.options import one_of
-from hpop.scalars import python_value
-from hpop.text import shown
 from hpop.world.files import read_bytes, read_text
 from hpop.world.tracks import csv, jupedsim, obsmat, petrack
 from hpop.world.tracks.jupedsim import is_jupedsim

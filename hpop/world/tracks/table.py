@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.options import LEAST, one_of, real
+from hpop.base.text import counted, shown, some
 from hpop.errors import MapError
-from hpop.options import LEAST, one_of, real
-from hpop.text import counted, shown, some
 from hpop.world.files import named
 from hpop.world.tracks.track import FASTEST, Track
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from hpop.arguments import checked_arguments
-from hpop.arrays import Column, FloatArray, frozen
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column, FloatArray, frozen
+from hpop.base.math import is_symbolic
+from hpop.base.options import FARTHEST, MOST, truth
+from hpop.base.symbols import lift
+from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.math import is_symbolic
-from hpop.options import FARTHEST, MOST, truth
-from hpop.symbols import lift
-from hpop.text import shown
 
 FASTEST = 10.0
 """m/s; nobody in a building runs faster, so that a greater speed tells of a wrong unit or frame rate."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from mutations import Rng
 
-from hpop.registry import criteria, make_model, planners
+from hpop.base.registry import criteria, make_model, planners
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 WIDTH, DEPTH = 5.0, 3.0  # m

@@ -21,14 +21,14 @@ from mutations import Rng
 from verdicts import asked, shown
 
 import hpop
-from hpop import compiled
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import make_planner
 from hpop.planners.objectives import edge_objectives
+from hpop.problems.verify import verify
+from hpop.runtime import compiled
+from hpop.runtime.status import Status
 from hpop.scenario import Scenario, load_scenario
 from hpop.search import Graph, pareto_paths
-from hpop.status import Status
-from hpop.verify import verify
 from targets import allowed
 from targets.given import as_yaml, command
 

@@ -12,10 +12,10 @@ from mutations import Rng, bent_bytes, bent_tree, hostile
 from verdicts import asked, shown, verdict
 
 import hpop
+from hpop.problems.verify import verify
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
-from hpop.status import Budget, Status
-from hpop.verify import verify
 from hpop.world import Box, Cylinder, Hull, Solid, pose_at
 from targets.given import BLOCK, as_json, box, command
 

@@ -12,7 +12,7 @@ from mutations import Rng, bent_bytes, bent_tree, hostile
 from verdicts import shown, verdict
 
 import hpop
-from hpop.registry import criteria, models, planners
+from hpop.base.registry import criteria, models, planners
 from hpop.ros import Interface, Planning, path_message, pose_message, protocol, trajectory_of
 from hpop.search import Graph, pareto_paths
 from targets.given import box, command

@@ -19,7 +19,7 @@ from verdicts import asked, verdict
 import hpop
 from hpop.apart import child
 from hpop.world import Person
-from hpop.world.predictions import bounded
+from hpop.world.content.predictions import bounded
 from targets.given import BLOCK, as_json, as_yaml, written
 from tests import plans
 
@@ -235,4 +235,4 @@ def ros_bag(rng: Rng, folder: Path) -> str:
 
 def _read_here() -> Any:
     """Half a second less for each; pdfium alone may bring down whoever reads."""
-    return patch("hpop.world.reading_apart._said", lambda asked, data, path: child.said(asked, data))
+    return patch("hpop.world.readers.reading_apart._said", lambda asked, data, path: child.said(asked, data))

@@ -12,8 +12,8 @@ from mutations import Rng, bent_tree
 from verdicts import verdict
 
 import hpop
+from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.verify import verify
 from targets.given import PLANNERS, ROOM, as_yaml, command, written
 
 SOLIDS = {

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from hpop.models.collision.convex import bodies_of
 from hpop.models.collision.gjk import distance
-from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 
 HERE = np.eye(4)[:3]
 FCL_PRECISION = 3e-3  # relative, of what python-fcl calls the distance of round shapes

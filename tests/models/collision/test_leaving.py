@@ -11,8 +11,8 @@ from hpop.errors import QueryError
 from hpop.models.collision.leaving import Leaving, alone, touched
 from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 
 HALL = World.from_polygons([], extent=shapely.box(0, 0, 8, 6))

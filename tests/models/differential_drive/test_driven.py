@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
-from hpop.batches import batches
 from hpop.criteria import Length, Rotation, make_criterion, trajectory_cost
 from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
 from hpop.motions import States
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
-from hpop.verify import collision_free
+from hpop.problems.problem import Problem
+from hpop.problems.verify import collision_free
+from hpop.trajectories.batches import batches
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))

@@ -9,11 +9,11 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hpop.base.registry import make_model
 from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.motions import States
-from hpop.registry import make_model
 
 LENGTHS = [
     "radius",

@@ -11,16 +11,16 @@ import pytest
 import shapely
 
 import hpop
-from hpop.arrays import FloatArray
+from hpop.base.arrays import FloatArray
+from hpop.base.registry import make_model
 from hpop.criteria import make_criterion
 from hpop.criteria.others.robot import reach
 from hpop.errors import ModelError, QueryError, UnsupportedModel
 from hpop.models import MobileArm
 from hpop.motions import Motions, Pose, States
 from hpop.planners.roadmap import Roadmap
-from hpop.registry import make_model
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Box, Cylinder, Solid, World, pose_at
 from tests.models.serial_arm.arms import arm6, crane
 
@@ -215,7 +215,7 @@ def test_an_arm_that_reaches_into_its_own_base_is_told_so(robot):
 
 
 def test_a_keep_out_zone_is_closed_to_its_base(robot, home):
-    world = ROOM.with_content(zones=[hpop.world.content.Zone("keep-out", shapely.box(0, 0, 1, 1))])
+    world = ROOM.with_content(zones=[hpop.world.content.content.Zone("keep-out", shapely.box(0, 0, 1, 1))])
     state = robot.space.state([0.5, 0.5, 0.0, *home])
     assert robot.collision(ROOM).states_free(state).all()
     assert not robot.collision(world).states_free(state).any()

@@ -13,7 +13,7 @@ from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.reach import Reach
 from hpop.motions import Motions, States
 from hpop.world import World
-from hpop.world.solids import Box, Cylinder, Hull, Solid, Sphere
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from hpop.models.serial_arm.chain import Chain, Part
 from hpop.models.serial_arm.collision import KEPT, NEAR
 from hpop.models.serial_arm.judge import STEP
 from hpop.world import World
-from hpop.world.solids import Box, Solid, Sphere, pose_at
+from hpop.world.geometry.solids import Box, Solid, Sphere, pose_at
 from tests.models.serial_arm.cluttered import Cluttered, cluttered
 
 

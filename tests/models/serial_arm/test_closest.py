@@ -8,7 +8,7 @@ from hpop.criteria import make_criterion, motion_costs
 from hpop.models.serial_arm.collision import MISSED, ROUNDING
 from hpop.motions import Motions
 from hpop.world import World
-from hpop.world.solids import Box, Solid, pose_at
+from hpop.world.geometry.solids import Box, Solid, pose_at
 from tests.models.serial_arm.arms import arm6
 from tests.models.serial_arm.cluttered import cluttered
 from tests.models.serial_arm.test_certificate import gripper

@@ -10,7 +10,7 @@ import pytest
 from hpop.criteria import make_criterion, motion_costs
 from hpop.motions import Motions
 from hpop.world import World
-from hpop.world.solids import Box, Cylinder, Solid, pose_at
+from hpop.world.geometry.solids import Box, Cylinder, Solid, pose_at
 from tests.models.serial_arm.arms import arm6
 
 CAN = (0.7, 0.25, 0.43)

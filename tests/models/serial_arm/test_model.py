@@ -11,16 +11,16 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.registry import make_model
 from hpop.errors import ModelError, QueryError, ScenarioError
-from hpop.front import Front
 from hpop.frontier import FrontFileError
 from hpop.models import SerialArm, files
 from hpop.models.laws import rest_to_rest
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
-from hpop.registry import make_model
+from hpop.problems.front import Front
 from hpop.scenario import load_scenario
-from hpop.trajectory import Trajectory
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from tests.models.serial_arm.arms import HERE, arm6, crane
 

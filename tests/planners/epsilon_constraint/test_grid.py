@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from hpop.criteria import Exposure, Length, Turns
-from hpop.planners.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
+from hpop.planners.programs.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
 
 ROLES = Roles((Exposure(), Turns(), Length()), 2, (0, 2))
 

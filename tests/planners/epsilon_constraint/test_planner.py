@@ -20,11 +20,11 @@ from hpop.criteria.base import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice
-from hpop.planners.epsilon_constraint.program import PolylineProgram
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.sweep import processes
-from hpop.verify import verify
+from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
+from hpop.runtime.sweep import processes
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)
@@ -293,7 +293,7 @@ def test_warm_starts_that_are_not_all_are_said(monkeypatch, step):
 @STEPS
 def test_time_that_runs_out_is_said(monkeypatch, step):
     clock = iter(range(100_000))
-    monkeypatch.setattr("hpop.status.time.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.runtime.status.time.perf_counter", lambda: float(next(clock)))
     candidates = EpsilonConstraint(step=step, time_limit=15.0 / step).solve(PAPER)
     assert candidates.status is Status.TIME_LIMIT
     assert any(note.startswith("time limit") for note in candidates.notes)
@@ -331,7 +331,7 @@ def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost
 def test_programs_that_are_not_kept_are_built_again_and_find_the_same(monkeypatch):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["exposure", "length"])
     kept = EpsilonConstraint(step=1.0, divisions=1, max_points=4).solve(problem)
-    monkeypatch.setattr("hpop.planners.epsilon_constraint.job.KEPT", 1)
+    monkeypatch.setattr("hpop.planners.programs.epsilon_constraint.job.KEPT", 1)
     again = EpsilonConstraint(step=1.0, divisions=1, max_points=4).solve(problem)
     np.testing.assert_array_equal(again.planned, kept.planned)
     assert again.stats["programs"] > kept.stats["programs"]

@@ -11,15 +11,15 @@ from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions.symbolic import lift
-from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.polylines.polyline import Polyline, PolylineStructure
+from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
 from hpop.planners.programs.hinges import unhinged
 from hpop.planners.programs.nlp import SparseField
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.field import Field
-from hpop.world.lazy_field import LazyField
+from hpop.world.fields.field import Field
+from hpop.world.fields.lazy_field import LazyField
 
 ROBOT = DifferentialDrive(radius=0.25)
 HALF, DISC = 4.0, 1.0  # m: start and goal are this far from the centre of a disc of this radius

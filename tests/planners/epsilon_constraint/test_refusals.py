@@ -10,9 +10,9 @@ import shapely
 from hpop.errors import HpopWarning, OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice, make_planner
-from hpop.planners.epsilon_constraint.least_length import least_length
-from hpop.problem import Problem
-from hpop.status import Status
+from hpop.planners.programs.epsilon_constraint.least_length import least_length
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

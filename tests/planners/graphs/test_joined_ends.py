@@ -10,28 +10,28 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.math import wrap
 from hpop.criteria.base import trajectory_costs
-from hpop.math import wrap
 from hpop.models import DifferentialDrive
 from hpop.motions import States
 from hpop.planners.graphs.joined_ends import with_ends
+from hpop.planners.graphs.lattice import family as lattice_planner
+from hpop.planners.graphs.lattice.graph import StateLattice
+from hpop.planners.graphs.lattice.grid import Headings
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.lattice import Lattice
-from hpop.planners.lattice import planner as lattice_planner
-from hpop.planners.lattice.graph import StateLattice
-from hpop.planners.lattice.grid import Headings
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap.planner import Roadmap
+from hpop.planners.roadmap import Roadmap
 from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
 from hpop.planners.weighted_sum import WeightedSum
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Budget, Status
 from hpop.search import pareto_paths
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
-from hpop.status import Budget, Status
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 WORLD = World.from_polygons([shapely.box(1.55, 1.35, 2.4, 1.75)], extent=shapely.box(0, 0, 4, 3))

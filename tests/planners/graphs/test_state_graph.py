@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.math import wrap
 from hpop.criteria import Exposure, Length, Turns, make_criterion
 from hpop.criteria.base import motion_costs, trajectory_costs
-from hpop.math import wrap
 from hpop.models import DifferentialDrive
 from hpop.planners.any_angle import AnyAngle
 from hpop.planners.lattice import Lattice
-from hpop.planners.roadmap.planner import Roadmap
-from hpop.problem import Problem
-from hpop.verify import collision_free
+from hpop.planners.roadmap import Roadmap
+from hpop.problems.problem import Problem
+from hpop.problems.verify import collision_free
 from hpop.world import World
 
 WORLD = World.from_polygons(

@@ -12,7 +12,7 @@ from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.graphs.ties import COPIED, TIE_TURNS, tie_broken
 from hpop.planners.lattice import Lattice
 from hpop.planners.spending import Exhausted, Spending
-from hpop.status import Budget
+from hpop.runtime.status import Budget
 
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
 ROUND = hpop.DifferentialDrive(radius=0.3)
@@ -86,7 +86,7 @@ def test_the_copy_of_a_first_stage_is_freed_and_given_back(monkeypatch):
             super().release(memory)
             copies.remove(memory)
 
-    monkeypatch.setattr("hpop.planners.lattice.planner.MOST_FIRST", 40)
+    monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
     monkeypatch.setattr(Lattice, "spending", lambda planner, problem: Watched())
     *_, front = asked("length").fronts([Lattice(step=0.25)], stage=lambda _: None)
     assert front.status == "complete"

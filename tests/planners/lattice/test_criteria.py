@@ -13,7 +13,7 @@ from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -9,8 +9,8 @@ import shapely
 from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
-from hpop.status import Status
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from hpop.errors import OptionError
-from hpop.planners.lattice.grid import STEPS, Headings, passed_cells, steps_from
+from hpop.planners.graphs.lattice.grid import STEPS, Headings, passed_cells, steps_from
 
 
 @pytest.mark.parametrize("count", [4, 8, 16])

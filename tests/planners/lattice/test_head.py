@@ -16,9 +16,9 @@ from hpop.errors import OptionError
 from hpop.motions import Motions, States
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
-from hpop.world.content import Landmark
+from hpop.problems.verify import verify
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.content.content import Landmark
 from tests.planners.lattice.test_planner import nondominated
 
 STEP, QUARTER = 0.5, 90

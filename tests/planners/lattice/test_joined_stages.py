@@ -8,10 +8,10 @@ import pytest
 import shapely
 
 import hpop
-from hpop.front import Front
 from hpop.planners.lattice import Lattice
 from hpop.planners.searches import exact as exact_search
-from hpop.problem import Problem
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
 WORLD = hpop.World.from_polygons(WALLS, extent=shapely.box(0, 0, 7, 5))

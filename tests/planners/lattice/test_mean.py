@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.registry import criteria as registered
 from hpop.criteria import Duration, Length, motion_costs
 from hpop.criteria.base import criterion, trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive, PanTilt
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
-from hpop.registry import criteria as registered
-from hpop.status import Status
-from hpop.verify import collision_free
+from hpop.problems.problem import Problem
+from hpop.problems.verify import collision_free
+from hpop.runtime.status import Status
 from hpop.world import World
 
 STEP = 0.5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hpop.planners.lattice.grid import STEPS, steps_from
+from hpop.planners.graphs.lattice.grid import STEPS, steps_from
 from hpop.search import Graph, pareto_paths
 from hpop.world import World
 

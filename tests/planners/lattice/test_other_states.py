@@ -16,7 +16,7 @@ from hpop.errors import ModelError, QueryError, UnsupportedModel
 from hpop.models.base import Stations
 from hpop.models.laws import linear, rest_to_rest
 from hpop.motions import Law, Leg, States, StateSpace
-from hpop.verify import verify
+from hpop.problems.verify import verify
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(0, 0, 3, 2))
 

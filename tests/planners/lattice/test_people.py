@@ -11,10 +11,10 @@ from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
 from hpop.planners.weighted_sum import WeightedSum
-from hpop.problem import Problem
-from hpop.status import Status
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
 from hpop.world import World
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 ROOM = World.from_polygons([], extent=shapely.box(0, 0, 6, 4))
 ROBOT = DifferentialDrive(radius=0.25)

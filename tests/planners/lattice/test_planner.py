@@ -13,9 +13,9 @@ from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.verify import collision_free
+from hpop.problems.problem import Problem
+from hpop.problems.verify import collision_free
+from hpop.runtime.status import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -8,7 +8,7 @@ import shapely
 
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.world import World
 
 NARROW = re.compile(r"too narrow by about ([\d.]+) m, near \((-?[\d.]+), (-?[\d.]+)\)")

@@ -13,21 +13,21 @@ import pytest
 import shapely
 
 import hpop
-from hpop.arrays import BoolArray
+from hpop.base.arrays import BoolArray
 from hpop.errors import QueryError
-from hpop.front import Front
 from hpop.frontier import is_nondominated
 from hpop.planners.base import Candidates, Planner, joined, make_planner
+from hpop.planners.graphs.lattice import family as lattice_planner
+from hpop.planners.graphs.lattice.graph import StateLattice
+from hpop.planners.graphs.lattice.nearby import DIAGONAL, STRAIGHT, nearby
 from hpop.planners.graphs.query import GraphQuery
 from hpop.planners.judgement import judge
 from hpop.planners.lattice import Lattice
-from hpop.planners.lattice import planner as lattice_planner
-from hpop.planners.lattice.graph import StateLattice
-from hpop.planners.lattice.nearby import DIAGONAL, STRAIGHT, nearby
 from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
-from hpop.problem import Problem
-from hpop.status import Budget, Progress, Status
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Budget, Progress, Status
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
 EXTENT = shapely.box(0, 0, 7, 5)

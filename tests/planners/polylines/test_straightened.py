@@ -10,8 +10,8 @@ from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.polylines.straightened import DEVIATIONS, straightened
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

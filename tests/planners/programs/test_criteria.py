@@ -12,7 +12,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
 from hpop.planners.programs.criteria import is_counted, minimised, smooth_places
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -8,21 +8,21 @@ import pytest
 import shapely
 
 import hpop
-from hpop.limits import LimitPassed, within
 from hpop.planners import EpsilonConstraint, Smoothing, WeightedSumCorridor
-from hpop.planners.epsilon_constraint.grid import Cell, Known, Roles
-from hpop.planners.epsilon_constraint.job import PolylineJob
-from hpop.planners.epsilon_constraint.nearby import Nearby
-from hpop.planners.epsilon_constraint.program import PolylineProgram
 from hpop.planners.judgement import judge
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs._stop import Stop
 from hpop.planners.programs.deadline import Deadline
-from hpop.planners.smoothing.job import SmoothingJob
-from hpop.planners.smoothing.program import DrivenProgram
-from hpop.planners.smoothing.separable import Separable
-from hpop.status import Status, Watch
-from hpop.world.looks import quadratics
+from hpop.planners.programs.epsilon_constraint.grid import Cell, Known, Roles
+from hpop.planners.programs.epsilon_constraint.job import PolylineJob
+from hpop.planners.programs.epsilon_constraint.nearby import Nearby
+from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
+from hpop.planners.programs.smoothing.job import SmoothingJob
+from hpop.planners.programs.smoothing.program import DrivenProgram
+from hpop.planners.programs.smoothing.separable import Separable
+from hpop.runtime.limits import LimitPassed, within
+from hpop.runtime.status import Status, Watch
+from hpop.world.fields.looks import quadratics
 
 WORLD = hpop.World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
 PROBLEM = hpop.Problem(WORLD, hpop.DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ["turns", "length"])

@@ -7,21 +7,21 @@ from dataclasses import dataclass, field, replace
 import pytest
 import shapely
 
+from hpop.base.math import is_symbolic
 from hpop.criteria import Length
-from hpop.math import is_symbolic
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Smoothing
-from hpop.planners.epsilon_constraint import program as polyline
+from hpop.planners.programs.epsilon_constraint import program as polyline
 from hpop.planners.programs.outcome import ONE_PROGRAM
-from hpop.planners.smoothing import program as driven_program
-from hpop.problem import Problem
+from hpop.planners.programs.smoothing import program as driven_program
+from hpop.problems.problem import Problem
 from hpop.world import World
 
 BLOCK = World.from_polygons([shapely.box(2.8, 1.4, 3.4, 2.6)], extent=shapely.box(0, 0, 6, 4))
 ROUND = Problem(BLOCK, DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ("turns", "length", "exposure"))
 
 
-@pytest.mark.cases("planner1-hpop.planners.epsilon_constraint.program")
+@pytest.mark.cases("planner1-hpop.planners.programs.epsilon_constraint.program")
 @pytest.mark.parametrize(
     ("planner", "module"),
     [(Smoothing(step=1.0, intervals=10), driven_program), (EpsilonConstraint(step=1.0, max_points=4), polyline)],

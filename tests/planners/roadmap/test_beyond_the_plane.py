@@ -16,16 +16,16 @@ from hpop.errors import CriterionError, OptionError, QueryError
 from hpop.motions import Motions, States
 from hpop.planners import Roadmap, WeightedSum
 from hpop.planners.graphs.query import built_query
+from hpop.planners.graphs.roadmap import guides as seeking
+from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap
+from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides, length, shortened
+from hpop.planners.graphs.roadmap.links import farther
+from hpop.planners.graphs.roadmap.samples import informed
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap import guides as seeking
-from hpop.planners.roadmap.configurations import ConfigurationRoadmap
-from hpop.planners.roadmap.guides import Connections, Guide, guides, length, shortened
-from hpop.planners.roadmap.links import farther
-from hpop.planners.roadmap.samples import informed
 from hpop.planners.spending import Spending
+from hpop.problems.verify import verify
+from hpop.runtime.status import Budget, Status
 from hpop.search import pareto_paths, supported_paths
-from hpop.status import Budget, Status
-from hpop.verify import verify
 from tests.joints import Balls, Joints, Sway, problem
 from tests.planners.roadmap.test_configurations import BASE, HEAD
 from tests.planners.roadmap.test_configurations import problem as in_plane

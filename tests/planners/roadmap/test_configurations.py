@@ -15,19 +15,19 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.math import wrap
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import ModelError, OptionError, QueryError
-from hpop.math import wrap
 from hpop.models.base import PlanarModel
 from hpop.motions import Leg, Model, States, StateSpace
 from hpop.planners import Roadmap
-from hpop.planners.roadmap.configurations import ConfigurationRoadmap
-from hpop.planners.roadmap.links import nearest
+from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap
+from hpop.planners.graphs.roadmap.links import nearest
 from hpop.planners.spending import Spending
-from hpop.status import Status
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
-from hpop.world.content import Person
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.content.content import Person
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples/plugin"))
 from hpop_example_plugin.holonomic import Holonomic

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from hpop.planners import Roadmap
-from hpop.planners.roadmap import planner as roadmap_planner
+from hpop.planners.graphs.roadmap import family as roadmap_planner
 from hpop.planners.spending import Exhausted
-from hpop.status import Progress, Status
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.runtime.status import Progress, Status
 from tests.joints import Joints, problem
 
 

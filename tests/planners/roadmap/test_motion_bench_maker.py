@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import hpop
-from hpop.verify import verify
+from hpop.problems.verify import verify
 from tests.panda import NUMBERS, SETS, asked, panda
 
 

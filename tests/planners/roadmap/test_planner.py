@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.math import wrap
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
-from hpop.math import wrap
 from hpop.models import DifferentialDrive
 from hpop.planners.graphs import arcs
+from hpop.planners.graphs.roadmap.headings import StateRoadmap
 from hpop.planners.judgement import Judgement, judge
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap.headings import StateRoadmap
-from hpop.planners.roadmap.planner import Roadmap
+from hpop.planners.roadmap import Roadmap
 from hpop.planners.spending import Spending
-from hpop.problem import Problem
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
 from hpop.search import pareto_paths
-from hpop.status import Status
-from hpop.trajectory import Trajectory
-from hpop.verify import verify
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25, camera_height=0.8)
@@ -238,7 +238,7 @@ def test_the_last_turn_to_the_heading_of_the_goal_may_be_small():
 
 
 def test_too_many_turns_are_refused_before_they_are_made(monkeypatch):
-    monkeypatch.setattr("hpop.planners.roadmap.headings.MAX_EDGES", 7)
+    monkeypatch.setattr("hpop.planners.graphs.roadmap.headings.MAX_EDGES", 7)
     with pytest.raises(OptionError, match="a line has 8 states and 8 turns between them, more than 7; take fewer"):
         line(1.0, 5.0, 3.0, 2.0).turns  # noqa: B018
 

@@ -12,19 +12,19 @@ import pytest
 import shapely
 
 from hpop.errors import OptionError, QueryError
-from hpop.front import Front
 from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.judgement import judge
 from hpop.planners.rrt.close import close
 from hpop.planners.rrt.query import Base, Query, WheelLimits
 from hpop.planners.rrt.run import TreeRun
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.sweep import processes
-from hpop.verify import verify
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
+from hpop.runtime.sweep import processes
 from hpop.world import World
-from hpop.world.content import Person
+from hpop.world.content.content import Person
 
 ROBOT = DifferentialDrive(radius=0.25)
 ROOM = World.from_polygons([shapely.box(2.6, 0.0, 3.0, 2.4)], extent=shapely.box(0, 0, 6, 5))
@@ -268,7 +268,7 @@ def test_time_that_is_up_before_a_run_is_finished_is_said():
 
 def test_time_that_runs_out_keeps_what_is_finished(monkeypatch):
     clock = iter(range(1000))
-    monkeypatch.setattr("hpop.status.time.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.runtime.status.time.perf_counter", lambda: float(next(clock)))
     candidates = RRT(runs=8, seed=3, keep="all", time_limit=2.5).solve(PROBLEM)
     assert candidates.status is Status.TIME_LIMIT
     assert 0 < candidates.stats["runs"] < 8

@@ -8,12 +8,12 @@ import shapely
 
 from hpop.criteria import Turns
 from hpop.criteria.base import trajectory_costs
-from hpop.front import Front
 from hpop.models import DifferentialDrive
-from hpop.planners.smoothing.planner import Smoothing
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.verify import verify
+from hpop.planners.programs.smoothing.planner import Smoothing
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -20,18 +20,18 @@ from hpop.models.differential_drive.driven import Drive, ahead
 from hpop.motions import States
 from hpop.planners import judgement
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.smoothing import guess as driven_guess
-from hpop.planners.smoothing import job as smoothing_job
-from hpop.planners.smoothing import program as driven_program
-from hpop.planners.smoothing.interval import Forward
-from hpop.planners.smoothing.job import SmoothingJob
-from hpop.planners.smoothing.phases import Phases
-from hpop.planners.smoothing.planner import Smoothing
-from hpop.planners.smoothing.program import DrivenProgram
-from hpop.planners.smoothing.solvers import FLAT
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.trajectory import Trajectory
+from hpop.planners.programs.smoothing import guess as driven_guess
+from hpop.planners.programs.smoothing import job as smoothing_job
+from hpop.planners.programs.smoothing import program as driven_program
+from hpop.planners.programs.smoothing.interval import Forward
+from hpop.planners.programs.smoothing.job import SmoothingJob
+from hpop.planners.programs.smoothing.phases import Phases
+from hpop.planners.programs.smoothing.planner import Smoothing
+from hpop.planners.programs.smoothing.program import DrivenProgram
+from hpop.planners.programs.smoothing.solvers import FLAT
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -4,16 +4,16 @@ import casadi
 import numpy as np
 import pytest
 
-from hpop import registry
+from hpop.base import registry
+from hpop.base.math import instead_of_hinges
 from hpop.criteria import make_criterion
-from hpop.math import instead_of_hinges
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import lift
 from hpop.planners.programs.nlp import SparseWorld, moments, vector
-from hpop.planners.smoothing.interval import NODES, Forward, Interval
-from hpop.planners.smoothing.separable import Separable
-from hpop.problem import Problem
+from hpop.planners.programs.smoothing.interval import NODES, Forward, Interval
+from hpop.planners.programs.smoothing.separable import Separable
+from hpop.problems.problem import Problem
 from hpop.testing import random_world
 from hpop.world import Field
 from hpop.world.ground import WHOLE

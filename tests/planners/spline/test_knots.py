@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hpop.models.serial_arm.spline import Spline
-from hpop.planners.spline.knots import Knots
+from hpop.planners.programs.spline.knots import Knots
 
 LAW = Spline(("a", "b"), (2.0, 1.0), (3.0, 4.0))
 

@@ -14,14 +14,14 @@ from hpop.errors import OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.planners.base import make_planner
+from hpop.planners.programs.spline.job import FRACTIONS, Deadline, SplineJob
+from hpop.planners.programs.spline.knots import Knots
+from hpop.planners.programs.spline.pieces import Pieces
+from hpop.planners.programs.spline.step import Aim, Steps
 from hpop.planners.spending import Spending
-from hpop.planners.spline.job import FRACTIONS, Deadline, SplineJob
-from hpop.planners.spline.knots import Knots
-from hpop.planners.spline.pieces import Pieces
-from hpop.planners.spline.step import Aim, Steps
-from hpop.status import Status
-from hpop.trajectory import Trajectory
-from hpop.world.solids import Box, Solid
+from hpop.runtime.status import Status
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.geometry.solids import Box, Solid
 
 CRITERIA = ["duration", "rotation", {"look_at": {"target": [0.6, 0.0, 0.5]}}]
 PATHS = (

@@ -6,9 +6,9 @@ import pytest
 import hpop
 from hpop.motions import States
 from hpop.planners.base import make_planner
-from hpop.planners.spline.knots import Knots
-from hpop.trajectory import Trajectory
-from hpop.world.solids import Box, Solid
+from hpop.planners.programs.spline.knots import Knots
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.geometry.solids import Box, Solid
 from tests.models.serial_arm.arms import crane
 
 ROWS = ((0.7, 0.0, 0.0, 0.0), (0.2, 2.5, 0.1, 0.5), (0.6, 5.0, 0.3, -1.5), (-0.2, 8.0, 0.0, 2.0))

@@ -10,8 +10,8 @@ import shapely
 
 from hpop.models import DifferentialDrive
 from hpop.motions import States
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 
 ROBOT = DifferentialDrive(radius=0.25)

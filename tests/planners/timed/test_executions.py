@@ -5,13 +5,13 @@ import pytest
 import shapely
 
 import hpop
+from hpop.base.options import LEAST
 from hpop.models import DifferentialDrive, PanTilt
 from hpop.motions import States
-from hpop.options import LEAST
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
-from hpop.problem import Problem
-from hpop.trajectory import Trajectory
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import ROBOT, gaps, in_the_door, through_the_doors
 

@@ -8,9 +8,9 @@ from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
-from hpop.status import Status
-from hpop.verify import verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import (
     EVEN,

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.registry import make_model
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice
-from hpop.problem import Problem
-from hpop.registry import make_model
-from hpop.verify import verify
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
 from hpop.world import Future, Person, World
 from tests.planners.timed.rooms_with_people import through_the_doors
 

@@ -5,13 +5,13 @@ import pytest
 import shapely
 
 from hpop.criteria.base import trajectory_costs
+from hpop.planners.graphs.timed.clock import Clock
+from hpop.planners.graphs.timed.legs import TimedArcs
+from hpop.planners.graphs.timed.reading import reading_time
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
-from hpop.planners.timed.clock import Clock
-from hpop.planners.timed.legs import TimedArcs
-from hpop.planners.timed.reading import reading_time
-from hpop.problem import Problem
-from hpop.status import Status
+from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import ROBOT, gaps, in_the_door, through_the_doors
 

@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 import hpop
-from hpop.contacts import contact
-from hpop.verify import verify
+from hpop.problems.verify import verify
+from hpop.trajectories.contacts import contact
 from hpop.world import Person, World
 
 ROBOT = hpop.DifferentialDrive(radius=0.3)

@@ -13,9 +13,9 @@ from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.weighted_sum_corridor.corridor import HalfPlanes, Region, clear_of, corridors, spaces
-from hpop.planners.weighted_sum_corridor.program import CorridorProgram
-from hpop.problem import Problem
+from hpop.planners.programs.corridor.corridor import HalfPlanes, Region, clear_of, corridors, spaces
+from hpop.planners.programs.corridor.program import CorridorProgram
+from hpop.problems.problem import Problem
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.3, camera_height=1.2)

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 import hpop
 from hpop.planners import WeightedSumCorridor
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.weighted_sum_corridor.corridor import corridors
+from hpop.planners.programs.corridor.corridor import corridors
 from tests.planners.perturbed import random_question
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
+from hpop.base.registry import criteria
 from hpop.criteria import Clearance, Length
 from hpop.criteria.base import criterion, trajectory_costs
 from hpop.criteria.convex import ConvexCost
@@ -15,14 +16,13 @@ from hpop.errors import CriterionError, OptionError, QueryError, UnsupportedCrit
 from hpop.models import DifferentialDrive
 from hpop.planners import WeightedSumCorridor, make_planner
 from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.weighted_sum_corridor.corridor import corridors
-from hpop.planners.weighted_sum_corridor.program import CorridorProgram
-from hpop.planners.weighted_sum_corridor.weights import GAP, SMALL, Shared, solve_corridor
-from hpop.problem import Problem
-from hpop.registry import criteria
-from hpop.status import Status, Watch
-from hpop.sweep import processes
-from hpop.verify import verify
+from hpop.planners.programs.corridor.corridor import corridors
+from hpop.planners.programs.corridor.program import CorridorProgram
+from hpop.planners.programs.corridor.weights import GAP, SMALL, Shared, solve_corridor
+from hpop.problems.problem import Problem
+from hpop.problems.verify import verify
+from hpop.runtime.status import Status, Watch
+from hpop.runtime.sweep import processes
 from hpop.world import World
 
 R = 0.25
@@ -278,7 +278,7 @@ def test_a_solver_that_cannot_is_replaced_and_that_is_said():
 
 
 def test_what_no_solver_solves_is_counted(monkeypatch):
-    monkeypatch.setattr("hpop.planners.weighted_sum_corridor.planner.solvers_from", lambda first: ("OSQP",))
+    monkeypatch.setattr("hpop.planners.programs.corridor.planner.solvers_from", lambda first: ("OSQP",))
     found = WeightedSumCorridor(step=STEP, solver="OSQP").solve(OVER)
     assert any("no other solved them" in note for note in found.notes)
     assert any(note.endswith("convex programs were solved by no solver that is installed") for note in found.notes)

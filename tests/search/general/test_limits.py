@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from hpop.errors import GraphError
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.general.search import General
 from hpop.search.graph import MAX_SUM
-from hpop.status import Budget, Progress, Status
 
 
 def grid(side: int, criteria: int) -> Graph:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.general.search import General
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
-from hpop.status import Budget, Status
 from tests.walks import check_walks
 
 FREE = 2  # column of the lattice's length, which turns do not raise

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.machinery.approximation import proven_gap
 from hpop.search.machinery.covered import least_covered
-from hpop.status import Budget, Status
 
 
 def covered(exact: np.ndarray, found: np.ndarray, eps: float, tolerance: np.ndarray) -> bool:

@@ -5,12 +5,12 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.namoa_star import ideal_cost_to_go
-from hpop.status import Budget, Status
 
 
 @pytest.mark.parametrize("seed", range(8))

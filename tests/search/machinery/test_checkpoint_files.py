@@ -16,9 +16,9 @@ import pytest
 
 import hpop.search.machinery.checkpoint as module
 from hpop.errors import OptionError
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery.checkpoint import SHARE, Checkpoint, CheckpointError, Keeper
-from hpop.status import Budget, Progress, Status
 
 
 def refused(graph: Graph, file: Path, match: str, *, source: int = 0, target: Any = 60, **options: Any) -> None:

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, ParetoPaths, capped_mean_paths, pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
-from hpop.status import Budget, Status
 
 Search = Callable[..., ParetoPaths]
 FORGERIES = pytest.mark.parametrize("forgeries", [40, pytest.param(400, marks=pytest.mark.proof)])

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.compiled import kernel, lean
+from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.kernels import drop_first, plan_keys, push, repack
 
 

@@ -7,11 +7,11 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, Groups, NoRoom
-from hpop.status import Budget, Status
 
 
 def groups_of(graph: Graph) -> Groups | None:

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, MeanPaths, capped_mean_paths, pareto_paths
-from hpop.status import Budget, Progress, Status
 from tests.walks import check_walks
 
 S, T = 0, 1  # columns of the integral and the duration in all graphs here

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
+from hpop.runtime.status import Status
 from hpop.search import Graph, MeanPaths, capped_mean_paths, pareto_paths
-from hpop.status import Status
 
 S, T = 0, 1  # columns of the integral and the duration in all graphs here
 Bounds = list[int | None]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery import slices
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import SIZE, Groups
 from hpop.search.staircase import search as staircase
 from hpop.search.staircase.search import Staircase
-from hpop.status import Budget
 
 
 def test_the_groups_are_those_of_the_lattice_alone(beside):

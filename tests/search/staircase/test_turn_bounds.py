@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery import slices
 from hpop.search.machinery.bounds import lower_bounds
@@ -13,7 +14,6 @@ from hpop.search.machinery.turns import Groups
 from hpop.search.staircase import search as staircase
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.turn_bounds import LAYERS
-from hpop.status import Budget
 
 
 def least_rest(graph: Graph, target: int, most: int) -> np.ndarray:

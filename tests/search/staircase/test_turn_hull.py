@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.machinery import slices
 from hpop.search.machinery.approximation import Precision, thinned
@@ -20,7 +21,6 @@ from hpop.search.staircase.corners import Corners, may_improve
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import H_FIRST, H_REST
 from hpop.search.staircase.turn_hull import LANES, STEP_BITS, TurnHull, directions, turn_hull
-from hpop.status import Budget, Status
 
 
 def rich(lattice, seed: int, width: int, uneven: bool = False) -> Graph:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, SupportedPaths, pareto_paths, supported_paths
-from hpop.status import Budget, Progress, Status
 
 FEW, MANY = 20, 10**6  # values of a cost: with few of them many paths tie
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.supported.first_paths import first_paths
-from hpop.status import Budget, Status
 
 
 def drawn(seed: int) -> tuple[Graph, list[int]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search import Graph, pareto_paths
 from hpop.search.timed.graph import TimedGraph
 from tests.search.timed.instances import TimedQuery

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.search import Graph
 from hpop.search.timed.graph import TimedGraph
 

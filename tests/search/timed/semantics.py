@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Protocol
 
-from hpop.arrays import IntArray
+from hpop.base.arrays import IntArray
 from hpop.search.timed.graph import TimedGraph
 
 Vector = tuple[int, ...]

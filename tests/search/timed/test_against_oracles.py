@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Status
 from hpop.search import Graph
 from hpop.search.timed import bounds, timed_paths
 from hpop.search.timed.graph import TimedGraph
-from hpop.status import Status
 from tests.search.timed.enumeration import front_by_enumeration
 from tests.search.timed.expanded import front_by_expansion
 from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from hpop.errors import GraphError, QueryError
+from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.timed.prepared import PreparedTimed, Walk
-from hpop.status import Budget, Status
 from tests.search.timed.enumeration import TooMany, front_by_enumeration
 from tests.search.timed.expanded import front_by_expansion
 from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query

@@ -7,9 +7,9 @@ from importlib import import_module
 import numpy as np
 import pytest
 
+from hpop.runtime.status import Budget, Progress, Status
 from hpop.search.machinery import slices
 from hpop.search.timed import TimedPaths, bounds, search, timed_paths
-from hpop.status import Budget, Progress, Status
 from tests.search.timed.enumeration import front_by_enumeration
 from tests.search.timed.expanded import front_by_expansion
 from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.compiled import numba
+from hpop.runtime.compiled import numba
 from hpop.search.graph import Graph
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.tables import Tables

@@ -13,7 +13,7 @@ import hpop
 from hpop.motions import States
 from hpop.view.explorer.payload import payload
 from hpop.view.single_page import single_page
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 from tests.view.explorer.decoder import Page
 from tests.view.explorer.fronts import seeded
 from tests.view.robots import Lift, Reacher

@@ -17,7 +17,7 @@ from hpop.view.ride.panorama import Panorama
 from hpop.view.ride.rows import arctangent
 from hpop.view.ride.scene import Scene
 from hpop.world import Track
-from hpop.world.content import Landmark, Person
+from hpop.world.content.content import Landmark, Person
 from tests.view.ride.oracle import angles, seen
 
 ROUND = shapely.Point(6, 3).buffer(1.5, 4).difference(shapely.box(5.6, 2.6, 6.4, 3.4))

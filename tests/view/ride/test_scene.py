@@ -14,7 +14,7 @@ from hpop.view.ride import surfaces
 from hpop.view.ride.boxes import boxes
 from hpop.view.ride.scene import Scene
 from hpop.world import Box, Solid, pose_at
-from hpop.world.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Person, Zone
 
 ROUND = shapely.Point(6, 3).buffer(1.0, 4).difference(shapely.box(5.8, 2.8, 6.2, 3.2))
 

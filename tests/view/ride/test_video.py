@@ -17,10 +17,10 @@ from PIL import Image
 
 import hpop
 from hpop.errors import OptionError, OutputError, QueryError
-from hpop.status import Progress
+from hpop.runtime.status import Progress
 from hpop.view import render_360, save_frames, save_video
 from hpop.view.ride.video import Clip
-from hpop.world.content import Landmark, Person
+from hpop.world.content.content import Landmark, Person
 
 FPS, WIDTH = 6, 256
 

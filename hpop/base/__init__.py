@@ -1,0 +1,1 @@
+"""Building blocks that know nothing of robots: arrays, numbers, text, options, registries."""

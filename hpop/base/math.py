@@ -1,0 +1,222 @@
+"""Functions with kinks, exact on NumPy arrays and usable on CasADi symbols.
+
+Criteria use these where a plain NumPy function has no gradient (a length at zero, an absolute angle at zero): on
+numbers they are exact, on symbols they are smoothed within the width stated, so fronts only ever hold exact values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextvars import ContextVar
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from hpop.base.arrays import Column
+from hpop.base.symbols import Symbols, lift
+
+instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
+SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
+ALIGNED = 1e-4  # rad: the same of angles between vectors, which pass through zero in the middle of a motion
+CHEBYSHEV = (
+    *(0.17087277, -0.82215223, 1.48851587, -1.13520398, 0.27886807),
+    *(-0.18628806, 0.09678418, 0.37409196, 1.00002368, -1.26551223),
+)
+"""Coefficients, the highest first, of log(erfcx(x) (1 + x/2)) in 1/(1 + x/2)."""
+
+
+def is_symbolic(column: object) -> bool:
+    """Tell CasADi symbols from numbers, without importing CasADi."""
+    return isinstance(column, Symbols) or type(column).__module__.partition(".")[0] == "casadi"
+
+
+def hypot(x: Column, y: Column) -> Column:
+    """sqrt(x² + y²), with gradient 0 instead of NaN at the origin on symbols.
+
+    >>> float(hypot(3.0, 4.0))
+    5.0
+    """
+    if not (is_symbolic(x) or is_symbolic(y)):
+        return np.hypot(x, y)
+    square = x * x + y * y
+    return np.where(square > 0, np.sqrt(square), 0.0)
+
+
+def is_zero(column: Column) -> bool:
+    """Whether a column is the number 0.0, which stands for what is known to be zero."""
+    return isinstance(column, float) and column == 0.0
+
+
+def norm(vector: Sequence[Column]) -> Column:
+    """Length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
+
+    What is no column leaves the others their simpler form: of one alone this is `smooth_abs`, of two `hypot`.
+
+    >>> float(norm((2.0, 3.0, 6.0))), float(norm((0.0, 0.0, -1.5)))
+    (7.0, 1.5)
+    """
+    columns = [column for column in vector if not is_zero(column)]
+    if not columns:
+        return 0.0
+    if len(columns) == 1:
+        return smooth_abs(columns[0])
+    return reduce(hypot, columns)
+
+
+def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Column, Column]) -> Column:
+    """Angle, rad in [0, pi], between unit vectors and others, 0 where these are zero.
+
+    On symbols its kink at 0 is rounded within ALIGNED where both lie in one plane of the axes, so that who is aligned
+    up to rounding has the gradient 0.
+
+    >>> round(float(angle_between((0.0, 1.0, 0.0), (2.0, 0.0, 0.0))), 9)
+    1.570796327
+    """
+    length = norm(vector)
+    some = length > 0
+    scale = 1.0 / np.where(some, length, 1.0)
+    normal = [column if is_zero(column) else column * scale for column in cross(unit, vector)]
+    cosine = dot(unit, vector) * scale
+    return np.arctan2(np.where(some, sine_of(normal), 0.0), np.where(some, cosine, 1.0))
+
+
+def sine_of(normal: Sequence[Column]) -> Column:
+    """Length of the normal of two unit vectors, whose kink at 0 is rounded within ALIGNED in a plane of the axes."""
+    alone = [column for column in normal if not is_zero(column)]
+    return smooth_abs(alone[0], ALIGNED) if len(alone) == 1 else norm(normal)
+
+
+def dot(one: Sequence[Column], other: Sequence[Column]) -> Column:
+    """Sum of the products of columns; the number 0.0 stands for what is known to be zero, and so does the sum.
+
+    >>> dot((1.0, 2.0), (3.0, 0.0))
+    3.0
+    """
+    products = [a * b for a, b in zip(one, other, strict=True) if not (is_zero(a) or is_zero(b))]
+    return reduce(add, products) if products else 0.0
+
+
+def cross(one: Sequence[Column], other: Sequence[Column]) -> tuple[Column, Column, Column]:
+    """Cross product of vectors in space; the number 0.0 stands for what is known to be zero.
+
+    >>> cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    (0.0, 0.0, 1.0)
+    """
+
+    def component(i: int, j: int) -> Column:
+        gain, loss = dot(one[i : i + 1], other[j : j + 1]), dot(one[j : j + 1], other[i : i + 1])
+        return 0.0 if is_zero(gain) and is_zero(loss) else gain - loss
+
+    return component(1, 2), component(2, 0), component(0, 1)
+
+
+def erf(x: Column) -> Column:
+    """The error function 2/sqrt(π) ∫₀ˣ exp(-s²) ds.
+
+    >>> round(float(erf(1.0)), 6)
+    0.842701
+    """
+    if is_symbolic(x):
+        import casadi
+
+        return lift(casadi.erf(x.to_casadi()), x.shape)
+    from scipy import special
+
+    return special.erf(x)
+
+
+def erfcx(x: Column) -> Column:
+    """The scaled complementary error function exp(x²) (1 - erf(x)), of x >= 0.
+
+    On symbols it is Chebyshev's fit of Press et al. (Numerical Recipes, section 6.2), within 1.2e-7 of itself.
+
+    >>> round(float(erfcx(2.0)), 6)
+    0.255396
+    """
+    if not is_symbolic(x):
+        from scipy import special
+
+        return special.erfcx(x)
+    t = 1.0 / (1.0 + 0.5 * x)
+    return t * np.exp(reduce(lambda total, coefficient: total * t + coefficient, CHEBYSHEV))
+
+
+def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
+    """|x|; on symbols a polynomial within ``width`` of zero, twice differentiable, exact at zero and outside.
+
+    With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w
+    with equal value, slope and curvature.
+
+    >>> float(smooth_abs(-2.0))
+    2.0
+    """
+    if not is_symbolic(x):
+        return np.abs(x)
+    square = (x / width) ** 2
+    inside = width * square * (15.0 - 10.0 * square + 3.0 * square * square) / 8.0
+    return np.where(square < 1.0, inside, np.abs(x))
+
+
+def hinge(x: Column) -> Column:
+    """max(x, 0), of what a cost rises with; on symbols without a kink.
+
+    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.hinges`).
+    Elsewhere it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with
+    s = x/w it is w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
+
+    >>> float(hinge(-2.0)), float(hinge(0.5))
+    (0.0, 0.5)
+    """
+    if not is_symbolic(x):
+        return np.maximum(x, 0.0)
+    if (above := instead_of_hinges.get()) is not None:
+        return above(x)
+    width = 0.5 * SMOOTHING
+    s = np.minimum(np.maximum(x / width, -1.0), 1.0)
+    square = s * s
+    return np.where(s < 1.0, width * (3.0 + 8.0 * s + square * (6.0 - square)) / 16.0, x)
+
+
+def smooth_step(x: Column) -> Column:
+    """1 where x >= 0, else 0; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact outside.
+
+    With s = x/w the polynomial is 1/2 + (15 s - 10 s³ + 3 s⁵)/16: it rises from 0 to 1 with no slope or curvature at
+    its ends.
+
+    >>> float(smooth_step(-0.1)), float(smooth_step(0.0))
+    (0.0, 1.0)
+    """
+    if not is_symbolic(x):
+        return np.where(x >= 0.0, 1.0, 0.0)
+    s = np.minimum(np.maximum(x / SMOOTHING, -1.0), 1.0)
+    square = s * s
+    return 0.5 + s * (15.0 - 10.0 * square + 3.0 * square * square) / 16.0
+
+
+def wrap(angle: Column) -> Column:
+    """The same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
+
+    What is no number stays none.
+
+    >>> float(wrap(-np.pi)) == np.pi and float(wrap(2.5 * np.pi)) == 0.5 * np.pi
+    True
+    """
+    clockwise = np.mod(np.pi - angle, 2 * np.pi)
+    return np.pi - np.where(clockwise >= 2 * np.pi, 0.0, clockwise)  # the remainder of -1e-16 rounds to 2 pi
+
+
+def not_radians(angle: float) -> str:
+    """What is wrong with a heading that cannot be in radians, nothing if it can: sums of two are within two turns.
+
+    >>> print(not_radians(90.0))
+    is in radians, within two turns of 0; got 90: write math.radians(90), in a scenario '90 deg', if these are degrees
+    >>> not_radians(-3.2)
+    ''
+    """
+    if abs(angle) <= 4.0 * np.pi:
+        return ""
+    return (
+        f"is in radians, within two turns of 0; got {angle:g}: write math.radians({angle:g}), in a scenario "
+        f"'{angle:g} deg', if these are degrees"
+    )

@@ -1,0 +1,221 @@
+"""Names of criteria, planners, models, goals, readers and formats: found at home, or by an entry point abroad.
+
+At home a decorator registers them; each is loaded on first use.
+
+A plugin package declares, for example::
+
+    [project.entry-points."hpop.criteria"]
+    glare = "my_package.glare:Glare"
+
+and ``hpop.base.registry.criteria["glare"]`` finds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import MISSING, fields
+from importlib import import_module
+from importlib.metadata import entry_points
+from inspect import signature
+from typing import Any, Generic, TypeVar, get_type_hints
+
+from hpop.base.text import shown
+from hpop.errors import (
+    CriterionError,
+    HpopError,
+    MapError,
+    ModelError,
+    OptionError,
+    QueryError,
+    did_you_mean,
+    unknown_name,
+)
+
+T = TypeVar("T", bound=Callable[..., Any])
+P = TypeVar("P")
+
+# The paper's groups of criteria, so that no aspect is forgotten (Becerra et al. 2020).
+GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
+
+
+class Registry(Mapping[str, T], Generic[T]):
+    """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad.
+
+    A name taken twice and a package that cannot be loaded raise ``error``. ``parameter`` is what a field of its types
+    is called.
+    """
+
+    def __init__(
+        self, kind: str, module: str, group: str, error: type[HpopError], *, parameter: str = "parameter"
+    ) -> None:
+        self.kind = kind
+        self.error = error
+        self.parameter = parameter
+        self._module = module
+        self.group = group
+        self._types: dict[str, T] = {}
+        self._loaded = False
+
+    def add(self, name: str, item: T) -> None:
+        """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
+        if name not in self._types and not item.__module__.startswith("hpop."):
+            self._load_home(name)
+        taken = self._types.get(name)
+        if taken is not None and _origin(taken) != _origin(item):
+            raise self.error(
+                f"{self.kind} name {name!r} is taken by {_origin(taken)}; choose another for {_origin(item)}"
+            )
+        self._types[name] = item
+
+    def __getitem__(self, name: str) -> T:
+        if not isinstance(name, str):
+            raise unknown_name(self.kind, name, self)
+        if name not in self._types:
+            self._load_home(name)
+        if name not in self._types:
+            self._load()
+        if name not in self._types:
+            raise unknown_name(self.kind, name, self._types)
+        return self._types[name]
+
+    def __contains__(self, name: object) -> bool:
+        self._load()
+        return name in self._types
+
+    def __iter__(self) -> Iterator[str]:
+        self._load()
+        return iter(sorted(self._types))
+
+    def __len__(self) -> int:
+        self._load()
+        return len(self._types)
+
+    def own(self) -> dict[str, T]:
+        """Types by name that are registered so far and do not come with hpop; loads nothing."""
+        return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
+
+    def _load_home(self, name: str) -> None:
+        """Import the type at home of this name, if there is one.
+
+        "o_space" is ``OSpace``, a graph called "lattice" is ``LatticeGraph``.
+        """
+        package = import_module(self._module)
+        letters = str(name).replace("-", "").replace("_", "")
+        for public in getattr(package, "__all__", ()):
+            if public.lower() in (letters, f"{letters}{self.kind}"):
+                getattr(package, public)  # a package may import what it names on first use
+
+    def _load(self) -> None:
+        if self._loaded:
+            return
+        package = import_module(self._module)
+        for public in getattr(package, "__all__", ()):
+            getattr(package, public)
+        for point in entry_points(group=self.group):
+            try:
+                item = point.load()
+            except Exception as error:
+                raise self.error(
+                    f"{self.kind} {point.name!r} ({point.value}) of an installed package cannot be loaded: "
+                    f"{type(error).__name__}: {error}; mend or uninstall that package"
+                ) from error
+            self.add(point.name, item)
+        self._loaded = True
+
+
+def _origin(item: Any) -> str:
+    """Where a type or function is defined: module and name."""
+    return f"{item.__module__}.{item.__qualname__}"
+
+
+def completed(plugin: P, defaults: Mapping[str, Any]) -> P:
+    """Return a plugin, a class or an instance, whose class now has those parts of a contract that it leaves out.
+
+    Attributes of the class and of the instance stay what they are.
+    """
+    cls: Any = plugin if isinstance(plugin, type) else type(plugin)
+    for name, value in defaults.items():
+        # A property of an instance may take long, so its class is asked first.
+        if not (name.startswith("__") or hasattr(cls, name) or hasattr(plugin, name)):
+            try:
+                setattr(cls, name, value)
+            except TypeError:  # of a class that cannot be changed, such as SimpleNamespace
+                setattr(plugin, name, value)
+    return plugin
+
+
+criteria: Registry[type] = Registry("criterion", "hpop.criteria", "hpop.criteria", CriterionError)
+planners: Registry[type[Any]] = Registry("planner", "hpop.planners", "hpop.planners", OptionError, parameter="option")
+graphs: Registry[type[Any]] = Registry("graph", "hpop.planners.graphs", "hpop.graphs", OptionError, parameter="option")
+goals: Registry[type] = Registry("goal", "hpop.goals", "hpop.goals", QueryError)
+models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
+readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers.readers", "hpop.readers", MapError)
+formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.formats", OptionError)
+
+
+def made(registry: Registry[type], spec: Any) -> Any:
+    """A new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
+
+    Raises UnknownName for a name nobody registered, and the registry's error for parameters that it does not take.
+    """
+    kind, error = registry.kind, registry.error
+    named = {spec: None} if isinstance(spec, str) else spec
+    if not isinstance(named, Mapping) or len(named) != 1:
+        raise error(f"a {kind} is given as a name, or as one name with its parameters, got {shown(spec)}")
+    ((name, parameters),) = named.items()
+    if not isinstance(parameters, Mapping | None):
+        raise error(f"the parameters of {kind} {shown(name)} are given by name, got {shown(parameters)}")
+    cls = registry[name]
+    check_parameters(registry, name, cls, parameters or {})
+    own = model_parameters(cls) if registry is models else ()
+    try:
+        return cls(**{key: _of_model(value) if key in own else value for key, value in (parameters or {}).items()})
+    except TypeError as wrong:  # one that is missing, or of another type
+        raise error(f"{kind} {name!r} cannot be made of {shown(dict(parameters or {}))}: {wrong}") from wrong
+
+
+def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:
+    """Raise the registry's error for parameters, by name, that a type of it does not have, or that lack of its own."""
+    known = [field.name for field in fields(cls) if field.init]
+    taken = {*known, *signature(cls).parameters}  # with what only sets others: a source of random numbers, a seed
+    strange = sorted(str(parameter) for parameter in given if parameter not in taken)
+    if strange:
+        raise registry.error(
+            f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}."
+            f"{''.join(did_you_mean(one, known) for one in strange)} It has {', '.join(known) or 'none'}"
+        )
+    if absent := [one for one in needed(cls) if one not in given]:
+        raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")
+
+
+def needed(cls: Any) -> list[str]:
+    """Names of a dataclass's parameters that have no default."""
+    return [one.name for one in fields(cls) if one.init and one.default is one.default_factory is MISSING]
+
+
+def hints_of(cls: Any) -> dict[str, Any]:
+    """Types of a dataclass's fields by name; none of a plugin that imports names for type checkers only."""
+    try:
+        return get_type_hints(cls, include_extras=True)
+    except NameError:
+        return {}
+
+
+def model_parameters(cls: Any) -> frozenset[str]:
+    """Names of the fields of a dataclass that are models: a base that carries another model's camera."""
+    own = {field.name for field in fields(cls) if field.init}
+    return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model(hint))
+
+
+def _is_model(hint: Any) -> bool:
+    return isinstance(hint, type) and all(hasattr(hint, name) for name in ("space", "laws", "pose", "twist"))
+
+
+def _of_model(given: Any) -> Any:
+    """The model that a name or a description says; a model as it is."""
+    return make_model(given) if isinstance(given, str | Mapping) else given
+
+
+def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
+    """A model from its name or ``{name: {parameter: value}}``; UnknownName or ModelError where that makes no sense."""
+    return made(models, spec)

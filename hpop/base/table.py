@@ -1,0 +1,86 @@
+"""Columns of numbers with their units: what a trajectory gives out to a spreadsheet, a script, or a controller."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hpop.base.arrays import FloatArray
+from hpop.base.atomic import replacing
+from hpop.base.html import table_html
+from hpop.base.lazy import library
+from hpop.base.text import printable, shown
+from hpop.errors import OptionError, OutputError, UnknownName, did_you_mean
+
+if TYPE_CHECKING:
+    import pandas
+
+MOST_SHOWN = 8  # rows of a table in a notebook
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Table:
+    """Columns (N,) of numbers by name, all of one length, with their units by name ("1" for none).
+
+    >>> import numpy as np
+    >>> table = Table({"t": np.array([0.0, 0.1]), "x": np.array([2.0, 2.5])}, {"t": "s", "x": "m"})
+    >>> table, table["x"].tolist()
+    (<Table: 2 rows of t (s), x (m)>, [2.0, 2.5])
+    """
+
+    columns: Mapping[str, FloatArray]
+    units: Mapping[str, str]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def __getitem__(self, name: str) -> FloatArray:
+        """A column (N,) by its name; UnknownName where there is none."""
+        try:
+            return self.columns[name]
+        except (KeyError, TypeError):
+            raise UnknownName(
+                f"the table has no column {shown(name)}.{did_you_mean(name, self.columns)} "
+                f"It has {', '.join(self.columns)}"
+            ) from None
+
+    def __repr__(self) -> str:
+        return f"<Table: {len(self):,} rows of {', '.join(self.headings)}>"
+
+    @property
+    def headings(self) -> list[str]:
+        """Name and unit of each column: "x (m)"."""
+        return [name if (unit := self.units[name]) == "1" else f"{name} ({unit})" for name in self.columns]
+
+    def to_csv(self, path: str | os.PathLike[str]) -> None:
+        """Write a file of comma-separated values, whole or not at all: headings such as "x (m)", then a row a line.
+
+        Numbers read back as the same float64. Raises OutputError where the file cannot be written.
+        """
+        text = io.StringIO(newline="")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(map(printable, self.headings))
+        writer.writerows(zip(*(column.tolist() for column in self.columns.values()), strict=True))
+        try:
+            with replacing(path) as file:
+                file.write(text.getvalue().encode())
+        except TypeError:
+            raise OptionError(f"expected the path of a file to write, got {shown(path)}") from None
+        except (OSError, ValueError) as error:
+            said = getattr(error, "strerror", None) or error
+            raise OutputError(f"cannot write {shown(os.fspath(path))}: {said}; choose another file") from None
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """The same columns in a table of pandas, the units in its ``attrs``; needs the extra ``tables``."""
+        frame = library("pandas", "to_dataframe()").DataFrame(dict(self.columns))
+        frame.attrs["units"] = dict(self.units)
+        return frame
+
+    def _repr_html_(self) -> str:
+        few = list(self.columns.values())
+        rows = [[f"{column[row]:.6g}" for column in few] for row in range(min(len(self), MOST_SHOWN))]
+        return table_html(self.headings, rows, f"{len(self):,} rows")

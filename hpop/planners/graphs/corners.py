@@ -1,0 +1,220 @@
+"""The any-angle planner: the corners of lattice paths, joined wherever there is line of sight, and searched again."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.math import wrap
+from hpop.base.options import LEAST, set_wholes
+from hpop.base.scalars import set_python_values
+from hpop.goals import checked_goal
+from hpop.motions import HOLD, Motions, States
+from hpop.planners.base import Candidates, Planner, joined, make_planner
+from hpop.planners.goals import goals_of, start_of
+from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, graph_family
+from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, Ends
+from hpop.planners.graphs.lattice.family import LatticeGraph
+from hpop.planners.graphs.roadmap.headings import StateRoadmap
+from hpop.planners.graphs.roadmap.positions import SAME, checked_ends, pairs
+from hpop.planners.in_time import evaluable_in_time
+from hpop.planners.needs import in_plane
+from hpop.planners.objectives import Objectives
+from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+
+@graph_family("corners")
+@dataclass(frozen=True)
+class CornersGraph(GraphFamily):
+    """The visibility roadmap between the corners of a lattice's non-dominated paths.
+
+    step           m      of the lattice
+    headings       4, 8 or 16 of the lattice
+    max_positions  count  corners that are taken, those that most of the lattice's paths share; None takes all
+
+    The lattice is searched exactly, within half of the time limit; among people who move with a clock of 1/20 s and no
+    margin, whatever the search of the corners has. Positions where its paths turn, hold, or bend when
+    pulled taut are linked wherever the robot can go straight.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+    is_remade: ClassVar[bool] = False  # other paths of the lattice make other corners
+
+    step: float = 0.25
+    headings: int = 8
+    max_positions: int | None = 200
+
+    def __post_init__(self) -> None:
+        set_python_values(self)
+        LatticeGraph(self.step, self.headings)
+        set_wholes(self, "max_positions", least=0, optional=True)
+
+    def has_clock(self, problem: Problem) -> bool:
+        """Return True: a roadmap of positions can be put on a clock."""
+        return True
+
+    def build(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> BuiltGraph:
+        """Search the lattice, then link the corners of its paths."""
+        begun = time.perf_counter()
+        lattice = self._lattice(spending.budget)
+        first, until = _first_of(lattice, problem, progress), spending.until_limit()
+        if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:
+            budget = replace(spending.budget, time_limit=2 * (problem.read_seconds + until))  # all that is left
+            first = _first_of(self._lattice(budget), problem, progress)
+        if first.status is Status.INTERRUPTED or not first.trajectories:
+            raise NotBuilt(_lattice_only(first))
+        seconds = time.perf_counter() - begun
+        try:
+            some = _bent_in_time(problem, first, spending)
+            problem = _on_headings(problem, some.trajectories)
+            roadmap, notes = self.roadmap(problem, some, spending)
+            ends = Ends(roadmap, roadmap.start, roadmap.goals)
+        except KeyboardInterrupt:
+            raise NotBuilt(_lattice_only(replace(first, status=Status.INTERRUPTED))) from None
+        except Exhausted as stop:
+            told = stopped("any-angle", objectives, stop, spending)
+            notes = tuple(dict.fromkeys((*first.notes, *told.notes)))
+            raise NotBuilt(_lattice_only(replace(first, status=stop.status, notes=notes))) from None
+        if some is not first:
+            notes += (_few_bent(len(some.trajectories), len(first.trajectories)),)
+        stats = {"lattice_points": len(some.trajectories), "lattice_seconds": seconds}
+        return BuiltGraph(ends, problem, notes, status=some.status, stats=stats, first=_lattice_only(first))
+
+    def _lattice(self, budget: Budget) -> Planner:
+        """The planner whose paths give the corners; half of the time is left to the roadmap."""
+        limit = None if budget.time_limit is None else max(LEAST, 0.5 * budget.time_limit)
+        memory = budget.max_memory
+        options = {"time_limit": limit, "max_labels": budget.max_labels, "max_memory": memory}
+        return make_planner({"lattice": {"step": self.step, "headings": self.headings, **options}})
+
+    def roadmap(
+        self, problem: Problem, first: Candidates, spending: Spending | None = None
+    ) -> tuple[StateRoadmap, tuple[str, ...]]:
+        """The roadmap of the corners of the lattice's paths, and a note if some are left out."""
+        ends = checked_ends(problem)
+        corners = _corners(problem, first.trajectories, ends.positions)
+        positions = np.concatenate([ends.positions, corners[: self.max_positions]])
+        count = len(positions) - len(ends.positions)
+        incomplete = "" if first.status.is_final else f"incomplete ({first.status}) "
+        roadmap = StateRoadmap(
+            in_plane(problem.model),
+            problem.world,
+            positions,
+            pairs(len(positions)),
+            start_of(problem)[2],
+            ends.goals,
+            name=f"the visibility roadmap of {count} corners of the {incomplete}front of "
+            f"{LatticeGraph(self.step, self.headings).lattice(problem).words}",
+            chosen={"step": self.step, "headings": self.headings, "corners": count},
+            remedy="take a smaller step, or more max_positions",
+            spending=spending or Spending(),
+        )
+        few = f"any-angle: {count} of {len(corners)} corners are taken, those that most of the lattice's paths share"
+        return roadmap, (few,) if count < len(corners) else ()
+
+
+def _first_of(lattice: Planner, problem: Problem, progress: ProgressCallback | None) -> Candidates:
+    """What the lattice finds, in its last stage or until a limit."""
+    found: Candidates | None = None
+    for now in lattice.stages(problem, progress):
+        found = now if now.status.is_final else joined(found, now)
+    assert found is not None  # there is at least one stage
+    return found
+
+
+def _lattice_only(first: Candidates) -> Candidates:
+    """What the lattice gave, where no roadmap was searched."""
+    what = "these are the lattice's own paths" if first.trajectories else "the lattice has no path to make one of"
+    return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {what}"))
+
+
+def _bent_in_time(problem: Problem, first: Candidates, spending: Spending) -> Candidates:
+    """Return the lattice's paths whose bends can be found in a part of the time that is left."""
+
+    def left() -> float | None:
+        return None if (until := spending.until_limit()) is None else until / 5
+
+    ends = checked_ends(problem).positions
+    return evaluable_in_time(first, left, lambda some: _corners(problem, some.trajectories, ends))
+
+
+def _few_bent(some: int, all_: int) -> str:
+    """Return a note on how many of the lattice's paths gave corners."""
+    return f"any-angle: corners are those of {some:,} of the {all_:,} paths of the lattice, for lack of time"
+
+
+def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
+    """The problem with the lattice's headings at its ends: yaws written with few decimals are meant as these."""
+    (x, y, _), goals = start_of(problem), list(goals_of(problem))
+    for i, (goal_x, goal_y, yaw) in enumerate(goals):
+        for states in (trajectory.states for trajectory in trajectories):
+            off = math.hypot(states.x[-1] - goal_x, states.y[-1] - goal_y)
+            if yaw is not None and (
+                len(goals) == 1 or (off <= UNMOVED and abs(wrap(states.yaw[-1] - yaw)) <= HEADING_TOLERANCE)
+            ):
+                goals[i] = (goal_x, goal_y, float(states.yaw[-1]))
+                break
+    return replace(
+        problem, start=(x, y, float(trajectories[0].states.yaw[0])), goal=checked_goal(goals, problem.model.space)
+    )
+
+
+def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
+    """Positions (n, 2), m, where paths turn or end, or bend when pulled taut, apart from the ends given.
+
+    Those that most paths share come first.
+    """
+    points, marked = [], []
+    for t in trajectories:
+        at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
+        points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
+        marked.append([i == len(t) or (i > 0 and t.kinds[i - 1] in ("turn", HOLD.kind)) for i in at])
+    path = np.repeat(np.arange(len(points)), [len(p) for p in points])
+    along = np.concatenate(points)
+    corner = np.concatenate(marked) | _bends(problem, along, path)
+    once_a_way = np.unique(np.column_stack([path, along])[corner], axis=0)
+    corners, shared = np.unique(once_a_way[:, 1:], axis=0, return_counts=True)
+    corners = corners[np.argsort(-shared, kind="stable")]
+    apart: FloatArray = np.hypot(*(corners[:, None] - ends).transpose(2, 0, 1)).min(axis=1)
+    return np.asarray(corners[apart > SAME])
+
+
+def _bends(problem: Problem, along: FloatArray, path: IntArray) -> BoolArray:
+    """Which positions (N, 2) along ways, numbered (N,), stay when these are pulled taut.
+
+    From the start, then from each bend, the next bend is the last position before one that is out of sight. All ways
+    are followed at once, a position a round.
+    """
+    collision, law = problem.model.collision(problem.world), problem.model.laws["move"]
+
+    def in_sight(tails: IntArray, heads: IntArray) -> BoolArray:
+        (x, y), (to_x, to_y) = along[tails].T, along[heads].T
+        yaw = np.arctan2(to_y - y, to_x - x)
+        start, end = States(x=x, y=y, yaw=yaw), States(x=to_x, y=to_y, yaw=yaw)
+        return collision.motions_free(Motions(problem.world, problem.model, law, start, end))
+
+    bends = np.zeros(path.size, dtype=bool)
+    last = np.flatnonzero(np.diff(path, prepend=-1))
+    onward = last + 1
+    while True:
+        going = np.append(path, -1)[onward] == path[last]
+        last, onward = last[going], onward[going]
+        if not last.size:
+            return bends
+        seen = (onward == last + 1) | in_sight(last, onward)
+        last = np.where(seen, last, onward - 1)
+        bends[last[~seen]] = True
+        onward = onward + seen

@@ -1,0 +1,1 @@
+"""The SE(2) lattice: grid positions, headings, steps and motions in place."""

@@ -1,0 +1,139 @@
+"""The lattice: its graph family, and the planner that searches it exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
+
+import numpy as np
+
+from hpop.base.options import LEAST, MOST, set_reals, truth
+from hpop.base.scalars import set_python_values
+from hpop.base.text import shown
+from hpop.errors import OptionError
+from hpop.planners.goals import start_of
+from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
+from hpop.planners.graphs.joined_ends import Ends, with_ends
+from hpop.planners.graphs.lattice.graph import StateLattice
+from hpop.planners.graphs.lattice.grid import Headings
+from hpop.planners.graphs.timed.asked import people_move
+from hpop.planners.needs import in_plane
+from hpop.planners.objectives import Objectives
+from hpop.planners.spending import Spending
+from hpop.runtime.status import ProgressCallback
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+MOST_FIRST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
+LARGE = 2  # times as many: a smaller lattice is built as a whole almost as soon as a part of it, and then a second time
+MOST_IN_TIME = 400  # positions of the first stage among people who move: what they cost by the tick is soon known
+ANCHORS = ("start", "world")
+
+
+@graph_family("lattice")
+@dataclass(frozen=True)
+class LatticeGraph(GraphFamily):
+    """The SE(2) lattice of a robot in the plane: grid positions, headings, steps and motions in place.
+
+    step            m      between neighbouring positions
+    headings        4, 8 or 16
+    corner_cutting  whether a diagonal may pass between two blocked positions
+    anchor          "start": the start is one of the positions; "world": the corner of the map with the least x and y
+                    is, so that queries with other starts find the same lattice
+
+    A start or goal that is none of its states, in place or heading, is joined to all positions within 1.5 steps from
+    which, or to which, the robot can turn, go straight and turn (:mod:`hpop.planners.graphs.joined_ends`). Of a lattice
+    of more than 10,000 positions a part comes first: 5,000 positions on the shortest ways, 400 where people move.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
+    goal_sets: ClassVar[bool] = True
+    is_judged: ClassVar[bool] = False
+
+    step: float = 0.25
+    headings: int = 8
+    corner_cutting: bool = False
+    anchor: Literal["start", "world"] = "start"
+
+    def __post_init__(self) -> None:
+        set_python_values(self)
+        set_reals(self, "step", least=LEAST, most=MOST, kind="a positive length in m")
+        truth("corner_cutting", self.corner_cutting)
+        Headings(self.headings)
+        if not isinstance(self.anchor, str) or self.anchor not in ANCHORS:
+            raise OptionError(f"anchor must be one of {', '.join(ANCHORS)}, got {shown(self.anchor)}")
+
+    def build(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> BuiltGraph:
+        """Lay out the lattice and join start and goal to it."""
+        lattice = self.lattice(problem, spending)
+        return self._built(lattice, problem)
+
+    def graphs(
+        self,
+        problem: Problem,
+        objectives: Objectives,
+        spending: Spending,
+        progress: ProgressCallback | None = None,
+        *,
+        in_stages: bool = False,
+    ) -> Iterator[BuiltGraph]:
+        """Yield the part of a large lattice round the shortest ways, if it is wanted, then the whole lattice."""
+        lattice, moving = self.lattice(problem, spending), people_move(problem)
+        if in_stages and (moving or not lattice.costed(objectives.optimised)):
+            part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)
+            if part is not None:
+                yield replace(self._built(part, problem), part="shortest ways", is_large=True)
+        yield self._built(lattice, problem)
+
+    def _built(self, lattice: StateLattice, problem: Problem) -> BuiltGraph:
+        return BuiltGraph(self.ends(lattice, problem), problem, is_large=lattice.cells[0].size > LARGE * MOST_FIRST)
+
+    def has_clock(self, problem: Problem) -> bool:
+        """Return True: a lattice can be put on a clock."""
+        return True
+
+    def anchored(self) -> Self:
+        """Return the lattice whose positions do not depend on the start."""
+        return replace(self, anchor="world")
+
+    def states(self, problem: Problem) -> StateLattice:
+        """Return the lattice without the problem's ends."""
+        return self.lattice(problem)
+
+    def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
+        """Return the lattice of a problem; building it may spend what is in the spending."""
+        return StateLattice(
+            in_plane(problem.model),
+            problem.world,
+            start_of(problem)[:2] if self.anchor == "start" else problem.world.bounds[:2],
+            float(self.step),
+            Headings(self.headings),
+            self.corner_cutting,
+            anchored_at=self.anchor,
+            spending=spending or Spending(),
+        )
+
+    def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
+        """Return the lattice with the problem's start and goal, joined to it where they are none of its states.
+
+        Raises QueryError where one of them is blocked or out of reach.
+        """
+        return with_ends(lattice, problem, lattice.reach(problem))
+
+    def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
+        """Positions of a large lattice on the shortest ways; None of a small one, or if there is no way."""
+        if lattice.cells[0].size <= LARGE * most:
+            return None
+        from hpop.planners.graphs.lattice.nearby import nearby  # numba: on first use
+
+        starts, goals = self.ends(lattice, problem).inside
+        if not (starts and goals):
+            return None
+        at = lattice.places(np.array([starts[0], goals[0]]))
+        begin, end = zip(*(axis[at].tolist() for axis in lattice.cells), strict=True)
+        kept = nearby(lattice.number >= 0, begin, end, most, corner_cutting=lattice.corner_cutting)
+        return None if kept is None else replace(lattice, kept=kept)

@@ -1,0 +1,1 @@
+"""Probabilistic roadmaps of positions, and of configurations of any robot."""

@@ -1,0 +1,154 @@
+"""The roadmap planner: every optimal trade-off on a probabilistic roadmap, exactly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import InitVar, dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
+
+import numpy as np
+
+from hpop.base.options import set_wholes
+from hpop.base.randomness import MaybeRNG, set_seed
+from hpop.base.scalars import set_python_values
+from hpop.errors import OptionError
+from hpop.planners.goals import start_of
+from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
+from hpop.planners.graphs.joined_ends import Ends
+from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap, guide_roadmap
+from hpop.planners.graphs.roadmap.growing import smaller
+from hpop.planners.graphs.roadmap.headings import StateRoadmap, nearest_links
+from hpop.planners.graphs.roadmap.positions import checked_ends, drawn_positions, pairs
+from hpop.planners.graphs.roadmap.survey import Survey, survey
+from hpop.planners.needs import in_plane
+from hpop.planners.objectives import Objectives
+from hpop.planners.spending import Spending
+from hpop.runtime.status import ProgressCallback
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+MOST_SAMPLES = 1_000_000
+MOST_TREES = 100
+HEADED = frozenset({"plane", "turn-move", "rigid"})
+AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
+
+
+@graph_family("roadmap")
+@dataclass(frozen=True)
+class RoadmapGraph(GraphFamily):
+    """A probabilistic roadmap (Kavraki et al. 1996) of positions, or of configurations of any robot.
+
+    samples     count  free positions, or configurations, drawn uniformly unless there are trees
+    neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does, and 8 beyond
+                       the plane
+    far         count  configurations farther away to which each is linked as well: the nearest within random subsets of
+                       log-uniform size; None takes none in the plane, and 8 beyond it
+    trees       count  pairs of trees that look for ways before (:mod:`.guides`): three of ten samples then lie near
+                       these, the others where a way may be at most 1.6 times as long as the shortest of them; None
+                       takes none in the plane, and 10 beyond it
+    seed               of the random samples; in Python also `rng`: a seed, a Generator of which one is drawn, or None
+                       for a fresh one (SPEC 7)
+
+    Where trees found guides, the graph of these alone comes first; of positions under a time limit, roadmaps of a
+    sixteenth and a quarter of the samples. So a limit leaves more than nothing.
+    """
+
+    goal_sets: ClassVar[bool] = True
+    any_goal: ClassVar[bool] = True
+    answers_by_parts: ClassVar[bool] = True
+
+    samples: int = 500
+    neighbours: int | None = None
+    far: int | None = None
+    trees: int | None = None
+    seed: int = 0
+    rng: InitVar[MaybeRNG] = field(default=..., kw_only=True)
+
+    def __post_init__(self, rng: MaybeRNG) -> None:
+        set_python_values(self)
+        set_wholes(self, "samples", least=1, most=MOST_SAMPLES)
+        set_seed(self, rng)
+        set_wholes(self, "neighbours", least=1, optional=True)
+        set_wholes(self, "far", least=0, optional=True)
+        set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)
+
+    def build(
+        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
+    ) -> BuiltGraph:
+        """Lay out the roadmap between the problem's start and goal."""
+        *_, built = self.graphs(problem, objectives, spending, progress)
+        return built
+
+    def graphs(
+        self,
+        problem: Problem,
+        objectives: Objectives,
+        spending: Spending,
+        progress: ProgressCallback | None = None,
+        *,
+        in_stages: bool = False,
+    ) -> Iterator[BuiltGraph]:
+        """Yield the graph of the guides, if there are some and they are wanted, then the whole roadmap."""
+        known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
+        if in_stages and known is not None and known.guides:
+            yield replace(_built(guide_roadmap(known, spending), problem), part="guides")
+        if in_stages and known is None:
+            for samples in smaller(self.samples, spending):
+                held = spending.memory
+                part = replace(self, samples=samples)._of_positions(problem, spending)
+                yield replace(_built(part, problem), part=f"roadmap of {samples:,} samples")
+                spending.release(spending.memory - held)
+        roadmap = self._made(problem, known, spending)
+        drawn = roadmap.options["samples"]
+        few = f"only {drawn} of {self.samples:,} samples: next to nothing is free where they are drawn"
+        built = _built(roadmap, problem)
+        yield replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
+
+    def has_clock(self, problem: Problem) -> bool:
+        """Return whether the samples are positions, between which a robot can hold."""
+        return _has_positions(problem)
+
+    def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
+        """Return the roadmap between the problem's start and goal; QueryError when one of them is blocked."""
+        spending = spending or Spending()
+        known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
+        return self._made(problem, known, spending)
+
+    def _made(self, problem: Problem, known: Survey | None, spending: Spending) -> AnyRoadmap:
+        """The roadmap of configurations where something is known of them, else that of positions."""
+        if known is None:
+            return self._of_positions(problem, spending)
+        return configuration_roadmap(known, self.samples, self.neighbours, self.far, spending)
+
+    def _of_positions(self, problem: Problem, spending: Spending) -> StateRoadmap:
+        if self.far or self.trees:
+            raise OptionError(
+                "far and trees are for roadmaps of configurations; for this robot it has positions; leave them out"
+            )
+        ends = checked_ends(problem)
+        positions = np.concatenate([ends.positions, drawn_positions(problem, self.samples, self.seed, spending)])
+        drawn = len(positions) - len(ends.positions)
+        count = self.neighbours or math.ceil(2 * math.e * math.log(len(positions)))
+        return StateRoadmap(
+            in_plane(problem.model),
+            problem.world,
+            positions,
+            np.concatenate([nearest_links(positions, count, spending), pairs(len(ends.positions))]),
+            start_of(problem)[2],
+            ends.goals,
+            name=f"the roadmap of {drawn} samples (seed {self.seed}) and {count} neighbours of each",
+            chosen={"samples": drawn, "neighbours": count, "seed": self.seed},
+            remedy="take more samples",
+            spending=spending,
+        )
+
+
+def _built(roadmap: AnyRoadmap, problem: Problem) -> BuiltGraph:
+    return BuiltGraph(Ends(roadmap, roadmap.start, roadmap.goals), problem, roadmap.notes)
+
+
+def _has_positions(problem: Problem) -> bool:
+    """Whether the samples of a problem's roadmap are positions."""
+    return problem.model.provides >= HEADED and bool(problem.target.listed)

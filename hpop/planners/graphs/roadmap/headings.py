@@ -1,0 +1,287 @@
+"""A roadmap as a graph of states: positions, straight moves between them, and turns between their headings.
+
+A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) has positions as nodes. Here a node is a position with a
+heading, for a turn has a cost: each position has the headings in which its moves leave and arrive, and turns join them
+all. Everything is built in array operations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.math import wrap
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.errors import OptionError
+from hpop.motions import Motions, States
+from hpop.planners.graphs.arcs import blocks
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.spending import Spending
+
+ALIGNED = 1e-9  # rad: directions that differ by less are one heading
+MAX_EDGES = 60_000_000
+LINK = 40  # bytes that a link to a neighbour takes while it is looked for
+ARROW = 80  # bytes that laying out an arrow takes
+TURN = 48  # those of a turn
+PIECES = 4  # in which a turn is checked, at least
+
+
+@dataclass(frozen=True, eq=False)
+class StateRoadmap(StateGraph):
+    """Positions of a robot, and all states and motions that links between them make.
+
+    positions  (P, 2)  m    no two the same; the first is the start's
+    links      (L, 2)       pairs of positions between which a straight move may be free, either way
+    start_yaw  rad
+    targets    position of each goal, and its yaw, rad, or None where the heading there is free
+    name       what the roadmap is, in words
+    chosen     the options that made it, JSON-able
+    remedy     what to do when it has no path, in words
+
+    Turns join the headings of a position, but those that differ by less than a degree only at the start and the goal.
+    A link that passes through a third position is left out: the links to that one, being straight on, hold it.
+    """
+
+    notes: ClassVar[tuple[str, ...]] = ()
+
+    positions: FloatArray
+    links: IntArray
+    start_yaw: float
+    targets: tuple[tuple[int, float | None], ...]
+    name: str
+    chosen: dict[str, Any]
+    remedy: str
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What tells this roadmap from others, JSON-able."""
+        return self.chosen
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        return self.name
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How large it is."""
+        return {"positions": len(self.positions), "moves": self.moves[0].size, "turns": self.turns[0].size}
+
+    @cached_property
+    def arrows(self) -> tuple[IntArray, IntArray, FloatArray]:
+        """Tails and heads (positions) of all free moves, and their headings, rad; by tail, then by heading."""
+        self.spending.check(self._doing, 2 * len(self.links) * ARROW)
+        tails, heads = np.concatenate([self.links, self.links[:, ::-1]]).T
+
+        def found(ids: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+            return self._free_arrows(tails[ids], heads[ids])
+
+        return _joined(self.spending.each(found, _by_position(tails), self._doing))
+
+    def _free_arrows(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Those of some arrows that are free, of several in one direction only the shortest."""
+        span = self.positions[heads] - self.positions[tails]
+        yaw = _within_turn(np.arctan2(span[:, 1], span[:, 0]))
+        direction = _numbered(tails, yaw)
+        order = np.lexsort((np.hypot(*span.T), direction))
+        nearest = order[np.unique(direction[order], return_index=True)[1]]
+        tails, heads, yaw = tails[nearest], heads[nearest], yaw[nearest]
+        free = self._moves_free(tails, heads, yaw)
+        return tails[free], heads[free], yaw[free]
+
+    @property
+    def _doing(self) -> str:
+        return f"{self.words} was laid out"
+
+    def _moves_free(self, tails: IntArray, heads: IntArray, yaw: FloatArray) -> BoolArray:
+        start, end = (States(x=x, y=y, yaw=yaw) for x, y in (self.positions[ids].T for ids in (tails, heads)))
+        return self.collision.motions_free(Motions(self.world, self.model, self.model.laws["move"], start, end))
+
+    @cached_property
+    def _wanted(self) -> tuple[IntArray, FloatArray]:
+        """Position and heading of the tail of every arrow, of the head of every arrow, of the start and of the goal.
+
+        A goal of free heading has a state even where no link reaches it.
+        """
+        tails, heads, yaw = self.arrows
+        places, yaws = zip((0, self.start_yaw), *self.targets, strict=True)
+        ends = _within_turn(np.array([end or 0.0 for end in yaws]))
+        return np.concatenate([tails, heads, places]), np.concatenate([yaw, yaw, ends])
+
+    @cached_property
+    def _numbers(self) -> IntArray:
+        """State of each of those that are wanted; the states of a position follow one another."""
+        at, yaw = self._wanted
+        self.spending.check(self._doing, at.size * ARROW)
+        numbers, count = np.empty(at.size, np.int64), 0
+        for ids in _by_position(at):
+            numbers[ids] = count + _numbered(at[ids], yaw[ids])
+            count = int(numbers[ids].max()) + 1
+            self.spending.check(self._doing)
+        return numbers
+
+    @cached_property
+    def _state(self) -> tuple[IntArray, FloatArray]:
+        """Position and yaw (S,) of every state: those of the first that wants it."""
+        at, yaw = self._wanted
+        first = np.full(self._numbers.max() + 1, at.size)
+        np.minimum.at(first, self._numbers, np.arange(at.size))
+        return at[first], yaw[first]
+
+    @property
+    def size(self) -> int:
+        """Number of states."""
+        return int(self._state[0].size)
+
+    def places(self, ids: IntArray) -> IntArray:
+        """Position of each state (N,)."""
+        return self._state[0][ids]
+
+    def states(self, ids: IntArray) -> States:
+        """Positions and yaws, in [0, 2 pi), of states (N,)."""
+        x, y = self.positions[self._state[0][ids]].T
+        return States(x=x, y=y, yaw=self._state[1][ids])
+
+    @property
+    def start(self) -> int:
+        """The state of the start."""
+        return int(self._numbers[-1 - len(self.targets)])
+
+    @cached_property
+    def goals(self) -> list[int]:
+        """The state of each goal, or all at its position where its heading is free."""
+        found = list(self._exact_goals)
+        for position, yaw in self.targets:
+            found += np.flatnonzero(self._state[0] == position).tolist() if yaw is None else []
+        return list(dict.fromkeys(found))
+
+    @property
+    def _exact_goals(self) -> list[int]:
+        """The state of each goal whose heading is given."""
+        ids = self._numbers[-len(self.targets) :].tolist()
+        return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
+
+    def edges(self, kind: str) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free turns, or of all free moves."""
+        return self.turns if kind == "turn" else self.moves
+
+    @cached_property
+    def moves(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free moves."""
+        count = self.arrows[0].size
+        return self._numbers[:count], self._numbers[count : 2 * count]
+
+    @cached_property
+    def turns(self) -> tuple[IntArray, IntArray]:
+        """Tails and heads of all free turns, between all headings of a position that differ by more than LEAST_TURN.
+
+        Smaller ones in a row would turn by any angle and count nothing.
+        The heading at the start may differ by less from what is left in, and that at the goal from what is arrived in.
+        """
+        at = self._state[0]
+        first = np.searchsorted(at, at)
+        others = np.searchsorted(at, at, side="right") - first - 1
+        self.spending.check(self._doing, int(others.sum()) * TURN)
+        if others.sum() > MAX_EDGES:
+            raise OptionError(
+                f"{self.words} has {self.size:,} states and {others.sum():,} turns between them, more than "
+                f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
+            )
+        before = np.concatenate([[0], np.cumsum(others)])
+
+        def found(part: slice) -> tuple[IntArray, IntArray]:
+            tails = np.repeat(np.arange(part.start, part.stop), others[part])
+            heads = first[tails] + np.arange(before[part.start], before[part.stop]) - before[tails]
+            heads += heads >= tails
+            return self._free_turns(tails, heads)
+
+        each = max(1, int(others.max()) * PIECES)
+        return _joined(self.spending.each(found, blocks(at.size, each), self._doing))
+
+    def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
+        """Those of some turns that are large enough, and free."""
+        at, yaw = self._state
+        large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
+        for goal in self._exact_goals:
+            large |= heads == goal
+        tails, heads = tails[large], heads[large]
+        if not self.collision.yaw_matters:
+            return tails, heads
+        free = self.collision.clear(*self.positions[at[tails]].T)
+        near = np.flatnonzero(~free)
+        free[near] = self.collision.motions_free(self.motions("turn", tails[near], heads[near]))
+        return tails[free], heads[free]
+
+    def what_separates(self, start: int, goals: list[int]) -> str:
+        """How many components the roadmap has, and which hold the start and the goal, in words."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import connected_components
+
+        tails, heads, _ = self.arrows
+        count = len(self.positions)
+        links = csr_array((np.ones(tails.size), (tails, heads)), shape=(count, count))
+        components, component = connected_components(links, directed=False)
+        begin, *ends = component[self.places(np.array([start, *goals]))].tolist()
+        if begin in ends:
+            return (
+                f"no path: start and goal are in one component of {self.words}, but the robot has no room to turn on "
+                f"the way; {self.remedy}, or make the robot rounder"
+            )
+        sizes = np.bincount(component)
+        apart = ", ".join(str(sizes[end]) for end in dict.fromkeys(ends))
+        return (
+            f"no path: {self.words} has {components} components; that of the start has {sizes[begin]} of {count} "
+            f"positions, that of the goal {apart}; {self.remedy}"
+        )
+
+
+def _within_turn(yaw: FloatArray) -> FloatArray:
+    """Yaws in [0, 2 pi), those just below 2 pi as 0."""
+    yaw = yaw % (2 * math.pi)
+    return np.where(yaw > 2 * math.pi - ALIGNED, 0.0, yaw)
+
+
+def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
+    """Number (N,) of each pair of a position and a heading, by position, then by yaw; aligned headings share one."""
+    order = np.lexsort((yaw, at))
+    new = (np.diff(at[order], prepend=-1) != 0) | (np.diff(yaw[order], prepend=-1.0) > ALIGNED)
+    number = np.empty(at.size, np.int64)
+    number[order] = np.cumsum(new) - 1
+    return number
+
+
+def _by_position(at: IntArray) -> Iterator[IntArray]:
+    """The places of positions in an array, position by position, in blocks between which none is torn."""
+    order = np.argsort(at, kind="stable")
+    cuts = np.array([part.stop for part in blocks(at.size)][:-1], dtype=np.int64)
+    ends = np.unique(np.searchsorted(at[order], at[order][cuts]))
+    yield from np.split(order, ends[ends > 0])
+
+
+def _joined(parts: Iterable[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """The columns of all blocks."""
+    return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
+
+
+def nearest_links(positions: FloatArray, count: int, spending: Spending) -> IntArray:
+    """Links (L, 2) from each position to its nearest ones."""
+    from scipy.spatial import KDTree
+
+    count = min(count, len(positions) - 1)
+    if not count:
+        return np.zeros((0, 2), np.int64)
+    doing = "the nearest of each position were looked for"
+    spending.check(doing, len(positions) * count * LINK)
+    tree = KDTree(positions)
+
+    def found(part: slice) -> IntArray:
+        _, nearest = tree.query(positions[part], [*range(2, count + 2)])  # the first is itself
+        return np.stack([np.repeat(np.arange(len(positions))[part], count), nearest.ravel()], axis=1)
+
+    return np.concatenate([*spending.each(found, blocks(len(positions), count), doing)])

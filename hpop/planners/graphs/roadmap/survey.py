@@ -1,0 +1,157 @@
+"""What is known between a problem's start and goal before samples are drawn: its ends, and guides between them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.errors import QueryError
+from hpop.goals import GoalSet
+from hpop.goals.inverse_kinematics import sampled_space
+from hpop.motions import States, StateSpace
+from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides
+from hpop.planners.graphs.roadmap.links import START
+from hpop.planners.spending import Spending
+from hpop.planners.usable import elsewhere
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+PAIRS = 10  # of trees, of a robot beyond the plane
+GOAL_STATES = 100  # drawn of a goal that is more than one state
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """What is known between a problem's start and goal before samples are drawn.
+
+    start        (1,)  state
+    goals        (G,)  those that are not blocked, NaN where they are free
+    sought       how many goals there were before those that are blocked were left out
+    pairs        of trees that looked for guides
+    guides       what they found, the shortest first
+    seed         of all that is random
+    """
+
+    problem: Problem
+    connections: Connections
+    start: States
+    goals: States
+    sought: int
+    pairs: int
+    guides: list[Guide]
+    seed: int
+
+    @property
+    def ends(self) -> tuple[FloatArray, FloatArray]:
+        """Start (k,) and goals (G, k) as rows; what is free of a goal is as it is at the start."""
+        start, goals = self.connections.rows(self.start)[0], self.connections.rows(self.goals)
+        return start, np.where(np.isnan(goals), start, goals)
+
+    @cached_property
+    def inner(self) -> FloatArray:
+        """States of the guides between their ends, rows (n, k)."""
+        start = self.connections.rows(self.start)
+        return np.concatenate([start[:0], *(guide.rows[1:-1] for guide in self.guides)])
+
+    def places(self, free: int) -> list[int]:
+        """Nodes of the goals behind the start and so many free states."""
+        return list(range(1 + free, 1 + free + self.goals.size))
+
+    def targets(self, free: int) -> list[int]:
+        """The same, and the start where it is at a goal."""
+        at_goal = self.problem.target.reached(self.problem.model, self.start)[0]
+        return [START, *self.places(free)] if at_goal else self.places(free)
+
+
+def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -> Survey:
+    """Look for goals, and for ways to them.
+
+    Raises QueryError when start or goal is blocked.
+
+    Parameters
+    ----------
+    trees : pairs of them that look for guides; None takes none in the plane, else 10
+    """
+    space, in_plane = sampled_space(problem.model, problem.world), "plane" in problem.model.provides
+    of_goals, _, of_trees, _ = np.random.default_rng(seed).spawn(4)
+    start, (goals, sought) = _start(problem), _goals(problem, of_goals)
+    connections = Connections(problem, space)
+    pairs = (0 if in_plane else PAIRS) if trees is None else trees
+    begin, ends = connections.rows(start)[0], connections.rows(goals)
+    ends = np.where(np.isnan(ends), begin, ends)  # what is free of a goal is sought as it is at the start
+    found = guides(connections, begin, ends, pairs, of_trees, spending) if pairs else []
+    return Survey(problem, connections, start, goals, sought, pairs, found, seed)
+
+
+def along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
+    """Links (L, 2) along guides, whose inner states are the first nodes after the start."""
+    parts, node = [np.zeros((0, 2), np.int64)], START + 1
+    for guide in found:
+        inner = len(guide.rows) - 2
+        way = np.array([START, *range(node, node + inner), goals[guide.goal]])
+        parts.append(np.stack([way[:-1], way[1:]], axis=1))
+        node += inner
+    return np.concatenate(parts)
+
+
+# Start and goals
+
+
+def _start(problem: Problem) -> States:
+    """The start (1,); QueryError where it is blocked."""
+    start = problem.model.space.state(problem.start)
+    if reason := problem.model.collision(problem.world).why_blocked(start):
+        hint = elsewhere(problem.model, problem.world, start)
+        raise QueryError(f"the start {_written(problem.start)} is not usable: {reason}.{hint}")
+    return start
+
+
+def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
+    """Goals (G,) that are not blocked, NaN where they are free; of a goal of another kind some of its states.
+
+    With them, how many there were before those that are blocked were left out.
+
+    Raises QueryError where all are blocked.
+    """
+    model, target = problem.model, problem.target
+    collision = model.collision(problem.world)
+    if not target.listed:
+        states = target.states(problem, rng, GOAL_STATES)
+        free = collision.states_free(states)
+        if not free.any():
+            reason = collision.why_blocked(states.take(slice(0, 1)))
+            raise QueryError(
+                f"the goal is not usable: none of {states.size} states drawn of it is free: {reason}, or move or widen "
+                "the goal."
+            )
+        return states.take(free), states.size
+    usable, refusals = list[States](), list[str]()
+    for i, member in enumerate(target.listed):
+        drawn = GoalSet((member,)).states(problem, rng, GOAL_STATES)
+        if collision.states_free(drawn).any():
+            usable.append(model.space.state(member, free=model.space.angles))
+            continue
+        what = f"goal {i}" if len(target.listed) > 1 else "goal"
+        tried = f" (at {drawn.size} angles drawn)" * (drawn.size > 1)
+        reason = collision.why_blocked(drawn.take(slice(0, 1)))
+        hint = elsewhere(model, problem.world, model.space.state(member, free=model.space.angles))
+        refusals.append(f"the {what} {_written(member)} is not usable{tried}: {reason}.{hint}")
+    if not usable:
+        raise QueryError(" ".join(refusals))
+    return all_of(model.space, usable), len(target.listed)
+
+
+def _written(values: Sequence[float | None]) -> str:
+    """A state, as messages name it."""
+    return f"({', '.join('any' if value is None else f'{value:.3f}' for value in values)})"
+
+
+def all_of(space: StateSpace, parts: Sequence[States]) -> States:
+    """States of several parts, in order."""
+    return States(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in space.names})

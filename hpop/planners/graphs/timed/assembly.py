@@ -1,0 +1,338 @@
+"""From a graph of states, a clock and people who move to what a search on a clock takes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, place_of
+from hpop.errors import OptionError
+from hpop.models.execution import Ramps, needed_about
+from hpop.motions import States
+from hpop.planners.graphs.joined_ends import JoinedEnds
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.timed.clock import SLACK, Clock, TimeOptions
+from hpop.planners.graphs.timed.company import Company
+from hpop.planners.graphs.timed.graph import LaidOut, Timed
+from hpop.planners.graphs.timed.legs import TimedArcs, arrivals
+from hpop.planners.graphs.timed.notice import Asked, Attention
+from hpop.planners.graphs.timed.presence import Presence
+from hpop.planners.graphs.timed.reading import reading_time
+from hpop.planners.graphs.timed.safety import Safety, Start
+from hpop.planners.graphs.timed.standing import alike_at_places, standing_rates, turn_as_they_stand
+from hpop.planners.graphs.timed.tables import Tables
+from hpop.planners.graphs.trajectory_graph import aggregates
+from hpop.planners.objectives import WHOLE
+from hpop.search import Graph
+from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
+from hpop.world.yielding import yielding
+
+NEVER = 2**31 - 1
+ON_CLOCK = "the graph was put on a clock"
+MOTION = 110  # bytes of a motion of an arc, with what is known of the arc
+
+
+def timed_graph(
+    space: StateGraph | JoinedEnds,
+    criteria: Sequence[Criterion],
+    start: int,
+    goals: Sequence[int],
+    options: TimeOptions,
+    quanta: Collection[str] = (),
+    laid: LaidOut | None = None,
+    attention: Attention | None = None,
+    *,
+    people_stop: bool = False,
+) -> Timed:
+    """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
+
+    Raises QueryError where the robot would start in contact with somebody who moves, OptionError for a clock that
+    would count more ticks than a search does.
+
+    Parameters
+    ----------
+    quanta : names of criteria whose costs are compared in steps that the problem sets
+    attention : as another graph of the same question has it, whose criteria need not be asked again
+    people_stop : whether people who would walk up to the robot where it starts are taken to stop before it; what they
+        make of costs is as predicted all the same
+    """
+    began = time.perf_counter()
+    asked = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
+    return _Assembly(*asked, laid, attention, people_stop).made(began)
+
+
+@dataclass(frozen=True, eq=False)
+class _Assembly:
+    """What is found out of a graph before it is put on a clock."""
+
+    space: StateGraph | JoinedEnds
+    criteria: tuple[Criterion, ...]
+    start: int
+    goals: tuple[int, ...]
+    options: TimeOptions
+    quanta: frozenset[str]
+    laid: LaidOut | None
+    known: Attention | None
+    people_stop: bool = False
+
+    @cached_property
+    def clock(self) -> Clock:
+        return Clock(self.options.tick)
+
+    @cached_property
+    def arcs(self) -> TimedArcs:
+        if self.laid is not None and self.laid.arcs is not None:
+            return self.laid.arcs.costed_on(self.space)
+        return TimedArcs.of(self.space, self.clock, self.start, 0.0 if self.laid is not None else self.ramps.half)
+
+    @cached_property
+    def company(self) -> Company:
+        return Company.of(self.space.world)
+
+    @cached_property
+    def horizon(self) -> int:
+        """The tick from which on nothing changes, or that of the latest arrival."""
+        settled, arrive_by = self.company.settled, self.options.arrive_by
+        last = settled + SLACK  # until then somebody may still be in the way of a plan that is off the clock
+        last = last if arrive_by is None else min(last, arrive_by)
+        if not last / self.clock.tick + 2 < MAX_TICKS:
+            raise OptionError(
+                f"people who move do so for {settled:,.0f} s, which is too long for a clock of {self.clock.tick:g} s; "
+                "give the problem a horizon, people an until, or the planner arrive_by"
+            )
+        return self.clock.up_to(last) + 1
+
+    @cached_property
+    def ramps(self) -> Ramps:
+        """By how much executions are off; nothing where that is not known, and then each is looked at."""
+        return Ramps.of(self.space.model) or Ramps(0.0, 0.0)
+
+    @property
+    def begin(self) -> int:
+        """Node at which plans begin."""
+        return self.arcs.begin if self.arcs.copied.size else self.start
+
+    @property
+    def hold(self) -> float | None:
+        """How long the robot stands at least when it waits, s: no less than stopping and starting take."""
+        return None if self.options.hold is None else max(self.options.hold, 2.0 * self.ramps.half)
+
+    @cached_property
+    def timed(self) -> list[int]:
+        """Columns of criteria that read the time."""
+        return reading_time(self.criteria, self.space)
+
+    @cached_property
+    def static(self) -> list[int]:
+        """Columns of the others."""
+        return [j for j in range(len(self.criteria)) if j not in self.timed]
+
+    @cached_property
+    def attention(self) -> Attention:
+        known, timed = self.known, self.some(self.timed)
+        if known is not None and [one.criterion for one in known.asked] == timed:
+            return known
+        model = self.arcs.inner.model
+        return Attention.of(
+            self.company, [Asked(self.criteria[j], self.company, model, self._is_set(j)) for j in self.timed]
+        )
+
+    def _is_set(self, j: int) -> bool:
+        """Whether somebody says in which steps a cost is compared."""
+        return self.criteria[j].name in self.quanta or self.criteria[j].quantum != DEFAULT_QUANTUM
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """In which (k,) the search compares costs."""
+        steps = np.array([criterion.quantum for criterion in self.criteria])
+        steps[self.timed] = [one.quantum for one in self.attention.asked]
+        if self.lasting is not None:
+            steps[self.lasting] = self.clock.tick
+        return steps
+
+    @cached_property
+    def lasting(self) -> int | None:
+        """The column of the duration."""
+        return place_of("duration", self.criteria)
+
+    def some(self, columns: Sequence[int]) -> list[Criterion]:
+        return [self.criteria[j] for j in columns]
+
+    @cached_property
+    def plain(self) -> Graph:
+        """The graph with those costs alone that depend on no time; with the duration if all do."""
+        if self.laid is not None:
+            return self.laid.plain
+        return self.arcs.with_copies(self.space.graph(self.some(self.static) or [make_criterion("duration")]))
+
+    @cached_property
+    def closed(self) -> BoolArray:
+        """Arcs (m,) that nobody takes."""
+        return np.zeros(self.plain.arcs, dtype=bool) if self.laid is None else self.laid.closed
+
+    @cached_property
+    def safety(self) -> Safety:
+        model, spending = self.arcs.inner.model, self.space.spending
+        people = self.company.people
+        if self.people_stop:
+            (start, *_), reach = self.starts, needed_about(model, self.options.margin)
+            people = tuple(yielding(person, (start.x, start.y), reach, start.time) for person in people)
+        return Safety.of(self.company, model, self.options, self.horizon, self.starts, spending, people)
+
+    @cached_property
+    def starts(self) -> tuple[Start, ...]:
+        """Where somebody may be near as plans begin."""
+        begins = ((self.begin, 0.0),) if self.laid is None else self.laid.near
+        at = self.arcs.states.take(self.arcs.place[[node for node, _ in begins]])
+        times = [time for _, time in begins]
+        return tuple(map(Start, at.x.tolist(), at.y.tolist(), times))
+
+    @cached_property
+    def presence(self) -> Presence:
+        """Who is noticed, by places of the graph."""
+        states = self.arcs.states
+        return Presence(self.company, self.attention.notices, self.clock, self.horizon, states.x, states.y)
+
+    @cached_property
+    def rates(self) -> FloatArray:
+        """What standing for a tick costs in each state, by criteria that read no time."""
+        return standing_rates(self.some(self.static), self.space, self.clock.tick)
+
+    @cached_property
+    def headed(self) -> bool:
+        """Whether what standing costs depends on the heading, so that every state is a place of its own."""
+        if not alike_at_places(self.rates, self.arcs.place[: self.space.size]).all():
+            return True
+        return not turn_as_they_stand(self.some(self.timed), self.arcs, self.presence).all()
+
+    @cached_property
+    def place(self) -> IntArray:
+        """Of each node."""
+        return self.arcs.states_of if self.headed else self.arcs.place
+
+    @cached_property
+    def states(self) -> States:
+        """One at each place."""
+        if not self.headed:
+            return self.arcs.states
+        states = self.space.states(np.arange(self.space.size))
+        return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
+
+    @cached_property
+    def stays(self) -> BoolArray:
+        """Arcs in place that cost what standing there does, and are blocked where nobody may stand."""
+        stays = self.arcs.stays & ~self.closed
+        if self.headed:
+            stays[:] = False
+        elif self.safety.about_start:  # from there one may leave, and turn to do so
+            nodes = [self.begin] if self.laid is None else [node for node, _ in self.laid.near]
+            stays[np.isin(self.arcs.place[self.arcs.tails], self.arcs.place[nodes])] = False
+        return stays
+
+    @cached_property
+    def earliest(self) -> IntArray:
+        """The earliest tick (n,) at which each node can be reached."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import dijkstra
+
+        plain, ticks = self.plain, self.arcs.ticks.astype(np.float64)
+        network: Any = csr_array((ticks, plain.heads, plain.indptr), shape=(plain.nodes,) * 2)
+        found = dijkstra(network, indices=np.array([self.begin]))[0]
+        begin = 0 if self.laid is None else self.laid.begin
+        return np.where(np.isfinite(found), found + begin, NEVER).astype(np.int64)
+
+    def made(self, began: float) -> Timed:
+        """The graph on the clock."""
+        if self.laid is None:
+            self.safety.refuse_contact()
+        arcs, place, states, options = self.arcs, self.place, self.states, self.options
+        rows = np.flatnonzero(~self.stays)
+        motions = rows.size * MOTION
+        self.space.spending.hold(motions, "the motions of its edges were listed")
+        legs, tails = arcs.legs(rows), arcs.tails[rows]
+        first = int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size))
+        ends = np.isin(self.plain.heads[rows], self.goals)
+        blocked = self.safety.blocked([*legs, *arrivals(legs, ends, arcs.durations[rows], self.ramps.half)], first)
+        wanted = self.closed[rows]
+        wanted[blocked.rows] = True
+        presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
+        tables = Tables(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
+        made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
+        flags = (made.rows.size + states.size) * (self.horizon + 1)  # arcs that are blocked, and places that are cut
+        self.space.spending.hold(flags + self.plain.arcs * 8 * len(self.criteria), ON_CLOCK)
+        closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
+        closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
+        closed[self.closed[rows[made.rows]]] = True
+        soonest = np.full(states.size, NEVER)
+        np.minimum.at(soonest, place, self.earliest)
+        stood = tables.standing(states, soonest)
+
+        costs = np.zeros((self.plain.arcs, len(self.criteria)), np.int64)
+        rate = np.zeros((states.size, len(self.criteria)))
+        node = np.unique(place, return_index=True)[1]
+        for column, j in enumerate(self.static):
+            costs[:, j] = self.plain.costs[:, column]
+            rate[:, j] = self.rates[node, column] / self.steps[j]
+            self._stand(costs[:, j], rate[place[self.begin], j], self.criteria[j].aggregate == "max")
+        if self.lasting is not None:  # a plan arrives when its clock says, but for what it is off
+            costs[:, self.lasting], rate[:, self.lasting] = arcs.ticks, 1.0
+        for column, j in enumerate(self.timed):
+            costs[rows, j] = made.static[:, column]
+            rate[:, j] = stood.rates[:, column]
+        worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
+        graph = TimedGraph(
+            Graph.from_csr(self.plain.indptr, self.plain.heads, _frozen(costs), aggregates=aggregates(self.criteria)),
+            arcs.ticks.astype(np.int32),
+            self.horizon,
+            timed=rows[made.rows].astype(np.int32),
+            costs={j: _frozen(table) for j, table in zip(self.timed, made.costs, strict=True)},
+            blocked=_frozen(closed),
+            place=place.astype(np.int32),
+            stays=_frozen(self.stays),
+            standing={j: _frozen(table) for j, table in zip(self.timed, stood.tables, strict=True)},
+            rate=np.where(worst, np.ceil(rate - WHOLE), np.rint(rate * RATE)).astype(np.int64),
+            cut=_frozen(self.safety.cut(states.x, states.y)),
+            hold=None if self.hold is None else max(1, self.clock.up_to(self.hold)),
+            arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
+        )
+        self.space.spending.release(motions)
+        overlooked = np.zeros(len(self.criteria))
+        overlooked[self.timed] = self.attention.notices.overlooked
+        pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
+        return Timed(
+            graph,
+            self.steps,
+            self.lasting,
+            self.begin,
+            arcs,
+            self.clock,
+            self.company,
+            Ramps.of(arcs.inner.model),
+            self.hold,
+            overlooked,
+            pairs,
+            seconds,
+            self.safety,
+            self.attention,
+            self.people_stop,
+        )
+
+    def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
+        """Add to costs (m,), in counts, of arcs before which the robot stands what that costs by the tick."""
+        stands = self.arcs.stands
+        if worst:
+            costs[stands] = np.maximum(costs[stands], math.ceil(rate - WHOLE))
+        else:
+            costs[stands] += round(rate * self.arcs.half / self.clock.tick)
+
+
+def _frozen(array: Any) -> Any:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,289 @@
+"""The arcs of a graph of states as motions in time: which stay in place, how long all last, and the others' legs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.options import LEAST
+from hpop.criteria.base import Criterion, motion_costs
+from hpop.motions import HOLD, Motions, States, laws_of
+from hpop.motions.hold import CLOCK
+from hpop.planners.graphs.arcs import MOVE, blocks
+from hpop.planners.graphs.joined_ends import JoinedEnds
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.timed.clock import Clock
+from hpop.search import Graph
+from hpop.world import World
+
+TIMED, NODE = 27, 16  # bytes of an arc and of a node, on the clock
+
+
+class Leg(NamedTuple):
+    """One motion of each of some rows of arcs that go from place to place.
+
+    kind        of the motions
+    of          (rows,)  the leg of each row, as its place among these; -1 where it has none
+    start, end  states (L,)
+    after       (L,)  s, from the departure of the arc to that of its leg
+    lasts       (L,)  s
+    """
+
+    kind: str
+    of: IntArray
+    start: States
+    end: States
+    after: FloatArray
+    lasts: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TimedArcs:
+    """The arcs of a graph of states, each a motion or, where ends are joined, a chain of them.
+
+    A robot that begins with a move stands before it for half of what a run takes longer than planned, so that its
+    execution can keep the times of the plan (:mod:`hpop.models.execution`). So plans begin at a node of their own,
+    beside that of the start, from which copies of its arcs lead; to turn there one need not stand.
+
+    space      the graph
+    inner      the graph without joined ends; itself if none are
+    own        (m_inner,)  the place, among all arcs, of each of the inner graph's
+    joins      (C,)  and of each join
+    copied     (d,)  of what the last of the arcs are copies, from the node where plans begin
+    begin      node where plans begin
+    half       s     that the robot stands there before it moves
+    tails      (m,)  node
+    durations  (m,)  s
+    ticks      (m,)  the same on the clock
+    stays      (m,)  whether an arc is a motion in place
+    stands     (m,)  whether the robot stands before an arc, which lasts longer for it
+    states_of  (n,)  state of the graph that each node is
+    place      (n,)  number of the place of each node, from 0
+    """
+
+    space: StateGraph | JoinedEnds
+    inner: StateGraph
+    own: IntArray
+    joins: IntArray
+    copied: IntArray
+    begin: int
+    half: float
+    tails: IntArray
+    durations: FloatArray
+    ticks: IntArray
+    stays: BoolArray
+    stands: BoolArray
+    states_of: IntArray
+    place: IntArray
+
+    def costed_on(self, space: StateGraph | JoinedEnds) -> TimedArcs:
+        """The same arcs of the same states in another world."""
+        return replace(self, space=space, inner=space.states_alone)
+
+    @classmethod
+    def of(cls, space: StateGraph | JoinedEnds, clock: Clock, start: int = -1, half: float = 0.0) -> TimedArcs:
+        """Those of a graph on a clock, with so long, s, to stand before moving away from the start."""
+        inner, (own, joins) = space.states_alone, space.order
+        size = inner.arcs.heads.size
+        m = size + joins.size
+        space.spending.hold(m * TIMED + space.size * NODE, f"{space.words} was timed")
+        tails, durations = np.empty(m, np.int64), np.empty(m)
+        ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
+        moves = np.zeros(m, dtype=bool)  # at once
+
+        inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
+
+        def timed(part: slice) -> list[tuple[IntArray, IntArray, FloatArray, IntArray, bool]]:
+            found = []
+            for number, rows, motions in motions_of(inner, np.arange(part.start, part.stop)):
+                seconds = np.broadcast_to(motions.duration, rows.size)
+                at = own[rows]
+                if number == MOVE:
+                    count = clock.along(motions.start, motions.end, seconds)
+                else:
+                    count = clock.in_place(seconds, inner.places(inner_tails[rows]))
+                found.append((at, rows, np.asarray(seconds), count, number != MOVE))
+            return found
+
+        for batch in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
+            for at, rows, seconds, count, in_place in batch:
+                tails[at], durations[at], ticks[at], stays[at] = inner_tails[rows], seconds, count, in_place
+                moves[at] = not in_place
+        if space.joins is not None:
+            seconds = np.zeros(joins.size)
+            for rows, motions in space.joins.motions():
+                at_once = joins[rows[seconds[rows] == 0.0]]
+                moves[at_once] = motions.kind == space.kinds[MOVE]
+                seconds[rows] += motions.duration
+            tails[joins], durations[joins], ticks[joins] = space.joins.tails, seconds, clock.of(seconds)
+        place = _numbered_places(space.places(np.arange(space.size)))
+        leaving, states_of = np.flatnonzero(tails == start), np.arange(space.size)
+        stands, begin = np.zeros(m, dtype=bool), start
+        if half > 0.0 and moves[leaving].any():
+            begin, states_of, place = space.size, np.append(states_of, start), np.append(place, place[start])
+            stands, stays = np.append(stands, moves[leaving]), np.append(stays, stays[leaving])
+            tails = np.append(tails, np.full(leaving.size, begin))
+            durations = np.append(durations, durations[leaving]) + half * stands
+            ticks = np.append(ticks, ticks[leaving]) + round(half / clock.tick) * stands
+        copied = leaving[: tails.size - m]
+        return cls(
+            space,
+            inner,
+            own,
+            joins,
+            copied,
+            begin,
+            half,
+            tails,
+            durations,
+            ticks,
+            stays,
+            stands,
+            states_of,
+            place,
+        )
+
+    def with_copies(self, graph: Graph) -> Graph:
+        """The graph with these arcs and their costs, of which it has all but the copies."""
+        if not self.copied.size:
+            return graph
+        heads, costs = (
+            np.append(graph.heads, graph.heads[self.copied]),
+            graph.costs[np.append(np.arange(graph.arcs), self.copied)],
+        )
+        indptr = np.append(graph.indptr, graph.arcs + self.copied.size)
+        for column in (heads, costs):
+            column.setflags(write=False)
+        return Graph.from_csr(indptr, heads, costs, aggregates=graph.aggregates)
+
+    @cached_property
+    def moving(self) -> IntArray:
+        """Arcs (r,), rising, that do not stay in place: the rows of :meth:`legs`."""
+        return np.flatnonzero(~self.stays)
+
+    @cached_property
+    def states(self) -> States:
+        """A state (P,) at each place."""
+        first = np.unique(self.place, return_index=True)[1]
+        states = self.space.states(self.states_of[first])
+        return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
+
+    def legs(self, arcs: IntArray) -> list[Leg]:
+        """The motions of some arcs (r,), rising, leg by leg."""
+        row = np.full(self.tails.size, -1, np.int64)
+        row[arcs] = np.arange(arcs.size)
+        copies = self.tails.size - self.copied.size
+        found = [*self._legs(arcs.size, row[:copies], np.zeros(copies))]
+        if (row[copies:] >= 0).any():
+            for after, own in ((0.0, ~self.stands), (self.half, self.stands)):
+                numbers = np.full(copies, -1, np.int64)
+                numbers[self.copied] = np.where(own[copies:], row[copies:], -1)
+                found += self._legs(arcs.size, numbers, np.full(copies, after))
+            stood = np.flatnonzero(self.stands & (row >= 0))
+            found.append(_leg(arcs.size, row[stood], self._standing(stood.size), np.zeros(stood.size)))
+        return [leg for leg in found if leg.lasts.size]
+
+    def _legs(self, size: int, row: IntArray, after: FloatArray) -> Iterator[Leg]:
+        """The motions of arcs of the graph that begin after (m,) s, as rows (m,) of so many; of those not at -1."""
+        mine = row[self.own]
+        for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
+            yield _leg(size, mine[rows], motions, after[self.own[rows]])
+        if self.space.joins is None:
+            return
+        joined, elapsed = row[self.joins], after[self.joins]
+        for chains, motions in self.space.joins.motions():
+            asked = np.flatnonzero(joined[chains] >= 0)
+            some = Motions(
+                motions.world, motions.model, motions.law, motions.start.take(asked), motions.end.take(asked)
+            )
+            yield _leg(size, joined[chains][asked], some, elapsed[chains][asked])
+            elapsed[chains] += motions.duration
+
+    def _standing(self, count: int) -> Motions:
+        """What the robot does before it moves away from the start, so many times."""
+        states = self.space.states(np.full(count, self.states_of[self.begin]))
+        start, end = (States(**states.__dict__, **{CLOCK: np.full(count, clock)}) for clock in (0.0, self.half))
+        return Motions(self.space.world, self.space.model, HOLD, start, end)
+
+
+def _numbered_places(places: IntArray) -> IntArray:
+    """Return the place (n,) of each state, numbered from 0 without gaps; a joined end, below 0, has its own at the end.
+
+    A position of a roadmap to which no free link leads has no state, so its number is not used.
+    """
+    inside = places >= 0
+    used = np.zeros(int(places.max(initial=-1)) + 1, dtype=bool)
+    used[places[inside]] = True
+    numbers = np.empty(places.size, np.int64)
+    numbers[inside] = (np.cumsum(used) - 1)[places[inside]]
+    numbers[~inside] = used.sum() + np.arange(places.size - inside.sum())
+    return numbers
+
+
+def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
+    """Arcs (N,), rising, of a graph of states as motions: the number of their kind, which of them, and these."""
+    kinds = space.arcs.kinds[arcs]
+    tails = np.searchsorted(space.arcs.start, arcs, side="right") - 1
+    heads = space.arcs.heads[arcs].astype(np.int64)
+    for number, kind in enumerate(space.kinds):
+        own = np.flatnonzero(kinds == number)
+        if own.size:
+            yield number, arcs[own], space.motions(kind, tails[own], heads[own])
+
+
+def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> Leg:
+    of = np.full(rows, -1, np.int64)
+    of[own] = np.arange(own.size)
+    lasts = np.array(np.broadcast_to(motions.duration, own.size))
+    return Leg(motions.kind, of, motions.start, motions.end, after, lasts)
+
+
+def arrivals(legs: Sequence[Leg], ends: BoolArray, durations: FloatArray, half: float) -> list[Leg]:
+    """What robots still need after plans that end with a move: half of what a run takes longer than planned.
+
+    ends, durations  (r,)  which rows lead to where plans end, and how long they last, s
+    half             s
+    """
+    found = []
+    for leg in legs if half > 0.0 else ():
+        own = leg.of[ends]
+        rows = np.flatnonzero(ends)[own >= 0]
+        own = own[own >= 0]
+        last = leg.after[own] + leg.lasts[own] > durations[rows] - LEAST
+        rows, own = rows[last], own[last]
+        if leg.kind == "move" and own.size:
+            of = np.full(ends.size, -1, np.int64)
+            of[rows] = np.arange(own.size)
+            there = leg.end.take(own)
+            found.append(Leg(HOLD.kind, of, there, there, durations[rows], np.full(own.size, half)))
+    return found
+
+
+def costs_of(
+    legs: Sequence[Leg],
+    criteria: Sequence[Criterion],
+    space: StateGraph,
+    world: World,
+    rows: IntArray,
+    seconds: FloatArray,
+) -> FloatArray:
+    """Costs (N, k) of rows (N,) of arcs that leave at some times (N,), s, in a world."""
+    costs = np.zeros((rows.size, len(criteria)))
+    worst = np.array([criterion.aggregate == "max" for criterion in criteria])
+    for leg in legs:
+        has = np.flatnonzero(leg.of[rows] >= 0)
+        own = leg.of[rows[has]]
+        if not has.size:
+            continue
+        law = laws_of(space.model)[leg.kind]
+        start, end = leg.start.take(own), leg.end.take(own)
+        motions = Motions(world, space.model, law, start, end, t0=seconds[has] + leg.after[own])
+        for j, criterion in enumerate(criteria):
+            paid = motion_costs(criterion, motions)
+            costs[has, j] = np.maximum(costs[has, j], paid) if worst[j] else costs[has, j] + paid
+    return costs

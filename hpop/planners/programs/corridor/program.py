@@ -1,0 +1,296 @@
+"""The convex program of a corridor: a polyline with one segment in each region, for any weights of the convex costs.
+
+``min Σ_j w_j f_j(v)`` over the vertices v, each in the overlap of the regions of the two segments that it joins: a
+segment with both ends in a convex region lies in it. The weights are parameters in the sense of disciplined
+parametrised programming (Agrawal et al. 2019), so the program is compiled once and then solved for all of them.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
+from hpop.base.text import shown
+from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.convex import ConvexCost
+from hpop.errors import CriterionError, OptionError
+from hpop.models.collision.planar import TOUCH
+from hpop.motions import States
+from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.programs.corridor.corridor import Corridor, HalfPlanes
+from hpop.world import World
+from hpop.world.geometry.planar import FreeSpace
+
+if TYPE_CHECKING:
+    from hpop.models.base import PlanarModel
+
+SHORTEST = 1e-3  # m: a shorter segment is left out
+PIECE = 1.0  # m: distances are bounded piece by piece
+FLAT = 1e-5  # of the weighted, normalised cost: what putting vertices in line may cost
+
+
+@dataclass(frozen=True, eq=False)
+class VariablePath:
+    """The polyline of a corridor as a criterion's convex form sees it; see :class:`hpop.criteria.convex.ConvexPath`.
+
+    vertices  expression (n+1, 2), m
+    """
+
+    world: World
+    model: PlanarModel
+    corridor: Corridor
+    vertices: Any
+
+    @property
+    def start(self) -> States:
+        (x, y), yaw = self.corridor.warm.vertices[0], self.corridor.warm.start_yaw
+        return States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw]))
+
+    @property
+    def length(self) -> Any:
+        cvxpy = _cvxpy()
+        return cvxpy.sum(cvxpy.norm(self.vertices[1:] - self.vertices[:-1], 2, axis=1))
+
+    def shortfall(self, enough: float, space: FreeSpace, body: str) -> Any:
+        from scipy.sparse import csr_array
+
+        cvxpy = _cvxpy()
+        # A body off the axis may be nearer than the axis by its lever. The bound of a piece is worst at its ends; a
+        # piece keeps its share of a segment, so its ends are linear in the vertices.
+        at_origin = self.model.pose(body, States(x=np.zeros(1), y=np.zeros(1), yaw=np.zeros(1)))
+        enough = enough + math.hypot(float(at_origin.x[0]), float(at_origin.y[0]))
+        normals, shares, constants = [np.zeros((1, 2))], [np.zeros((1, self.corridor.segments + 1))], [np.zeros(1)]
+        for i, (region, segment) in enumerate(zip(self.corridor.regions, self.corridor.warm_segments, strict=True)):
+            ends = np.linspace(0.0, 1.0, 1 + max(1, math.ceil(math.dist(*segment) / PIECE)))
+            for a, b in pairwise(ends):
+                piece = np.array([segment[0] + s * (segment[1] - segment[0]) for s in (a, b)])
+                outwards, offsets = region.distance_planes(space, piece, enough)
+                for s in (a, b):
+                    at = np.zeros((len(offsets), self.corridor.segments + 1))
+                    at[:, i], at[:, i + 1] = 1.0 - s, s
+                    normals.append(outwards)
+                    shares.append(at)
+                    constants.append(enough - offsets)
+        x, y = (csr_array(np.concatenate(shares) * np.concatenate(normals)[:, [axis]]) for axis in (0, 1))
+        return cvxpy.max(x @ self.vertices[:, 0] + y @ self.vertices[:, 1] + np.concatenate(constants))
+
+
+@dataclass(eq=False)
+class CorridorProgram:
+    """The convex program of one corridor, and the numbers of its solves.
+
+    What is free are the steps z by which vertices leave the warm path: ``v = base + steps z``, two a vertex, one where
+    a heading keeps it on a ray.
+
+    criteria  k, each with a method ``convex``
+    solvers   in the order in which they are tried
+    solved    programs solved, by solver
+    failed    solves that failed, by solver and reason
+    """
+
+    corridor: Corridor
+    criteria: tuple[Criterion, ...]
+    world: World
+    model: PlanarModel
+    solvers: tuple[str, ...]
+    solved: Counter[str] = field(default_factory=Counter)
+    failed: Counter[str] = field(default_factory=Counter)
+
+    @cached_property
+    def rays(self) -> dict[int, tuple[FloatArray, FloatArray]]:
+        """Vertices on rays: the end of the ray, m, and its direction, where a heading fixes a segment."""
+        warm, rays = self.corridor.warm, {}
+        if self.corridor.along_first and self.corridor.segments > 1:
+            rays[1] = (warm.vertices[0], _direction(warm.start_yaw))
+        if self.corridor.along_last and self.corridor.segments > 1 and warm.goal_yaw is not None:
+            rays[self.corridor.segments - 1] = (warm.vertices[-1], -_direction(warm.goal_yaw))
+        return rays
+
+    @cached_property
+    def base(self) -> FloatArray:
+        """Vertices (n+1, 2) of the warm path, m; the same twice where start is goal."""
+        warm = self.corridor.warm.vertices
+        return warm if len(warm) > 1 else warm[[0, 0]]
+
+    @cached_property
+    def steps(self) -> FloatArray:
+        """What each free step moves: (n+1, 2, f)."""
+        ways = [] if self.corridor.is_fixed else list(range(1, self.corridor.segments))
+        columns = []
+        for i in ways:
+            for direction in [self.rays[i][1]] if i in self.rays else np.eye(2):
+                column = np.zeros(self.base.shape)
+                column[i] = direction
+                columns.append(column)
+        return np.stack(columns, axis=2) if columns else np.zeros((*self.base.shape, 0))
+
+    @cached_property
+    def _free(self) -> Any:
+        return _cvxpy().Variable(self.steps.shape[2], name="steps")
+
+    @cached_property
+    def _weights(self) -> Any:
+        return _cvxpy().Parameter(len(self.criteria), nonneg=True, name="weights")
+
+    @cached_property
+    def costs(self) -> tuple[ConvexCost, ...]:
+        """The convex form of each criterion, k of them; raises CriterionError for one that is not convex."""
+        from scipy.sparse import csr_array
+
+        cvxpy = _cvxpy()
+        vertices = cvxpy.Constant(self.base)
+        if not self.corridor.is_fixed:
+            x, y = (self.base[:, axis] + csr_array(self.steps[:, axis]) @ self._free for axis in (0, 1))
+            vertices = cvxpy.vstack([x, y]).T
+        path = VariablePath(self.world, self.model, self.corridor, vertices)
+        costs = []
+        for criterion in self.criteria:
+            cost = criterion.convex(path)  # type: ignore[misc]  # asked for in `_convex`
+            expression = cost.expression if isinstance(cost, ConvexCost) else None
+            if not isinstance(expression, cvxpy.Expression) or expression.size != 1 or not expression.is_convex():
+                raise CriterionError(
+                    f"convex() of criterion {criterion.name!r} must give a ConvexCost whose expression is a scalar, "
+                    f"convex by the rules of cvxpy; got {cost!r}"
+                )
+            costs.append(cost)
+        return tuple(costs)
+
+    @cached_property
+    def problem(self) -> Any:
+        """The cvxpy problem; its only parameters are the weights (k,)."""
+        from scipy.sparse import csr_array
+
+        cvxpy = _cvxpy()
+        rows, limits = [], []
+        for i, overlap in enumerate(self.corridor.overlaps, start=1):
+            rows.append(overlap.normals @ self.steps[i])
+            limits.append(overlap.offsets - overlap.normals @ self.base[i])
+        for i, (end, direction) in self.rays.items():  # not behind the ray's end
+            rows.append(-(direction @ self.steps[i])[None])
+            limits.append(np.array([float(direction @ (self.base[i] - end))]))
+        objective = sum(self._weights[j] * cost.expression for j, cost in enumerate(self.costs))
+        within = csr_array(np.concatenate(rows)) @ self._free <= np.concatenate(limits)
+        return cvxpy.Problem(cvxpy.Minimize(objective), [within])
+
+    def compile(self) -> None:
+        """Compile the program now; solving does it when it is first needed."""
+        if not self.corridor.is_fixed:
+            self._weights.value = np.ones(len(self.criteria))
+            with suppress(_cvxpy().SolverError):  # a solver that cannot: solving finds out, and tries others
+                self.problem.get_problem_data(self.solvers[0])
+
+    def evaluate(self, vertices: FloatArray) -> FloatArray:
+        """Costs (k,) of vertices (n+1, 2), as the program adds them up."""
+        if not self.corridor.is_fixed:
+            self._free.value = np.einsum("vaf,va->f", self.steps, vertices - self.base)
+        return np.array([float(np.squeeze(cost.expression.value)) for cost in self.costs])
+
+    def solve(self, weights: FloatArray) -> FloatArray | None:
+        """Vertices (n+1, 2) of least weighted cost, exactly inside the overlaps; None if every solver failed.
+
+        weights  (k,) positive, of costs in the criteria's units
+        """
+        cvxpy = _cvxpy()
+        if self.corridor.is_fixed:
+            return self.base
+        # The objective is of order one, as solvers' tolerances expect.
+        self._weights.value = weights / max(float(weights @ self.evaluate(self.base)), 1e-12)
+        for solver in self.solvers:
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")  # what they say is in the status
+                    self.problem.solve(solver=solver)
+                status = str(self.problem.status)
+            except cvxpy.SolverError as error:
+                status = str(error).split(".")[0]
+            if status == cvxpy.OPTIMAL:
+                self.solved[solver] += 1
+                return self._inside(self.base + self.steps @ self._free.value)
+            self.failed[f"{solver}: {status}"] += 1
+        return None
+
+    def _inside(self, vertices: FloatArray) -> FloatArray:
+        """Vertices moved by what the solver left of its tolerance: into the overlaps, and onto the rays."""
+        moved = vertices.copy()
+        for i, overlap in enumerate(self.corridor.overlaps, start=1):
+            ray = self.rays.get(i)
+            moved[i] = overlap.nearest(vertices[i]) if ray is None else _on_ray(overlap, vertices[i], *ray)
+        return moved
+
+    def tidied(self, vertices: FloatArray, weights: FloatArray) -> FloatArray:
+        """Vertices that hardly turn put in line, and short segments closed, where regions and costs allow."""
+        limit = float(weights @ self.evaluate(vertices))
+        limit += FLAT * max(limit, 1e-12)
+        for i in range(1, len(vertices) - 1):
+            ray = self.rays.get(i)
+            for place in self._places(vertices, i) if ray is None else _near(vertices[i], ray[:1]):
+                tried = vertices.copy()
+                tried[i] = place
+                within = self.corridor.overlaps[i - 1].excess(place[None])[0] <= 0.5 * TOUCH
+                if within and weights @ self.evaluate(tried) <= limit:
+                    vertices = tried
+                    break
+        return vertices
+
+    def _places(self, vertices: FloatArray, i: int) -> list[FloatArray]:
+        """Where vertex i may go so that a segment or a turn vanishes, or what is less than a turn."""
+        places = _near(vertices[i], [vertices[i - 1], vertices[-1]])
+        before = next((v for v in vertices[i - 1 :: -1] if math.dist(v, vertices[i]) > 0), None)
+        if before is None:
+            return places
+        there, back = vertices[i] - before, vertices[i + 1] - vertices[i]
+        if back.any() and abs(wrap(math.atan2(back[1], back[0]) - math.atan2(there[1], there[0]))) < LEAST_TURN:
+            chord = vertices[i + 1] - before
+            places.append(before + chord * float(there @ chord) / float(chord @ chord))
+        return places
+
+    def polyline(self, vertices: FloatArray) -> Polyline:
+        """Vertices as a polyline, those left out that join segments of no length or in one line."""
+        apart, warm = np.hypot(*np.diff(vertices, axis=0).T) > 0, self.corridor.warm
+        return Polyline(vertices[np.append(True, apart)], warm.start_yaw, warm.goal_yaw).simplified(1e-9)
+
+
+def _cvxpy() -> Any:
+    """The module, which takes seconds to import."""
+    return import_module("cvxpy")
+
+
+def solvers_from(first: str) -> tuple[str, ...]:
+    """The solver asked for, then all others that are installed; raises OptionError if it is not."""
+    installed = _cvxpy().installed_solvers()
+    if not isinstance(first, str) or first not in installed:
+        raise OptionError(
+            f"the solver is one that cvxpy has here: {', '.join(installed)}; got {shown(first)}. Install it, or take "
+            "one of these."
+        )
+    return (first, *(name for name in installed if name != first))
+
+
+def _direction(yaw: float) -> FloatArray:
+    return np.array([math.cos(yaw), math.sin(yaw)])
+
+
+def _on_ray(inside: HalfPlanes, point: FloatArray, end: FloatArray, direction: FloatArray) -> FloatArray:
+    """The point of a ray that is nearest to another one, within half-planes."""
+    slope, room = inside.normals @ direction, inside.offsets - inside.normals @ end
+    least = float(np.max(room[slope < 0] / slope[slope < 0], initial=0.0))
+    most = float(np.min(room[slope > 0] / slope[slope > 0], initial=np.inf))
+    return end + direction * max(least, min(most, float((point - end) @ direction)))
+
+
+def _near(point: FloatArray, others: Sequence[FloatArray]) -> list[FloatArray]:
+    """Those of other points that are less than SHORTEST away, but not there."""
+    return [other for other in others if 0 < math.dist(point, other) < SHORTEST]

@@ -1,0 +1,157 @@
+"""All weights of one corridor: individual optima, what they normalise, then weights that are given or a dichotomy."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray
+from hpop.criteria.base import Criterion
+from hpop.planners.polylines.polyline import Polyline
+from hpop.planners.programs.corridor.corridor import Corridor
+from hpop.planners.programs.corridor.program import CorridorProgram
+from hpop.planners.programs.deadline import Deadline
+from hpop.runtime.limits import LimitPassed
+from hpop.world import World
+
+if TYPE_CHECKING:
+    from hpop.models.base import PlanarModel
+
+SMALL = 1e-4  # added to every weight of a normalised cost, so that none is zero
+GAP = 0.01  # of the normalised weighted sum: the dichotomy leaves no more between its points and the front
+CONSTANT = 1e-6  # relative: a cost that differs by less among the individual optima is not traded
+SAME = 1e-6  # m: vertices that are nearer are the same
+
+
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """What all corridors need.
+
+    criteria  k convex ones
+    weights   rows (k,) of normalised costs, or None for the dichotomy
+    deadline  after which no program is solved
+    """
+
+    world: World
+    model: PlanarModel
+    criteria: tuple[Criterion, ...]
+    weights: tuple[tuple[float, ...], ...] | None
+    solvers: tuple[str, ...]
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
+
+
+@dataclass(eq=False)
+class CorridorPoints:
+    """What was found in one corridor.
+
+    polylines      n
+    costs          (n, k) as the program added them up
+    exact          (k,) whether each is the cost itself or an upper bound
+    weights        n, for each polyline the weights of normalised costs of which it is the optimum
+    ideal, nadir   (k,) of the individual optima; empty if one of them was not found
+    solved         programs solved, by solver
+    failed         solves that failed, by solver and reason
+    unsolved       programs that no solver solved
+    is_cut_short   whether time was over before all weights were solved for
+    build_seconds  s, of building and compiling
+    solve_seconds  s, of everything else
+    """
+
+    polylines: list[Polyline] = field(default_factory=list)
+    costs: list[FloatArray] = field(default_factory=list)
+    exact: tuple[bool, ...] = ()
+    weights: list[list[tuple[float, ...]]] = field(default_factory=list)
+    ideal: FloatArray = field(default_factory=lambda: np.empty(0))
+    nadir: FloatArray = field(default_factory=lambda: np.empty(0))
+    solved: Counter[str] = field(default_factory=Counter)
+    failed: Counter[str] = field(default_factory=Counter)
+    unsolved: int = 0
+    is_cut_short: bool = False
+    build_seconds: float = 0.0
+    solve_seconds: float = 0.0
+
+
+def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
+    """All weights of one corridor."""
+    began = time.perf_counter()
+    program = CorridorProgram(corridor, shared.criteria, shared.world, shared.model, shared.solvers)
+    program.compile()
+    built = time.perf_counter()
+    weighted = _Weighted(program, shared.deadline)
+    try:
+        weighted.run(shared.weights)
+    except LimitPassed:
+        weighted.found.is_cut_short = True
+    found = weighted.found
+    found.exact = tuple(cost.exact for cost in program.costs)
+    found.solved, found.failed = program.solved, program.failed
+    found.build_seconds, found.solve_seconds = built - began, time.perf_counter() - built
+    return found
+
+
+@dataclass(eq=False)
+class _Weighted:
+    """The weights of one corridor's program, one after the other."""
+
+    program: CorridorProgram
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
+    found: CorridorPoints = field(default_factory=CorridorPoints)
+    vertices: list[FloatArray] = field(default_factory=list)
+
+    def run(self, weights: tuple[tuple[float, ...], ...] | None) -> CorridorPoints:
+        """Individual optima first; they normalise the costs."""
+        k = len(self.program.criteria)
+        warm = self.program.evaluate(self.program.base)
+        units = [tuple(float(i == j) for i in range(k)) for j in range(k)]
+        self.scale = np.where(warm > CONSTANT, warm, 1.0)
+        optima = [self._solve(unit) for unit in units]
+        if any(costs is None for costs in optima):
+            return self.found
+        table = np.array(optima)
+        self.found.ideal, self.found.nadir = table.min(axis=0), table.max(axis=0)
+        ranges = self.found.nadir - self.found.ideal
+        traded = ranges > CONSTANT * self.scale
+        self.scale = np.where(traded, ranges, self.scale)
+        if weights is not None:
+            for row in weights:
+                share = tuple(w / sum(row) for w in row)
+                if share not in units:
+                    self._solve(share)
+        elif k == 2 and traded.all():
+            self._dichotomy(table[0], table[1])
+        return self.found
+
+    def _dichotomy(self, first: FloatArray, last: FloatArray) -> None:
+        """Weights normal to the line through two points, until nothing lies far below it (Cohon 1978)."""
+        waiting = [(first, last)]
+        while waiting:
+            a, b = waiting.pop()
+            normal = np.abs((a - b)[::-1] / self.scale[::-1])
+            normal = normal / normal.sum()
+            costs = self._solve(tuple(normal.tolist()))
+            if costs is not None and float(normal @ ((a - costs) / self.scale)) > GAP:
+                waiting += [(a, costs), (costs, b)]
+
+    def _solve(self, weights: tuple[float, ...]) -> FloatArray | None:
+        """Costs (k,) of the optimum of weights, which is filed."""
+        self.deadline.check("a convex program was solved")
+        positive = (np.array(weights) + SMALL) / self.scale
+        vertices = self.program.solve(positive)
+        if vertices is None:
+            self.found.unsolved += 1
+            return None
+        vertices = self.program.tidied(vertices, positive)
+        costs = self.program.evaluate(vertices)
+        for i, known in enumerate(self.vertices):
+            if np.abs(known - vertices).max() <= SAME:
+                self.found.weights[i].append(weights)
+                return costs
+        self.vertices.append(vertices)
+        self.found.polylines.append(self.program.polyline(vertices))
+        self.found.costs.append(costs)
+        self.found.weights.append([weights])
+        return costs

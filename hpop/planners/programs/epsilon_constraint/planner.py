@@ -1,0 +1,291 @@
+"""The epsilon-constraint planner: any-angle polylines, one cost minimised, the others bounded by what is known."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST_COUNTED, amounts, set_wholes
+from hpop.base.scalars import set_python_values
+from hpop.base.text import counted
+from hpop.criteria.base import trajectory_costs
+from hpop.errors import HpopWarning
+from hpop.planners.base import Candidates, planner
+from hpop.planners.judgement import exceeds, trusted
+from hpop.planners.objectives import Objectives, edge_objectives
+from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
+from hpop.planners.programs.deadline import CUT_SHORT, Deadline
+from hpop.planners.programs.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
+from hpop.planners.programs.epsilon_constraint.job import PolylineJob, Task
+from hpop.planners.programs.nlp import require_ipopt
+from hpop.planners.programs.outcome import Outcome, Tally
+from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
+from hpop.runtime.sweep import Sweep
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+NAME = "epsilon-constraint"
+MOST_DIVISIONS = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
+COUNTED = (
+    "tried",
+    "skipped",
+    "programs",
+    "perturbed",
+    "saved by perturbation",
+    "repairs",
+    "steps",
+    "without a program",
+)
+NOTED = 1e-3  # of its cost: what a candidate was still to gain is noted from here on
+
+
+@planner(NAME)
+@dataclass(frozen=True)
+class EpsilonConstraint:
+    """Polylines of any angles that minimise one cost while the others are bounded, from each known trade-off.
+
+    step        m      of the lattice whose paths are the warm starts
+    headings    4, 8 or 16 of that lattice
+    minimise    name of the cost that is minimised; None takes the length, or the first smooth one
+    divisions   count  of further bounds between a known cost and the next better one
+    rounds      count  of programs a bound, each from the last solution: every one moves vertices by at most 1 m, and
+                there is no other where none was moved so far
+    epsilon     bounds that hold throughout, by the name of a cost
+    warm_start  what gives the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
+    max_points  count  of bounds that are tried
+    time_limit  s      warm starts included
+
+    Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
+    others are refused by name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions
+    on the exact geometry. Each is a local optimum for its number of turns, near its warm start: its corners move by the
+    costs that are reported until no small step gains more than 2e-5 of the cost that is minimised. Where that does not
+    end, the provenance says as ``left`` what the next step promised, and a note counts those. Warm starts are among the
+    candidates only where Ctrl-C or the time limit stops the planner: those that keep ``epsilon`` and from which nothing
+    better came until then. The grid of bounds is AUGMECON's (Mavrotas
+    2009; Mavrotas and Florios 2013), but spans only what the warm starts know: a bound is skipped if a looser one was
+    answered within it, and tighter ones than one that was infeasible are left out.
+    Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
+    is built once a structure and process, in 30 to 200 ms, and solved in 20 to 100 ms; then the corners take 50 to
+    500 ms.
+    """
+
+    needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
+
+    step: float = 0.25
+    headings: int = 8
+    minimise: str | None = None
+    divisions: int = 0
+    rounds: int = 2
+    epsilon: Mapping[str, float] | None = None
+    warm_start: WarmStart = "lattice"
+    max_points: int | None = None
+    time_limit: float | None = None
+
+    def __post_init__(self) -> None:
+        set_python_values(self)
+        set_wholes(self, "divisions", least=0, most=MOST_DIVISIONS)
+        set_wholes(self, "rounds", least=1, most=MOST_DIVISIONS)
+        set_wholes(self, "max_points", least=1, optional=True)
+        if self.epsilon is not None:
+            object.__setattr__(self, "epsilon", amounts("epsilon", self.epsilon, MOST_COUNTED, "bounds"))
+        Budget(self.time_limit)
+        check_warm_start(self)
+
+    def solve(
+        self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
+    ) -> Candidates:
+        """Plan warm starts, then minimise from each of them; a job of the executor is one bound.
+
+        Raises UnsupportedCriterion for a criterion that no nonlinear program can treat, OptionError for a cost to
+        minimise or to bound that is not among the objectives, a bound that no trajectory keeps and a solver that is
+        missing, and what the planner of the warm starts raises.
+        """
+        require_ipopt(NAME)
+        watch = Watch(NAME, self.time_limit, progress)
+        objectives = edge_objectives(problem.criteria, NAME)
+        roles = Roles.of(objectives.optimised, self.minimise, problem)
+        limits = roles.limits(self.epsilon or {}, problem)
+        warm = warm_starts(self, problem, progress, executor, watch.left)
+        if warm.interrupted is not None:
+            return self._within(warm.interrupted, limits, roles, problem)
+        warm, polylines, costs, dropped = warm.polylines(problem, roles.criteria)
+        known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
+        job = PolylineJob(problem, roles, self.rounds, Deadline.after(watch.left))
+        run = _GridRun(self, job, Grid(roles, known, limits, self.divisions), watch)
+        run.warn_of_tight_bounds()
+        status = warm.ended(run.go(executor))
+        found = run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
+        kept = warm.kept(found, {one.cell.of for one in run.grid.found})
+        return found if kept is found else self._within(kept, limits, roles, problem)
+
+    def _within(self, found: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
+        """Those of some candidates that keep the bounds (k,) of ``epsilon``."""
+        if not self.epsilon:
+            return found
+        costs = trajectory_costs(roles.criteria, found.trajectories, problem.world)
+        return found.some(np.flatnonzero([not exceeds(row, limits, roles.criteria).any() for row in costs]))
+
+
+@dataclass(eq=False)
+class _GridRun:
+    """One run of the planner: the grid level by level, wave by wave, and what went wrong."""
+
+    options: EpsilonConstraint
+    job: PolylineJob
+    grid: Grid
+    watch: Watch
+    tally: Tally = field(default_factory=Tally)
+    notes: Sequence[str] = ()
+    waiting: int = 0
+
+    def go(self, executor: Executor | None) -> Status:
+        """Try all bounds; the status says whether any were left. What is finished is kept whatever comes."""
+        if not self.grid.warm:
+            return Status.COMPLETE
+        cap, tried = self.options.max_points, self.tally.counts
+        try:
+            self.waiting = sum(map(len, self.grid.levels))
+            with Sweep(PolylineJob.solve, self.job, executor) as sweep:
+                self.notes = sweep.notes
+                for cells in self.grid.levels:
+                    left = self._unanswered(cells)
+                    while left:
+                        if tried["tried"] == cap:
+                            return Status.POINT_LIMIT
+                        wave = self.grid.wave(left)[: None if cap is None else cap - tried["tried"]]
+                        status = self._try(wave, sweep)
+                        if status is not Status.COMPLETE:
+                            return status
+                        left = self._unanswered([cell for cell in left if cell not in wave])
+        except KeyboardInterrupt:
+            return Status.INTERRUPTED
+        return Status.TIME_LIMIT if self.tally.counts[CUT_SHORT] else Status.COMPLETE
+
+    def warn_of_tight_bounds(self) -> None:
+        """Say before any program runs which bounds no warm start keeps: nobody knows yet whether anything does."""
+        if not self.grid.warm:
+            return
+        ideal, limits, criteria = self.grid.costs.min(axis=0), self.grid.limits, self.job.roles.criteria
+        for j in np.flatnonzero(exceeds(ideal, limits, criteria)):
+            warnings.warn(
+                f"epsilon bounds {criteria[j].name} by {limits[j]:g}, but the least of the warm starts is "
+                f"{ideal[j]:.4g} {criteria[j].unit}: programs will look for less, and may find nothing. Ctrl-C stops "
+                "them; a looser bound is sure to be kept",
+                HpopWarning,
+                stacklevel=3,
+            )
+
+    def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
+        """Cells that are still to be tried."""
+        left = self.grid.unanswered(cells)
+        self.tally.counts["skipped"] += len(cells) - len(left)
+        self.waiting -= len(cells) - len(left)
+        return left
+
+    def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[Found]]) -> Status:
+        """Solve for each cell of a wave, the longest first."""
+        tasks: list[Task] = []
+        for cell in wave:
+            start = self.grid.start(cell)
+            if start is None:
+                counts = ", ".join(self.job.roles.criteria[j].name for j in self.job.roles.counted)
+                self._keep(cell, Outcome(None, f"infeasible: no known trajectory has so few {counts}"))
+            else:
+                tasks.append((cell, start))
+        tasks.sort(key=lambda task: -len(task[1].polyline.lengths))
+        results, status = sweep.until(tasks, self.watch.is_late, self._report)
+        for place, outcome in results.items():
+            self._keep(tasks[place][0], outcome)
+        return status
+
+    def _keep(self, cell: Cell, outcome: Outcome[Found]) -> None:
+        """File what came of a bound."""
+        self.tally.add(outcome)
+        self.tally.counts["tried"] += 1
+        self.waiting -= 1
+        if outcome.found is not None:
+            self.grid.found.append(outcome.found)
+        elif outcome.reason == CUT_SHORT:
+            self.waiting += 1
+        elif outcome.reason.startswith("infeasible"):
+            self.grid.infeasible.append(cell)
+
+    def _report(self, finished: Mapping[int, Outcome[Found]]) -> None:
+        found = len(self.grid.found) + sum(outcome.found is not None for outcome in finished.values())
+        self.watch.report(self.tally.counts["tried"] + len(finished), self.waiting - len(finished), found)
+
+    def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
+        """What was found, judged once more, with everything that went wrong."""
+        found, job, criteria = self.grid.found, self.job, self.job.roles.criteria
+        rows = (len(found), len(criteria))
+        planned = np.array([one.planned for one in found]).reshape(rows)
+        limit = "max_points" if status is Status.POINT_LIMIT else status
+        left = [f"{limit}: {self.waiting} bounds were not tried"] if self.waiting else []
+        names = ", ".join(criteria[j].name for j in job.roles.smooth)
+        kept = trusted(
+            Candidates(
+                objectives=criteria,
+                trajectories=tuple(one.known.polyline.trajectory(job.problem.model) for one in found),
+                planned=planned,
+                tolerance=job.tolerance(planned),
+                status=status,
+                certificate=(
+                    f"epsilon-constraint: local optima for their number of turns in ({names}), near their warm starts"
+                    f"{objectives.certificate}"
+                ),
+                provenance=tuple(one.provenance for one in found),
+                notes=(*notes, *self.notes, *left, *self.tally.notes("bound")),
+                filters=objectives.filters,
+                stats={
+                    "planner": NAME,
+                    "warm_starts": len(self.grid.warm),
+                    **{name: self.tally.counts[name] for name in COUNTED},
+                    **self.tally.stats,
+                },
+            ),
+            job.problem,
+            NAME,
+            epsilon=np.array([one.cell.epsilon for one in found]).reshape(rows),
+        )
+        return replace(
+            kept,
+            notes=(*kept.notes, *self._shortcomings(kept)),
+            stats={**kept.stats, "seconds": self.watch.seconds},
+        )
+
+    def _shortcomings(self, kept: Candidates) -> list[str]:
+        """What the candidates that are trusted do not attain."""
+        notes = []
+        if self.options.epsilon and self.tally.failures and not kept.trajectories:
+            notes.append(f"no polyline was found within epsilon {dict(self.options.epsilon)}: {self._ideal()}")
+        left = [float(origin.get("left", np.inf)) for origin in kept.provenance]
+        open_ = sum(not math.isfinite(share) for share in left)
+        more = [share for share in left if math.isfinite(share) and share > NOTED]
+        if more:
+            names = self.job.roles.criteria[self.job.roles.minimise].name
+            notes.append(
+                f"{counted(len(more), 'candidate')} may be no local optimum: the next step promised up to "
+                f"{100 * max(more):.2g} % of its {names} (left, in the provenance)"
+            )
+        if open_:
+            notes.append(
+                f"{counted(open_, 'candidate')} may be no local optimum: the time was over before it was settled"
+            )
+        return notes
+
+    def _ideal(self) -> str:
+        """The ideal of what is bounded, as far as it is known."""
+        ideal = self.grid.costs.min(axis=0)
+        return "the ideal of the warm starts is " + ", ".join(
+            f"{c.name} {value:.4g} {c.unit}"
+            for c, value, limit in zip(self.job.roles.criteria, ideal, self.grid.limits, strict=True)
+            if math.isfinite(limit)
+        )

@@ -1,0 +1,138 @@
+"""One interval of a driven trajectory as a nonlinear program sees it: its law, what it keeps, what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.base.arrays import Column
+from hpop.criteria.base import Criterion
+from hpop.models.differential_drive.driven import Drive, gauss
+from hpop.motions import Motions, States
+from hpop.motions.symbolic import lift
+from hpop.planners.needs import on_wheels
+from hpop.planners.programs.criteria import on_symbols
+from hpop.planners.programs.hinges import Slacks, slackened
+from hpop.planners.programs.nlp import moments, vector
+from hpop.world.fields.looks import looking
+from hpop.world.ground import Heights
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+NODES = ("x", "y", "yaw", "speed", "turn_rate")
+OWN = 2 * len(NODES) + 1  # variables of an interval without slacks
+PANELS = 2  # of an interval, for what criteria integrate
+
+
+@dataclass(frozen=True)
+class Forward(Drive):
+    """The law inside the program, where no speed changes its sign: without the kinks of absolute values.
+
+    sign  (M,) of the yaw rate in each interval
+    """
+
+    sign: Column = 1.0
+
+    nodes = gauss(4)  # errs by 1e-6 for turns of a radian in an interval
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        if name not in ("x", "y"):
+            return super().interpolate(name, start, end, share)
+        # The cubic with the ends' places and velocities: within 0.1 mm for turns of half a radian in half a metre.
+        projection, span = np.cos if name == "x" else np.sin, getattr(end, name) - getattr(start, name)
+        first, last = ((end.clock - start.clock) * at.speed * projection(at.yaw) for at in (start, end))
+        bend = share * (1.0 - share) * ((1.0 - share) * (first - span) - share * (last - span))
+        return getattr(start, name) + span * share + bend
+
+    def travel(self, start: States, end: States, lever: Column) -> Column:
+        length = 0.5 * (end.clock - start.clock) * (start.speed + end.speed)
+        return length + lever * self.swept(start, end) if lever else length
+
+    def swept(self, start: States, end: States) -> Column:
+        return self.sign * self.turned(start, end)
+
+    def bends(self, start: States, end: States) -> tuple[Column, Column]:
+        turned = self.turned(start, end)
+        return turned, 0.0 * turned
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """What is nonlinear in one interval.
+
+    Its variables are the nodes at its start, those at its end, the duration, and the slacks of hinges; its parameter is
+    the sign of the yaw rate.
+
+    criteria  (k)
+    heights   ranges with different obstacles
+    shares    of the interval's time, at which the clearance is read
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    heights: tuple[Heights, ...]
+    shares: tuple[float, ...]
+
+    @cached_property
+    def hinges(self) -> int:
+        """Hinges of the costs, for each of which there is a slack variable."""
+        import casadi
+
+        with looking():
+            motions = self._motions(casadi.SX.sym("z", OWN), Forward(sign=lift(casadi.SX.sym("p"), 1)))
+            return len(self._costs(motions)[1].below)
+
+    def write(self, z: Any, p: Any) -> list[Any]:
+        """Columns of values, SX: the law's defects, the effort, each criterion's costs, the clearances of each range.
+
+        The last column is what each hinge exceeds its slack by. A criterion that takes the worst moment has a value for
+        each moment that is looked at.
+        """
+        import casadi
+
+        model, world, law = on_wheels(self.problem.model), self.problem.world, Forward(sign=lift(p, 1))
+        motions = self._motions(z, law)
+        start, end = motions.start, motions.end
+        defects = [vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")]
+        gain, bend = (vector(getattr(end, name) - getattr(start, name), 1) for name in ("speed", "turn_rate"))
+        effort = (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2) / z[OWN - 1]
+        places = [[law.interpolate(axis, start, end, share) for axis in ("x", "y")] for share in self.shares]
+        fields = [world.clearance_field(z=z) for z in self.heights]
+        clear = [[vector(field(*place), 1) for place in places] for field in fields]
+        costs, slacks = self._costs(motions)
+        excess = [below - symbol for below, symbol in zip(slacks.below, slacks.symbols, strict=True)]
+        groups = [_column(group) for group in (defects, [effort], *costs, *clear, excess)]
+        if not excess:
+            return groups
+        variables = casadi.vertsplit(z[OWN:], 1)
+        if len(variables) != len(excess):  # CasADi crashes
+            raise ValueError(
+                f"an interval with {len(excess)} hinges has {OWN + len(excess)} variables, got {z.numel()}"
+            )
+        return list(casadi.substitute(groups, slacks.symbols, variables))
+
+    def _motions(self, z: Any, law: Forward) -> Motions:
+        duration = z[OWN - 1]
+        start, end = (
+            States(**{name: lift(z[first + i], 1) for i, name in enumerate(NODES)}, clock=lift(clock, 1))
+            for first, clock in ((0, 0.0 * duration), (len(NODES), duration))
+        )
+        return Motions(self.problem.world, self.problem.model, law, start, end, panels=PANELS)
+
+    def _costs(self, motions: Motions) -> tuple[list[list[Any]], Slacks]:
+        with slackened() as slacks:
+            costs = [
+                [on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])]
+                for criterion in self.criteria
+            ]
+        return costs, slacks
+
+
+def _column(values: list[Any]) -> Any:
+    import casadi
+
+    return casadi.vertcat(*values)

@@ -1,0 +1,396 @@
+"""Driven trajectories: the nonlinear program of a differential drive along a given sequence of turns.
+
+Direct collocation in phases. The turns of a polyline are structure: a phase of straight driving (yaw rate exactly
+zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_PHASE in all) take turns, so that the number
+of turns cannot become less. Each phase has its own free duration and a fixed number of intervals of constant wheel
+accelerations, which follow from the speeds at the nodes; what the robot does in an interval is
+:class:`hpop.models.differential_drive.driven.Drive`, exactly the law by which the trajectory is then evaluated.
+The criteria enter by their own ``cost`` on CasADi symbols.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.criteria.base import Criterion
+from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.models.differential_drive.driven import Drive
+from hpop.motions import States
+from hpop.planners.needs import on_wheels
+from hpop.planners.programs.deadline import Deadline
+from hpop.planners.programs.nlp import reaches
+from hpop.planners.programs.smoothing.feasible import Bounds, made_feasible
+from hpop.planners.programs.smoothing.interval import NODES, Interval
+from hpop.planners.programs.smoothing.phases import Guess, Phases
+from hpop.planners.programs.smoothing.separable import Separable
+from hpop.planners.programs.smoothing.solvers import OPTIONS, SORTS, SUCCESS
+from hpop.runtime.interrupts import interrupts_held
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
+    from hpop.problems.problem import Problem
+
+LEAST_PHASE = 1.5 * LEAST_TURN  # rad: of turning, so that it counts as a turn for sure
+STRAIGHT = 0.1  # s: straight driving that tells two turns of one sign apart
+SHORT = 0.01  # s: any other phase
+LONGEST = 600.0  # s: of a phase
+STILL = 1e-6  # rad/s: a smaller yaw rate is none
+SAMPLES = 240  # places at which the clearance is bounded, at least
+TURNING = 0.01  # rad/s: yaw rate inside turns, at least, or a turn could become two
+REFINED = 0.01  # share of EFFORT and HASTE that is left where a solution is refined
+EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
+HASTE = 0.2  # weight of the duration
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """What the solver returned.
+
+    point       variables of the program
+    rates       multipliers of the variables' bounds and of the constraints
+    trajectory  keeps the program's limits within KEPT; None if the solver did not converge
+    costs       (k,) as the program adds them up
+    status      the solver's own word, or Limits_Not_Kept where what it left could not be settled
+    iterations  of the solver
+    """
+
+    point: FloatArray
+    rates: Bounds
+    trajectory: Trajectory | None
+    costs: FloatArray
+    status: str
+    iterations: int
+
+    @property
+    def goes(self) -> Trajectory:
+        """The trajectory of a solver that converged."""
+        assert self.trajectory is not None
+        return self.trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What the costs of a program shall be.
+
+    weights  (k,) of the scaled costs in the objective
+    epsilon  (k,) upper bounds; inf bounds nothing
+    scale    (k,) positive: differences of costs that matter alike
+    """
+
+    weights: FloatArray
+    epsilon: FloatArray
+    scale: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Formulas:
+    """The program in CasADi's terms.
+
+    intervals    all that is nonlinear, interval by interval
+    program      variables, parameters, objective and constraints
+    derivatives  of the program, by the names that solvers have for them
+    values       function from variables and parameters to the costs
+    sizes        numbers of constraints of each sort
+    stopping     options by which solvers stop
+    """
+
+    intervals: Separable
+    program: dict[str, Any]
+    derivatives: dict[str, Any]
+    values: Any
+    sizes: tuple[int, ...]
+    stopping: dict[str, Any]
+
+    def limits(self, x: FloatArray, parameters: FloatArray) -> tuple[FloatArray, csr_array]:
+        """Values of all constraints (m,) and their Jacobian (m, size)."""
+        from scipy.sparse import csr_array
+
+        values, slopes = self.derivatives["jac_g"](x, parameters)
+        return np.array(values).ravel(), csr_array(slopes.sparse())
+
+    def solver(self, options: Mapping[str, Any]) -> Any:
+        """IPOPT; options that say nothing else take the exact second derivatives."""
+        import casadi
+
+        return casadi.nlpsol(
+            "driven", "ipopt", self.program, {**self.derivatives, **OPTIONS, **self.stopping, **options}
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenProgram:
+    """Minimise a weighted sum of scaled costs over driven trajectories of one structure, all costs bounded.
+
+    ``min Σ_j w_j f_j / s_j + HASTE T/T_0 + EFFORT mean(u²)  subject to  f_j <= eps_j,  d(sample) >= bound``, wheel
+    speeds and accelerations within the model's. Built once; ends, weights, scales, bounds and the first guess are
+    parameters. Local optima only.
+    """
+
+    problem: Problem
+    criteria: tuple[Criterion, ...]
+    structure: Phases
+    deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
+    solvers: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
+        """Height ranges with different obstacles, and how far the robot reaches there, m."""
+        return reaches(self.problem)
+
+    @cached_property
+    def samples(self) -> tuple[IntArray, FloatArray]:
+        """Interval, and share of its time, of each place (S,) at which the clearance is bounded."""
+        each = max(2, math.ceil(SAMPLES / len(self.structure.phase)))
+        owner = np.repeat(np.arange(len(self.structure.phase)), each)
+        return owner, np.tile((np.arange(each) + 0.5) / each, len(self.structure.phase))
+
+    def build(self) -> DrivenProgram:
+        """Build the program now; solving does it when it is first needed."""
+        self._solver("exact")
+        return self
+
+    @property
+    def _worst(self) -> list[int]:
+        return [j for j, criterion in enumerate(self.criteria) if criterion.aggregate == "max"]
+
+    @property
+    def _summed(self) -> list[int]:
+        return [j for j, criterion in enumerate(self.criteria) if criterion.aggregate != "max"]
+
+    @cached_property
+    def _formulas(self) -> _Formulas:
+        import casadi
+
+        n, k, model = len(self.structure.phase), len(self.criteria), on_wheels(self.problem.model)
+        of_nodes, of_lasts = self.structure.places
+        moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
+        of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
+        weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
+        signs, regular = casadi.MX.sym("signs", n), casadi.MX.sym("regular", 2)
+        variables = casadi.vertcat(moving, slack, of_hinges)
+        parameters = casadi.vertcat(weights, scale, signs, regular)
+        intervals = self._intervals(variables, signs)
+        defects, effort, *others = intervals.symbols
+        nodes = {name: variables[places.tolist()] for name, places in zip(NODES, of_nodes, strict=True)}
+        h = variables[of_lasts.tolist()]
+
+        costs, honest, above = [], [], []  # a slack may lie above the worst moment
+        for j, values in enumerate(others[:k]):
+            if j in self._worst:
+                costs.append(slack[self._worst.index(j)])
+                honest.append(casadi.mmax(values))
+                above.append((casadi.vec(values) - costs[-1]) / scale[j])
+            else:
+                costs.append(casadi.sum1(values))
+                honest.append(costs[-1])
+        objective = casadi.dot(weights, casadi.vertcat(*costs) / scale)
+        objective += regular[0] * casadi.sum1(h) + regular[1] * casadi.sum1(effort)
+        half = 0.5 * model.wheel_base
+        turns, inner = self.structure.turning_intervals.tolist(), self.structure.turning_nodes.tolist()
+        gain, bend = (casadi.diff(nodes[name]) / h for name in ("speed", "turn_rate"))
+        wheels = [gain + half * bend, (gain - half * bend)[turns]]  # where nothing turns both are the same
+        outer = nodes["speed"][inner] + half * signs[inner] * nodes["turn_rate"][inner]
+        ends = np.cumsum([0, *self.structure.counts])
+        phases = np.flatnonzero(self.structure.turning)
+        first, last = ends[phases].tolist(), ends[phases + 1].tolist()
+        turned = signs[first] * (nodes["yaw"][last] - nodes["yaw"][first])
+        groups = [
+            casadi.vertcat(*group)
+            for group in (
+                [casadi.vec(defects[:, :2]), defects[turns, 2]],
+                wheels,
+                [bend[turns]],
+                [outer],
+                [turned],
+                [costs[j] / scale[j] for j in self._summed],
+                above,
+                [casadi.vec(values.T) for values in others[k : k + len(self.spaces)]],
+                [casadi.vec(values) for values in others[k + len(self.spaces) :]],
+            )
+        ]
+        program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
+        (honest_values,) = casadi.substitute([casadi.vertcat(*honest)], list(intervals.symbols), list(intervals.values))
+
+        values = casadi.Function("values", [variables, parameters], [honest_values])
+        sizes = tuple(int(group.numel()) for group in groups)
+        stopping = self.deadline.stopping(variables.numel(), sum(sizes))
+        return _Formulas(intervals, program, derivatives, values, sizes, stopping)
+
+    def _intervals(self, variables: Any, signs: Any) -> Separable:
+        """All that is nonlinear, interval by interval."""
+        of_nodes, of_lasts = self.structure.places
+        slacks = self._hinges.reshape(-1, len(of_lasts))
+        where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
+        return Separable.of(self._interval.write, where, variables, signs, self.deadline)
+
+    @cached_property
+    def _interval(self) -> Interval:
+        shares = tuple(self.samples[1][: len(self.samples[1]) // len(self.structure.phase)].tolist())
+        return Interval(self.problem, self.criteria, tuple(z for z, _ in self.spaces), shares)
+
+    @property
+    def _hinges(self) -> IntArray:
+        """Places of the slacks of hinges among the variables, one hinge after the other."""
+        n, first = len(self.structure.phase), int(self.structure.places[1][-1]) + 1 + len(self._worst)
+        return first + np.arange(n * self._interval.hinges)
+
+    def _solver(self, sort: str) -> Any:
+        """Return the solver with the options of a sort, made on first use."""
+        if sort not in self.solvers:
+            self.solvers[sort] = self._formulas.solver(SORTS[sort])
+        return self.solvers[sort]
+
+    def solve(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], *, exact: bool = True) -> Driven:
+        """The local optimum near a guess.
+
+        Parameters
+        ----------
+        guess : of this structure
+        asked : weights, bounds and scales
+        clearances : least field values (S,) at the samples, one array a height range
+        exact : whether second derivatives are the exact ones
+        """
+        x0, parameters = self._point(guess, asked)
+        solver = self._solver("exact" if exact else "quasi-newton")
+        return self._solved(solver, guess, parameters, self._limits(guess, asked, clearances), {"x0": x0})
+
+    def refined(self, driven: Driven, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> Driven:
+        """The local optimum near a solution, with next to no weight of time and effort, to more digits."""
+        parameters = self._parameters(guess, asked, REFINED)
+        begin = {"x0": driven.point, "lam_x0": driven.rates[0], "lam_g0": driven.rates[1]}
+        return self._solved(self._solver("refined"), guess, parameters, self._limits(guess, asked, clearances), begin)
+
+    def _solved(
+        self, solver: Any, guess: Guess, parameters: FloatArray, limits: tuple[Bounds, Bounds], begin: dict[str, Any]
+    ) -> Driven:
+        """What a solver returns, on its limits."""
+        box, bounds = limits
+        for stop in self._formulas.stopping.values():
+            stop.begin()
+        with interrupts_held():
+            found = solver(**begin, p=parameters, lbx=box[0], ubx=box[1], lbg=bounds[0], ubg=bounds[1])
+        stats = solver.stats()
+        self.deadline.check_solver(str(stats["return_status"]))
+        status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
+        trajectory = None
+        if status in SUCCESS:
+            kept = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, bounds)
+            if kept is None:
+                status = "Limits_Not_Kept"
+            else:
+                point, trajectory = kept, self._trajectory(guess, kept)
+        rates = (np.array(found["lam_x"]).ravel(), np.array(found["lam_g"]).ravel())
+        costs = self._costs(point, parameters)
+        return Driven(point, rates, trajectory, costs, status, int(stats["iter_count"]))
+
+    def _limits(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
+        """Lowest and highest variables, and constraints."""
+        epsilon, scale, sizes = asked.epsilon, asked.scale, self._formulas.sizes
+        model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
+        lowest, highest = self._of_variables(*self._node_bounds(guess))
+        least = np.full(len(guess.lasts), SHORT)  # s, of each phase
+        for p in range(1, len(least) - 1):
+            if not self.structure.turning[p] and guess.signs[p - 1] == guess.signs[p + 1]:
+                least[p] = STRAIGHT
+        below, more = np.full(len(self._worst), -np.inf), epsilon[self._worst]
+        spread = np.concatenate(list(clearances))
+        wheel, bend = model.wheel_acceleration, model.turn_acceleration
+        lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_PHASE, -np.inf, -np.inf, spread, -np.inf]
+        highs: list[Any] = [
+            *(0.0, wheel, bend, model.wheel_speed, np.inf),
+            *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf, 0.0),
+        ]
+        lbg, ubg = (
+            np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
+            for side in (lows, highs)
+        )
+        free = np.full(len(self._hinges), np.inf)
+        box = (
+            np.concatenate([lowest, least / counts, below, 0.0 * self._hinges]),
+            np.concatenate([highest, LONGEST / counts, more, free]),
+        )
+        return box, (lbg, ubg)
+
+    def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Costs (k,) as the program adds them up."""
+        return np.array(self._formulas.values(self._on_hinges(point, parameters), parameters)).ravel()
+
+    def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
+        """A guess that begins at a solution."""
+        s = trajectory.states
+        ends = np.cumsum([0, *self.structure.counts])
+        return replace(guess, nodes=np.stack([getattr(s, name) for name in NODES]), lasts=np.diff(s.clock[ends]))
+
+    def _node_bounds(self, guess: Guess) -> tuple[FloatArray, FloatArray]:
+        """Least and largest values (5, n+1) at the nodes."""
+        model, n = on_wheels(self.problem.model), len(self.structure.phase)
+        x_min, y_min, x_max, y_max = self.problem.world.bounds
+        lowest = np.repeat(np.array([[x_min], [y_min], [-np.inf], [0.0], [0.0]]), n + 1, axis=1)
+        highest = np.repeat(np.array([[x_max], [y_max], [np.inf], [model.speed], [0.0]]), n + 1, axis=1)
+        for p, sign in enumerate(guess.signs):
+            (inside,) = np.nonzero(self.structure.phase == p)
+            rates = sorted((sign * TURNING, sign * model.turn_rate))
+            lowest[4, inside[1:]], highest[4, inside[1:]] = rates
+        for bound in (lowest, highest):
+            bound[4, self.structure.straight_nodes] = 0.0
+            bound[:, 0] = guess.nodes[:, 0]
+            bound[:2, -1], bound[3, -1] = guess.nodes[:2, -1], 0.0
+            if guess.goal_yaw:
+                bound[2, -1] = guess.nodes[2, -1]
+        return lowest, highest
+
+    def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bounds of the variables of nodes (5, n+1): the tightest, where nodes share one."""
+        places, _ = self.structure.places
+        below, above = np.full(places[-1, -1] + 1, -np.inf), np.full(places[-1, -1] + 1, np.inf)
+        np.maximum.at(below, places, lowest)
+        np.minimum.at(above, places, highest)
+        return below, above
+
+    def _parameters(self, guess: Guess, asked: Asked, regular: float = 1.0) -> FloatArray:
+        """Parameters of the program, ``regular`` times HASTE and EFFORT among them."""
+        regulariser = regular * np.array([HASTE, EFFORT]) / guess.lasts.sum()
+        return np.concatenate([asked.weights, asked.scale, guess.signs[self.structure.phase], regulariser])
+
+    def _point(self, guess: Guess, asked: Asked) -> tuple[FloatArray, FloatArray]:
+        """Variables and parameters of a guess."""
+        of_nodes, of_lasts = self.structure.places
+        point = np.empty(of_lasts[-1] + 1)
+        point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
+        parameters = self._parameters(guess, asked)
+        count = len(point)
+        point = np.concatenate([point, np.zeros(len(self._worst) + len(self._hinges))])
+        point = self._on_hinges(point, parameters)
+        if self._worst:
+            point[count : count + len(self._worst)] = np.array(self._formulas.values(point, parameters)).ravel()[
+                self._worst
+            ]
+        return point, parameters
+
+    def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
+        """The point with its slacks where they are least: so the costs are those of the criteria."""
+        if not len(self._hinges):
+            return point
+        point = point.copy()
+        point[self._hinges] = 0.0
+        excess = self._formulas.limits(point, parameters)[0][-len(self._hinges) :]
+        point[self._hinges] = np.maximum(excess, 0.0)
+        return point
+
+    def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:
+        """The trajectory of the program's variables, on its bounds exactly."""
+        of_nodes, of_lasts = self.structure.places
+        nodes = np.clip(point[of_nodes], *self._node_bounds(guess))
+        nodes[4, np.abs(nodes[4]) < STILL] = 0.0
+        clock = np.concatenate([[0.0], np.cumsum(point[of_lasts])])
+        columns = dict(zip(NODES, nodes, strict=True))
+        return Trajectory(self.problem.model, States(**columns, clock=clock), (Drive().kind,) * len(of_lasts))

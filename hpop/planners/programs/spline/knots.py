@@ -1,0 +1,158 @@
+"""A spline as its knots: what the linear programs move, and what becomes a trajectory.
+
+Along the share u of the whole time T the joints q go through knots, a Hermite cubic from each to the next. With the
+slopes m = dq/du, speeds are q' = (dq/du) / T and accelerations q'' = (d²q/du²) / T², so their limits,
+
+    |dq/du| <= v T,    |d²q/du²| <= a T²,
+
+are linear in knots and slopes, and in T the first is linear and the second convex: its tangent is never too kind. That
+is why neither durations of pieces nor speeds are variables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from hpop.base.arrays import Column, FloatArray
+from hpop.motions import Curve, Model, States, is_curve
+from hpop.trajectories.trajectory import Trajectory
+
+LAW = "spline"
+SHORT = 1e-6  # of a motion: a phase that lasts no longer has no piece of its own
+
+
+class SplineLaw(Curve, Protocol):
+    """A law of cubics from knot to knot, as models with "spline" have it.
+
+    names          n joints
+    speeds         (n,)  the greatest
+    accelerations  (n,)  the greatest
+    """
+
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def speeds(self) -> tuple[float, ...]: ...
+    @property
+    def accelerations(self) -> tuple[float, ...]: ...
+
+    def knots(self, values: Sequence[Column], rates: Sequence[Column], clock: Column) -> States:
+        """States (N,) with n joints at their speeds, columns of numbers or symbols, at times, s."""
+
+
+@dataclass(frozen=True, eq=False)
+class Knots:
+    """A spline of N pieces for n joints.
+
+    values    (N + 1, n)  rad or m
+    slopes    (N + 1, n)  by the share of the whole time
+    shares    (N,)        of the whole time, of each piece
+    duration  s
+    """
+
+    values: FloatArray
+    slopes: FloatArray
+    shares: FloatArray
+    duration: float
+
+    @classmethod
+    def along(cls, trajectory: Trajectory, law: SplineLaw, count: int, *, evenly: bool = False) -> Knots:
+        """Through what a trajectory passes, at its speeds there, at times spread over the phases of its motions.
+
+        Straight motions with even accelerations and splines stay what they are to the second, of others the way alone;
+        the duration is the least that the limits allow. ``evenly`` leaves the phases and takes halves of the motions.
+        """
+        lasts = trajectory.durations
+        motions = np.flatnonzero(lasts > 0)
+        goes_on = np.array([is_curve(trajectory.model.laws[trajectory.kinds[i]]) for i in motions])
+        phases = [np.full(2, 0.5 * lasts[i]) if evenly else _phases(trajectory, i) for i in motions.tolist()]
+        each = np.concatenate(phases)
+        pieces = np.maximum(1, np.round(count * each / lasts.sum()).astype(np.int64))
+        shares = np.repeat(each / pieces, pieces) / each.sum()
+        times = np.concatenate([[0.0], np.cumsum(shares)]) * lasts.sum()
+        times[-1] = trajectory.duration
+        states, rates = trajectory.at(times), trajectory.rates(times)[0]
+        values = np.stack([getattr(states, name) for name in law.names], axis=1)
+        slopes = np.stack([np.broadcast_to(getattr(rates, name), times.shape) for name in law.names], axis=1)
+        slopes = slopes * trajectory.duration
+        ends = np.concatenate([[0], np.cumsum(pieces)])[np.concatenate([[0], np.cumsum([len(one) for one in phases])])]
+        slopes[ends[:-1][~goes_on]] = slopes[ends[1:][~goes_on]] = 0.0  # at rest
+        return cls(values, slopes, shares, 0.0).quickest(law)
+
+    @property
+    def secants(self) -> FloatArray:
+        """Mean slope (N, n) of each piece."""
+        return np.diff(self.values, axis=0) / self.shares[:, None]
+
+    @property
+    def bends(self) -> tuple[FloatArray, FloatArray]:
+        """Second derivatives (N, n) by the share of the whole time where each piece begins and ends; linear between."""
+        width, secants, first, last = self.shares[:, None], self.secants, self.slopes[:-1], self.slopes[1:]
+        return (6.0 * secants - 4.0 * first - 2.0 * last) / width, (-6.0 * secants + 2.0 * first + 4.0 * last) / width
+
+    def quickest(self, law: SplineLaw) -> Knots:
+        """The same curve in the least time that the limits of speeds and accelerations allow."""
+        begin, end = self.bends
+        changes = begin * end < 0
+        at = np.where(changes, begin / np.where(changes, begin - end, 1.0), 0.0)
+        peak = self.slopes[:-1] + self.shares[:, None] * at * (begin + 0.5 * at * (end - begin))
+        speeds, accelerations = np.array(law.speeds), np.array(law.accelerations)
+        by_speed = max((np.abs(slopes) / speeds).max() for slopes in (self.slopes, peak))
+        by_acceleration = max((np.abs(bends) / accelerations).max() for bends in (begin, end))
+        return Knots(self.values, self.slopes, self.shares, float(max(by_speed, np.sqrt(by_acceleration))))
+
+    def within(self, low: FloatArray, high: FloatArray) -> bool:
+        """Whether the control points of all pieces, and so the curve, keep limits of the joints."""
+        reach = self.shares[:, None] / 3.0
+        points = (self.values, self.values[:-1] + reach * self.slopes[:-1], self.values[1:] - reach * self.slopes[1:])
+        return all(bool(((low <= point) & (point <= high)).all()) for point in points)
+
+    def columns(self) -> FloatArray:
+        """What costs depend on, (4 n + 1, N): knot and slope where each piece begins, those where it ends, and T."""
+        rows = (self.values[:-1].T, self.slopes[:-1].T, self.values[1:].T, self.slopes[1:].T)
+        return np.concatenate([*rows, np.full((1, self.shares.size), self.duration)])
+
+    def at(self, fraction: float) -> FloatArray:
+        """Joints (N, n) at a fraction of each piece."""
+        ends = (self.values[:-1], self.slopes[:-1], self.values[1:], self.slopes[1:])
+        found = np.zeros_like(ends[0])
+        for weight, column in zip(hermite(fraction, self.shares[:, None]), ends, strict=True):
+            found += weight * column
+        return found
+
+    def moved(self, values: FloatArray, slopes: FloatArray, law: SplineLaw) -> Knots:
+        """With the knots between start and goal moved by so much, (N - 1, n) each, as quick as may be."""
+        moved, sloped = self.values.copy(), self.slopes.copy()
+        moved[1:-1] += values
+        sloped[1:-1] += slopes
+        return Knots(moved, sloped, self.shares, 0.0).quickest(law)
+
+    def trajectory(self, model: Model, law: SplineLaw) -> Trajectory:
+        """What is planned."""
+        clock = np.concatenate([[0.0], np.cumsum(self.shares)]) * self.duration
+        return Trajectory(
+            model, law.knots([*self.values.T], [*self.slopes.T / self.duration], clock), (LAW,) * self.shares.size
+        )
+
+
+def _phases(trajectory: Trajectory, motion: int) -> FloatArray:
+    """Seconds of the phases of a motion, those that last."""
+    start, end = (trajectory.states.take([place]) for place in (motion, motion + 1))
+    phases = trajectory.model.laws[trajectory.kinds[motion]].phases(start, end)
+    seconds = np.array([np.broadcast_to(phase.duration, 1)[0] for phase in phases])
+    return np.asarray(seconds[seconds > SHORT * seconds.sum()])
+
+
+def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
+    """Weights of knot and slope where a piece of some width begins, and where it ends, at a fraction of it."""
+    rest, one = 1.0 - fraction, np.ones_like(width)
+    return (
+        rest * rest * (1.0 + 2.0 * fraction) * one,
+        fraction * rest * rest * width,
+        fraction * fraction * (3.0 - 2.0 * fraction) * one,
+        -fraction * fraction * rest * width,
+    )

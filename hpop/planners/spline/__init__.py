@@ -1,5 +1,0 @@
-"""Paths of joints become splines: the planner, and what it works with."""
-
-from hpop.planners.spline.planner import Spline
-
-__all__ = ["Spline"]

@@ -1,0 +1,304 @@
+"""A planning problem: world, model, start, goal and criteria; what planners solve and fronts answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+from typing import Any, cast, overload
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.html import facts_html, picture_html
+from hpop.base.options import LEAST, MOST, real
+from hpop.base.registry import completed, make_model
+from hpop.base.text import shown
+from hpop.criteria.base import (
+    Criterion,
+    CriterionSpec,
+    check_usable,
+    describe_criterion,
+    make_criterion,
+    trajectory_costs,
+)
+from hpop.criteria.quanta import with_quanta
+from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
+from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
+from hpop.models.collision.leaving import left
+from hpop.motions import MODEL_DEFAULTS, Model, laws_of
+from hpop.motions.space import StateSpec, Values
+from hpop.planners.base import Candidates, PlannerSpec
+from hpop.problems import further, solving
+from hpop.problems.front import Front
+from hpop.problems.sight import notes_on_landmarks
+from hpop.problems.solving import StageCallback
+from hpop.problems.trace import Trace, trace
+from hpop.runtime.following import followed
+from hpop.runtime.status import ProgressCallback
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world import World
+from hpop.world.content.predictions import bounded, with_people
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem:
+    """What is asked: all non-dominated trajectories of a model in a world, from start to goal.
+
+    world     obstacles and free space
+    model     the robot with its camera
+    start     a state of the model, in the order of ``model.space.names`` or by name: (x m, y m, yaw rad)
+    goal      a state; angles that are None, such as the yaw, are free there. Or what a body shall be at, an
+              :class:`hpop.goals.Goal` such as ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``. Or a list
+              of these, of which any will do
+    criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
+    quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
+    horizon   s, up to which people are predicted; None: until they leave the map or come to an obstacle
+
+    The world's people are those of the world given, their predictions cut where they cannot be true
+    (:func:`hpop.world.content.predictions.bounded`); ``notes`` say how each ends. Planning, costs and pictures are of
+    these.
+
+    ``read_seconds``, s, and ``read_memory``, bytes that stay of it, are what reading its files took: the limits of a
+    planner cover it.
+
+    Raises QueryError, CriterionError or UnknownName for what makes no sense.
+    """
+
+    world: World
+    model: Model
+    start: tuple[float, ...]
+    goal: Values | Goal
+    criteria: tuple[Criterion, ...]
+    quanta: Mapping[str, float]
+    horizon: float | None
+    notes: tuple[str, ...] = field(init=False)
+    read_seconds: float = field(default=0.0, init=False)
+    read_memory: int = field(default=0, init=False)
+
+    def __init__(
+        self,
+        world: World,
+        model: Model,
+        start: StateSpec,
+        goal: GoalSpec,
+        criteria: Sequence[CriterionSpec],
+        *,
+        quanta: Mapping[str, float] | None = None,
+        horizon: float | None = None,
+    ) -> None:
+        if not isinstance(world, World):
+            raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {shown(world)}")
+        if isinstance(model, type) or not isinstance(model, Model):
+            raise ModelError(
+                f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
+                f"{_lacks(model)}"
+            )
+        laws_of(completed(model, MODEL_DEFAULTS))
+        if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
+            raise CriterionError(f"criteria is a list such as ['turns', 'length'], got {shown(criteria)}")
+        made = tuple(make_criterion(spec) for spec in criteria)
+        repeated = sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1})
+        if repeated:
+            raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
+        if horizon is not None:
+            horizon = float(real("horizon", horizon, LEAST, MOST, "a time in s", error=QueryError))
+        people, notes = bounded(world, horizon)
+        world = with_people(world, people)
+        for criterion in made:
+            check_usable(criterion, model, world)
+        _check_stand_ins(made)
+        made = with_quanta(made, quanta)
+        begin = model.space.state(start, what="start")
+        world, touching = left(world, model, begin)
+        object.__setattr__(self, "world", world)
+        object.__setattr__(self, "horizon", horizon)
+        unseen = notes_on_landmarks(world, model, begin, made)
+        object.__setattr__(self, "notes", (*notes, *touching, *unseen))
+        object.__setattr__(self, "model", model)
+        object.__setattr__(self, "start", model.space.values(begin))
+        object.__setattr__(self, "goal", checked_goal(goal, model.space))
+        if absent := sorted(self.target.requires - model.provides):
+            raise QueryError(f"the goal {self.goal} requires {', '.join(absent)}, which the model does not have")
+        object.__setattr__(self, "criteria", made)
+        object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
+
+    def __repr__(self) -> str:
+        names = ", ".join(criterion.name for criterion in self.criteria)
+        of = f"{names} of {type(self.model).__name__}"
+        return f"<Problem: {of} from {GoalSet((self.start,))} to {self.target} in {self.world!r}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: a table, and a map where :mod:`hpop.view` is imported."""
+        criteria = (f"{c.name} ({c.unit})" if c.unit != "1" else c.name for c in self.criteria)
+        facts = {"criteria": ", ".join(criteria), "robot": repr(self.model), "world": repr(self.world)}
+        facts |= {"start": str(GoalSet((self.start,))), "goal": str(self.target)}
+        return facts_html(list(facts.items())) + picture_html(self)
+
+    @property
+    def target(self) -> Goal:
+        """The goal as states of which any will do, also where it is one."""
+        return cast(Goal, GoalSet((self.goal,))) if isinstance(self.goal, tuple) else self.goal
+
+    @property
+    def goals(self) -> tuple[Values, ...]:
+        """The states of which any will do, angles that are free None; QueryError where the goal is no list of them."""
+        if self.target.listed:
+            return self.target.listed
+        raise QueryError(f"this needs a goal that is a state, or a list of states, got {shown(self.goal)}")
+
+    def solve(
+        self,
+        planner: PlannerSpec | Sequence[PlannerSpec] = "lattice",
+        *,
+        progress: ProgressCallback | bool | None = None,
+        executor: Executor | None = None,
+        **options: Any,
+    ) -> Front:
+        """The front of what one planner, or several together, find.
+
+        Parameters
+        ----------
+        planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
+        progress : True shows a line on the terminal; a function is called now and then with a
+            :class:`hpop.runtime.status.Progress`. The logger "hpop" hears of stages (DEBUG), and what each planner
+            found (INFO)
+        executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
+        """
+        several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
+        if not several:
+            raise OptionError("give at least one planner, such as 'lattice'")
+        with followed(progress) as tell:
+            *_, front = self.fronts(several, progress=tell, executor=executor, **options)
+        return front
+
+    def fronts(
+        self,
+        planners: Iterable[PlannerSpec],
+        *,
+        progress: ProgressCallback | None = None,
+        executor: Executor | None = None,
+        stage: StageCallback | None = None,
+        **options: Any,
+    ) -> Iterator[Front]:
+        """The front after each planner in turn: all found so far, so that nothing is lost if a later one fails.
+
+        After an interruption (Ctrl-C) the planners that remain are not run.
+
+        Parameters
+        ----------
+        stage : called with the front so far after each stage of a planner but its last
+            (:meth:`hpop.planners.base.Planner.stages`); the front that follows has nothing worse. After an interruption
+            that leaves many points also with some of them, before all are re-evaluated: a second one then ends at once
+        """
+        return solving.fronts(self, planners, options, progress=progress, executor=executor, stage=stage)
+
+    def front(self, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
+        """Re-evaluate candidates by the criteria and keep the non-dominated ones; see :func:`.solving.front`."""
+        return solving.front(self, candidates, progress)
+
+    def keeping(self, margin: float) -> Problem:
+        """The same question of a robot that keeps a margin, m, from people who stand; itself where nobody stands."""
+        if not margin or not self.world.content.bodies:
+            return self
+        return replace(self, world=self.world.keeping(margin))
+
+    def at(self, state: StateSpec, t: float) -> Problem:
+        """The same question asked from elsewhere and later: from a state, ``t`` seconds from now.
+
+        People who move are where they are predicted to be by then, and go on as predicted now; all else stays.
+        """
+        t = real("t", t, 0, MOST, "a time in s", error=QueryError)
+        world = with_people(self.world, tuple(person.later(t) for person in self.world.content.people))
+        return replace(self, world=world, start=cast(tuple[float, ...], state))  # checked there
+
+    @overload
+    def evaluate(self, of: Trajectory, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float]: ...
+
+    @overload
+    def evaluate(self, of: Front, *, also: Sequence[CriterionSpec] = ()) -> Front: ...
+
+    def evaluate(self, of: Trajectory | Front, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float] | Front:
+        """Cost of a trajectory in each criterion, by name; or a front with further criteria, without planning anew.
+
+        Of a front, which must answer this problem (any start and goal), what ``also`` names is evaluated on its
+        trajectories and becomes further reported columns. They are not optimised, and the certificate says so: other
+        trajectories may be better in them. Saved with the front they are re-evaluated by ``hpop show`` as all costs.
+
+        Parameters
+        ----------
+        also : further criteria, in the forms of a problem's own: ``["sickness", {"obstruction": {"radius": 1.0}}]``
+
+        Raises CriterionError for what the robot or the world does not have, or a name with other parameters than the
+        front's column; QueryError for the front of another problem.
+        """
+        if isinstance(of, Front):
+            return further.evaluated(self, of, also)
+        criteria = [*self.criteria, *further.made(self, also, self.criteria)]
+        values = trajectory_costs(criteria, [_checked_trajectory(of)], self.world)[0]
+        return dict(zip((c.name for c in criteria), values.tolist(), strict=True))
+
+    def trace(self, trajectory: Trajectory) -> Trace:
+        """Each criterion's rate and running value along a trajectory; see :class:`hpop.problems.trace.Trace`."""
+        return trace(self.criteria, _checked_trajectory(trajectory), self.world)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able description from which :meth:`from_description` builds the same problem."""
+        return {
+            "world": self.world.describe(),
+            "model": self.model.describe(),
+            "start": list(self.start),
+            "goal": self.target.describe(),
+            "criteria": [describe_criterion(criterion) for criterion in self.criteria],
+            **({"quanta": dict(self.quanta)} if self.quanta else {}),
+            **({} if self.horizon is None else {"horizon": self.horizon}),
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Problem:
+        """Rebuild a problem; raises the error of the part that does not fit, QueryError when a part is missing."""
+        try:
+            world, model = description["world"], description["model"]
+            start, goal, criteria = description["start"], description["goal"], description["criteria"]
+        except (LookupError, TypeError) as error:
+            raise QueryError(f"not the description of a problem: {shown(error)} is missing") from None
+        try:
+            return cls(
+                World.from_description(world),
+                make_model(model),
+                start,
+                goal,
+                criteria,
+                quanta=description.get("quanta"),
+                horizon=description.get("horizon"),
+            )
+        except HpopError:
+            raise
+        except (TypeError, ValueError, AttributeError, LookupError, OverflowError) as error:
+            raise QueryError(f"not the description of a problem: {error}") from None
+
+
+def _lacks(model: Any) -> str:
+    """What lacks of a model of one's own; nothing of what is none at all."""
+    members = [name for name in vars(Model) if not name.startswith("_")]
+    absent = [name for name in members if not hasattr(model, name)]
+    if isinstance(model, type) or not 0 < len(absent) < len(members) - 1:
+        return ""
+    return f", which lacks {', '.join(absent)}; hpop.models.base.PlanarModel has what follows from parts and laws"
+
+
+def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
+    """A mean and the integral that stands in for it in graph searches may both be listed, if they agree."""
+    for mean in criteria:
+        integral = mean.integral or mean
+        for other in criteria:
+            if other.name == integral.name and other != integral:
+                raise CriterionError(
+                    f"{mean.name!r} is represented by {integral!r} in searches, but {other!r} is listed as well; "
+                    "give both the same parameters"
+                )
+
+
+def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
+    if not isinstance(trajectory, Trajectory):
+        raise QueryError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
+    return trajectory

@@ -1,0 +1,277 @@
+"""How a problem is solved: planners one after the other, their candidates re-evaluated, the fronts joined."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.registry import GROUPS
+from hpop.base.text import shown
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.quanta import stated
+from hpop.errors import NOTE, CriterionError, OptionError, QueryError
+from hpop.frontier.dominance import MAX_QUANTA
+from hpop.frontier.union import JOINT
+from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
+from hpop.planners.goals import check_goal
+from hpop.planners.in_time import evaluable_in_time
+from hpop.planners.needs import refuse_unsupported
+from hpop.planners.spending import Limited, Spending
+from hpop.problems.front import Front
+from hpop.problems.sight import notes_on_targets
+from hpop.runtime.following import log
+from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
+from hpop.search.machinery.checkpoint import Checkpoint
+from hpop.trajectories.motion_table import MotionTable
+from hpop.world.files import by_names
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+StageCallback = Callable[[Front], None]
+GRACE, MOST_GRACE = 0.03, 0.3  # of a time limit, and s, by which the evaluation of what was found may pass it
+SOME = 4_000  # points that are made, re-evaluated and saved within half a second
+SOME_WITH_MEMORY = 40  # where criteria look at each trajectory by itself, which takes some 8 ms each
+
+
+@checked_arguments
+def fronts(
+    problem: Problem,
+    planners: Iterable[PlannerSpec],
+    options: Mapping[str, Any],
+    *,
+    progress: ProgressCallback | None = None,
+    executor: Executor | None = None,
+    stage: StageCallback | None = None,
+) -> Iterator[Front]:
+    """The front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
+    made = [make_planner(planner, options) for planner in planners]
+    _check_joinable(made)
+    _check_checkpoints(made)
+    for planner in made:
+        refuse_unsupported(planner, problem.model)
+        check_goal(problem, planner)
+    before: Front | None = None
+    for planner in made:
+        spending = _spending(problem, planner)
+        stages: Candidates | None = None
+        last: Candidates | None = None
+        try:
+            for now in _stages(problem, planner, progress, executor):
+                stages = stages if last is None else joined(stages, last)
+                last = replace(now, stats={"planner": planner.name, **now.stats})
+                if stage is not None and now.status is Status.UNFINISHED:
+                    candidates = joined(stages, last)
+                    if len(candidates.trajectories):
+                        with spending.paused():
+                            stage(_union(before, front(problem, candidates)))
+        except KeyboardInterrupt:
+            if last is not None:
+                last = replace(last, status=Status.INTERRUPTED)
+            elif before is not None:
+                yield replace(before, status=f"{before.status}{JOINT}{Status.INTERRUPTED}")
+                return
+            else:
+                raise
+        assert last is not None  # a planner has at least one stage
+        save = partial(_save_some, problem, before, stages, stage)
+        last = evaluable_in_time(last, partial(_until_limit, spending), partial(front, problem))
+        before = _union(before, _evaluated(problem, stages, last, save, progress))
+        log.info("%s: %s found, front of %d, %s", planner.name, len(last.trajectories), len(before), last.status)
+        yield before
+        if Status.INTERRUPTED in before.status:
+            return
+
+
+def last_answer(problem: Problem, planner: Planner) -> Front:
+    """Return the front of a planner's last answer, without the stages before it.
+
+    Raises as :meth:`hpop.Problem.solve` does.
+    """
+    refuse_unsupported(planner, problem.model)
+    check_goal(problem, planner)
+    spending = _spending(problem, planner)
+    try:
+        found = planner.solve(problem)
+    except QueryError as error:
+        _note_map(error, problem)
+        raise
+    found = replace(found, stats={"planner": planner.name, **found.stats})
+    return front(problem, evaluable_in_time(found, partial(_until_limit, spending), partial(front, problem)))
+
+
+def front(problem: Problem, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
+    """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; of many, say how far that is.
+
+    Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the planner
+    added up by more than the planner's tolerance, the certificate says so: that is a bug.
+    """
+    objectives = (*candidates.objectives, *candidates.filters)
+    means = [c for c in problem.criteria if c not in objectives]
+    trajectories = candidates.trajectories
+    several: dict[str, Any] = {}
+    if len(trajectories) > 1:
+        several["table"] = MotionTable.of(trajectories)
+        if progress is not None:
+            several["say"] = lambda done: progress(Progress("evaluation", detail=done))
+    costs, reported = (trajectory_costs(some, trajectories, problem.world, **several) for some in (objectives, means))
+    for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
+        if most > MAX_QUANTA * criterion.quantum:
+            raise CriterionError(
+                f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, more quanta of "
+                f"{criterion.quantum:g} than a double tells apart; take a coarser quantum, or shorter motions"
+            )
+    optimised = costs[:, : len(candidates.objectives)]
+    off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
+    certificate = candidates.certificate + stated(objectives, problem.quanta)
+    if off.any():
+        names = [objectives[j].name for j in np.flatnonzero(off.any(axis=0))]
+        certificate = f"NOT VALID: planned and re-evaluated {', '.join(names)} differ, please report ({certificate})"
+    notes = [
+        *candidates.notes,
+        *_empty_groups(problem.criteria),
+        *problem.model.notes,
+        *problem.notes,
+        *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
+    ]
+    return Front.of(
+        costs,
+        trajectories,
+        names=[c.name for c in objectives],
+        units=[c.unit for c in objectives],
+        quanta=[c.quantum for c in objectives],
+        groups=[c.group for c in objectives],
+        reported=reported,
+        reported_names=[c.name for c in means],
+        reported_units=[c.unit for c in means],
+        status=str(candidates.status),
+        certificate=certificate,
+        provenance=candidates.provenance,
+        problem=problem.describe(),
+        runs=[
+            {
+                "notes": [by_names(note) for note in notes],
+                "evaluated": [c.name for c in candidates.filters],
+                **candidates.stats,
+            }
+        ],
+    )
+
+
+def _spending(problem: Problem, planner: Planner) -> Spending:
+    """Return the time that a planner may spend, on what it finds as well.
+
+    Reading the map is part of it for a planner that says what it may spend on that.
+    """
+    if isinstance(planner, Limited):
+        return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
+    return Spending(Budget(planner.time_limit))
+
+
+def _until_limit(spending: Spending) -> float | None:
+    """Return the seconds until the limit, and a part of those by which it may be passed: none is worth few points."""
+    limit, until = spending.budget.time_limit, spending.until_limit()
+    return None if limit is None or until is None else until + min(GRACE * limit, MOST_GRACE)
+
+
+def _stages(
+    problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
+) -> Iterator[Candidates]:
+    """What a planner finds, in stages; where an end cannot be used, the map's notes may say why."""
+    try:
+        yield from stages_of(planner, problem, progress, executor)
+    except QueryError as error:
+        _note_map(error, problem)
+        raise
+
+
+def _note_map(error: QueryError, problem: Problem) -> None:
+    """Add the map's notes, which may say why an end cannot be used."""
+    for note in problem.world.notes:
+        error.add_note(f"{NOTE}{note}")
+
+
+def _evaluated(
+    problem: Problem,
+    stages: Candidates | None,
+    last: Candidates,
+    save: Callable[[Candidates], bool],
+    progress: ProgressCallback | None,
+) -> Front:
+    """The front of a planner's last answer and its stages; what was found is worth the time of a first Ctrl-C."""
+    if progress:
+        progress(Progress("evaluation"))
+    is_some_saved = save(last)
+    try:
+        return front(problem, joined(stages, last), progress)
+    except KeyboardInterrupt:
+        if is_some_saved:
+            raise
+    last = replace(last, status=Status.INTERRUPTED)
+    save(last)
+    return front(problem, joined(stages, last), progress)
+
+
+def _save_some(
+    problem: Problem, before: Front | None, stages: Candidates | None, stage: StageCallback | None, last: Candidates
+) -> bool:
+    """Hand over some of many points that an interrupted planner found; whether there were so many."""
+    number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
+    if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
+        return False
+    some = last.spread(number)
+    said = f"; {len(some.trajectories):,} of the {len(last.trajectories):,} points, before the others are re-evaluated"
+    some = replace(some, certificate=f"{some.certificate}{said}")
+    stage(_union(before, front(problem, joined(stages, some))))
+    return True
+
+
+def _union(before: Front | None, found: Front) -> Front:
+    """The front of what was found before and now."""
+    return found if before is None else before | found
+
+
+def _check_joinable(planners: Iterable[Planner]) -> None:
+    """Raise OptionError where some planners minimise a mean and others its integral."""
+    if len({planner.max_detour is not None for planner in planners}) > 1:
+        raise OptionError(
+            "a planner with max_detour minimises a mean itself, the others its integral: their fronts cannot be "
+            "joined. Give max_detour to all planners or to none, or plan them one at a time"
+        )
+
+
+def _check_checkpoints(planners: Iterable[Planner]) -> None:
+    """Raise OptionError where two searches would be kept in one file: each would find the other one's there."""
+    kept: dict[str, str] = {}
+    for planner in planners:
+        for name, checkpoint in _checkpoints(planner):
+            file = os.path.realpath(checkpoint.path)
+            if file in kept:
+                raise OptionError(
+                    f"{kept[file]} and {name} would keep their searches in one checkpoint, "
+                    f"{shown(os.fspath(checkpoint.path))}; give each a file of its own among its options, or plan them "
+                    "one at a time"
+                )
+            kept[file] = name
+
+
+def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
+    """Yield the checkpoints of a planner and of the planner that gives its warm start, with their names."""
+    warm = planner.warm_start
+    searches = [(planner.name, planner.checkpoint)]
+    for name, options in warm.items() if isinstance(warm, Mapping) else ():
+        searches.append((str(name), options.get("checkpoint") if isinstance(options, Mapping) else None))
+    yield from ((name, Checkpoint.of(file)) for name, file in searches if file is not None)
+
+
+def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
+    """A note on the groups that no criterion is of: they exist so that nobody forgets an aspect."""
+    empty = [f"{name} ({group})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
+    return [f"groups without a criterion: {', '.join(empty)}"] if empty else []

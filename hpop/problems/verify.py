@@ -1,0 +1,242 @@
+"""Is a front what it claims? Costs re-evaluated, ends compared, collisions checked in space by python-fcl."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import MOST
+from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.models.execution import needed_about
+from hpop.motions import Motions, States, free_along
+from hpop.motions.space import Values
+from hpop.planners.judgement import on_map
+from hpop.problems.front import Front
+from hpop.problems.further import claimable, criteria_of
+from hpop.problems.problem import Problem
+from hpop.trajectories.contacts import contact
+from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world.yielding import with_stops
+
+SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
+CLOSE = 1e-5  # m or rad: two states written in decimals are the same
+HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
+SPOKEN = 100  # trajectories between two reports, where each is looked at by itself
+TOGETHER = 2**10  # motions that are looked at between two reports
+MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
+
+
+def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None = None) -> list[str]:
+    """Faults of a front of this problem, in words; none if it holds what it claims.
+
+    Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
+    than 5 cm or 3 degrees, the ends from the problem; people who move are looked for every hundredth of a second
+    (:mod:`.contacts`), about the plan and about what is executed of it. What trajectories share is checked once. Fronts
+    of earlier versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"):
+    no more than half a diagonal of a "step" is believed.
+
+    Parameters
+    ----------
+    say : called now and then with what is being checked and how far that is
+    """
+    if not len(front):
+        return [*_declared_faults(problem, front)]
+    table = MotionTable.of(front.trajectories)
+    if lost := _lost(problem, table):
+        return lost
+    faults = [*_declared_faults(problem, front), *_cost_faults(problem, front, table, say)]
+    for i in np.flatnonzero(_suspects(problem, table)).tolist():
+        trajectory = front.trajectories[i]
+        faults += [
+            f"trajectory {i} {fault}"
+            for fault in (
+                *_end_faults(problem, trajectory, _offset(front.provenance[i])),
+                *problem.model.faults(trajectory),
+            )
+        ]
+    faults += [f"trajectory {i} collides" for i in np.flatnonzero(~_free(problem, table, say))]
+    return [*faults, *_contacts(problem, front, say)]
+
+
+def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None) -> Iterator[str]:
+    """Contact with people who move, and what is nearer to them than the planner says that it keeps."""
+    people = problem.world.content.people
+    left = problem.world.content.left
+    if not left and not any(person.moves for person in people):
+        return
+    for i, trajectory in enumerate(front.trajectories):
+        if say is not None and i % SPOKEN == 0:
+            say(f"people who move about {i:,} of {len(front):,} trajectories")
+        margin = front.provenance[i].get("margin")
+        kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
+        parts = problem.model.platform
+        people = with_stops(
+            problem.world.content.people,
+            _numbers(front.provenance[i].get("people_who_stop")),
+            (float(trajectory.states.x[0]), float(trajectory.states.y[0])),
+            needed_about(problem.model, kept),
+        )
+        if fault := contact(parts, people, trajectory, kept, left):
+            yield f"trajectory {i} {fault}"
+        done = trajectory.execution()
+        if done is not trajectory and (fault := contact(parts, people, done, kept, left)):
+            yield f"trajectory {i}, as it is executed, {fault}"
+
+
+def _numbers(given: Any) -> list[int]:
+    """Return the numbers of people that a provenance names; none where it names something else."""
+    return [number for number in given if isinstance(number, int)] if isinstance(given, list) else []
+
+
+def lost_trajectories(problem: Problem, front: Front) -> list[str]:
+    """The trajectories that leave the map, where nothing of them can be evaluated, or turn without end."""
+    return _lost(problem, MotionTable.of(front.trajectories)) if len(front) else []
+
+
+def _lost(problem: Problem, table: MotionTable) -> list[str]:
+    """The same of a table; states that trajectories share are looked at once."""
+    lost = ~on_map(problem, table.states)
+    for name in problem.model.space.turning:
+        lost |= ~(np.abs(getattr(table.states, name)) <= MOST_TURNED)
+    return [f"trajectory {i} leaves the map" for i in np.flatnonzero(table.through(lost)).tolist()]
+
+
+def _known(problem: Problem, front: Front) -> dict[str, Criterion]:
+    """Criteria whose costs this front may hold: what was evaluated beside, and above all those of its problem."""
+    return {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
+
+
+def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
+    """Criteria that are not the problem's, or are said to be what they are not."""
+    every = _known(problem, front)
+    names = [*front.names, *front.reported_names]
+    unknown = [name for name in names if name not in every]
+    if unknown:
+        yield f"costs of {', '.join(unknown)} are saved, which the problem does not ask for"
+    lacking = [c.name for c in problem.criteria if c.name not in names]
+    if lacking:
+        yield f"costs of {', '.join(lacking)} are not saved, which the problem asks for"
+    for name, unit in zip(names, [*front.units, *front.reported_units], strict=True):
+        if name in every and unit != every[name].unit:
+            yield f"{name} is saved in {unit!r}, but its unit is {every[name].unit!r}"
+    for name, group, quantum in zip(front.names, front.groups, front.quanta.tolist(), strict=True):
+        if name in every and (group, quantum) != (every[name].group, every[name].quantum):
+            yield (
+                f"{name} is saved with group {group!r} and quantum {quantum}, but has {every[name].group!r} and "
+                f"{every[name].quantum}"
+            )
+
+
+def _cost_faults(
+    problem: Problem, front: Front, table: MotionTable, say: Callable[[str], None] | None
+) -> Iterator[str]:
+    every = _known(problem, front)
+    names = [*front.names, *front.reported_names]
+    known = [j for j, name in enumerate(names) if name in every]
+    criteria = [every[names[j]] for j in known]
+    again = trajectory_costs(criteria, front.trajectories, problem.world, table=table, say=say)
+    saved: FloatArray = np.hstack([front.costs, front.reported])[:, known]
+    wrong = np.abs(again - saved) > SAME * np.maximum(1.0, np.abs(saved))
+    for i, j in np.argwhere(wrong):
+        yield f"trajectory {i}: {names[known[j]]} is saved as {saved[i, j]:.9g}, re-evaluated {again[i, j]:.9g}"
+
+
+def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
+    """Trajectories (n,) to look at one by one: ends that are not the problem's, motions that the model doubts."""
+    first, last = table.states.take(table.first), table.states.take(table.last)
+    suspects = ~_Miss.of(problem, problem.start, first).none
+    if problem.target.listed:
+        suspects |= ~np.any([_Miss.of(problem, goal, last).none for goal in problem.goals], axis=0)
+    else:
+        suspects |= ~problem.target.reached(problem.model, last)
+    doubtful = np.zeros(len(table), dtype=bool)
+    for index, law, start, end in table.by_law():
+        doubtful[index] = problem.model.doubtful(law, start, end)
+    found: BoolArray = suspects | table.having(doubtful)
+    return found
+
+
+class _Miss(NamedTuple):
+    """By how much states (M,) miss an end.
+
+    distance  m    in the columns that are lengths
+    others    rad  in each of the others; nothing where the end leaves it free
+    """
+
+    distance: FloatArray
+    others: dict[str, FloatArray]
+
+    @classmethod
+    def of(cls, problem: Problem, end: Values, states: States) -> _Miss:
+        """The miss of an end of the problem."""
+        space = problem.model.space
+        differences = space.differences(space.state(end, free=space.angles), states)
+        off = {name: np.nan_to_num(np.abs(change)) for name, change in differences.items()}
+        lengths = [off.pop(name) for name, unit in zip(space.names, space.units, strict=True) if unit == "m"]
+        return cls(np.sqrt(sum((length**2 for length in lengths), np.zeros(states.size))), off)
+
+    @property
+    def most(self) -> float:
+        """The largest of the others."""
+        return max((float(off.max(initial=0.0)) for off in self.others.values()), default=0.0)
+
+    @property
+    def none(self) -> BoolArray:
+        """Whether each state (M,) is at the end."""
+        close = self.distance <= CLOSE
+        for off in self.others.values():
+            close &= off <= HEADING_CLOSE
+        return close
+
+
+def _offset(provenance: Mapping[str, Any]) -> float:
+    """How far from the goal the planner says that it ended, m, within what its step allows."""
+    offset, step = (provenance.get(key) for key in ("goal_offset", "step"))
+    if not (isinstance(offset, int | float) and isinstance(step, int | float) and max(abs(offset), abs(step)) <= MOST):
+        return 0.0
+    return min(float(offset), abs(step) / math.sqrt(2.0))
+
+
+def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iterator[str]:
+    first, last = (trajectory.states.take([row]) for row in (0, -1))
+    if not _Miss.of(problem, problem.start, first).none.all():
+        yield "does not begin at the start"
+    if not problem.target.listed:
+        if not problem.target.reached(problem.model, last).all():
+            yield "does not end at the goal"
+        return
+    misses = (_Miss.of(problem, goal, last) for goal in problem.goals)
+    nearest = min(misses, key=lambda miss: (bool(miss.distance[0] > offset + CLOSE), miss.most, miss.distance[0]))
+    if nearest.distance[0] > offset + CLOSE:
+        yield f"ends {nearest.distance[0]:.3f} m from the goal"
+    for name, off in nearest.others.items():
+        if off[0] > HEADING_CLOSE:
+            yield f"does not end with the goal's {'heading' if name == 'yaw' else name}"
+
+
+def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
+    """Whether each trajectory (n,) is free at densely sampled states; motions that many share are checked once."""
+    return _free(problem, MotionTable.of(trajectories)) if trajectories else np.ones(0, dtype=bool)
+
+
+def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | None = None) -> BoolArray:
+    """Whether each trajectory (n,) of a table is free."""
+    judge = problem.model.judge(problem.world)
+    colliding = np.zeros(len(table), dtype=bool)
+    done = 0
+    for block, law, start, end in table.by_law():
+        for part in (slice(i, i + TOGETHER) for i in range(0, block.size, TOGETHER)):
+            if say is not None:
+                say(f"collisions of {done:,} of {len(table):,} motions")
+            motions = Motions(problem.world, problem.model, law, start.take(part), end.take(part))
+            colliding[block[part]] = ~free_along(judge, motions)
+            done += len(motions)
+    begins, which = np.unique(table.first, return_inverse=True)  # of those that go nowhere as well
+    free = judge.states_free(table.states.take(begins))
+    result: BoolArray = free[which] & ~table.having(colliding)
+    return result

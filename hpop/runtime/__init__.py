@@ -1,0 +1,1 @@
+"""Processes and limits: compiled kernels, workers, interrupts, budgets, status and the server of pages."""

@@ -1,0 +1,123 @@
+"""How a search ended, what it may spend, and what it tells while it runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from hpop.base.options import MOST_COUNTED, real
+from hpop.base.scalars import set_python_values
+
+LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # by the unit of each
+NO_LIMIT = "leave it out for no limit"
+
+
+class Status(StrEnum):
+    """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing.
+
+    POINT_LIMIT is ``max_points`` of a planner, RUN_LIMIT that none of its runs arrived. UNFINISHED is what is found
+    while the search still goes on: the stages of a planner before its last.
+    """
+
+    COMPLETE = "complete"
+    NO_PATH = "no path"
+    TIME_LIMIT = "time limit"
+    LABEL_LIMIT = "label limit"
+    MEMORY_LIMIT = "memory limit"
+    POINT_LIMIT = "point limit"
+    RUN_LIMIT = "run limit"
+    INTERRUPTED = "interrupted"
+    UNFINISHED = "unfinished"
+
+    @property
+    def is_final(self) -> bool:
+        """True when the search ran to its end, so that the result is all there is."""
+        return self in (Status.COMPLETE, Status.NO_PATH)
+
+
+def why_none(notes: Iterable[str]) -> str | None:
+    """The note that says why there is no path, which begins with these words; None where none does."""
+    return next((note for note in notes if note.startswith(Status.NO_PATH)), None)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What a planner or a search may spend; None is no bound.
+
+    time_limit  s      wall-clock time, kernels already compiled: of a planner to read the map, build its graph and
+                       search, of a search alone from when it begins
+    max_labels  count  labels generated (partial paths kept in memory)
+    max_memory  bytes  memory of the map that is read, of the fields that a planner makes, of its graph and its search
+    """
+
+    time_limit: float | None = None
+    max_labels: int | None = None
+    max_memory: int | None = None
+
+    def __post_init__(self) -> None:
+        set_python_values(self)
+        for name, least in (("time_limit", 1e-9), ("max_labels", 1), ("max_memory", 1)):
+            if (value := getattr(self, name)) is not None:
+                real(name, value, least, MOST_COUNTED, f"a positive number, in {LIMITS[name]},", hint=NO_LIMIT)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a running search reports now and then.
+
+    stage      what is being done, in words ("compiling", "bounds", "search")
+    labels     count  labels generated so far
+    open       count  labels still waiting
+    front      count  solutions found so far
+    memory     bytes  allocated by the search so far
+    seconds    s      since the search began
+    detail     what of the stage, and how far it is, in words
+    """
+
+    stage: str
+    labels: int = 0
+    open: int = 0
+    front: int = 0
+    memory: int = 0
+    seconds: float = 0.0
+    detail: str = ""
+
+
+ProgressCallback = Callable[[Progress], None]
+RESERVED = 0.1  # of a time limit that reading, building and searching leave to the evaluation of what they find
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Clock of a planner of many jobs. Jobs end a little before the limit, for the evaluation of what they find.
+
+    stage       what is being done, in words
+    time_limit  s, or None
+    began       s, on the clock of :func:`time.perf_counter`
+    """
+
+    stage: str
+    time_limit: float | None = None
+    progress: ProgressCallback | None = None
+    began: float = field(default_factory=lambda: time.perf_counter())
+
+    @property
+    def seconds(self) -> float:
+        """Since planning began."""
+        return time.perf_counter() - self.began
+
+    @property
+    def left(self) -> float | None:
+        """Seconds that are left for jobs, negative once they are over; None without a limit."""
+        return None if self.time_limit is None else (1.0 - RESERVED) * self.time_limit - self.seconds
+
+    def is_late(self) -> bool:
+        """Return whether the time for jobs is over."""
+        return self.left is not None and self.left < 0.0
+
+    def report(self, done: int, left: int, found: int) -> None:
+        """Say how many jobs are done, how many are left and what they found."""
+        if self.progress is not None:
+            self.progress(Progress(self.stage, done, left, found, seconds=self.seconds))

@@ -1,0 +1,314 @@
+"""The distinct motions of many trajectories: what a large front shares is kept, evaluated and checked once.
+
+Trajectories of one front go mostly through the same states: of five million motions on a lattice some ten thousand
+differ. States are the same if their numbers are, bit for bit.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain, count
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.errors import ModelError
+from hpop.frontier.columns import Kinds, numbers, parts, places
+from hpop.motions import Law, Model, Motions, States, is_curve, laws_of
+from hpop.motions.possible import extras, refuse_impossible
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+BLOCK = 2**16  # motions in a batch, so that what is evaluated along them takes bounded memory
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionTable:
+    """Trajectories of one model as a table of the states and motions that they share.
+
+    model    the system that moves
+    states   (S,) columns: distinct states, NaN where a column is one that no motion there needs
+    laws     names of the motions' laws
+    law      (M,) of each distinct motion, as its place in ``laws``
+    start    (M,) state in which each motion begins
+    end      (M,) state in which each motion ends
+    first    (n,) state in which each trajectory begins
+    counts   (n,) motions of each trajectory
+    motions  (N,) all motions, one trajectory after another, in time order
+    punctual (n,) whether the execution of each trajectory keeps to its times
+    """
+
+    model: Model
+    states: States
+    laws: tuple[str, ...]
+    law: IntArray
+    start: IntArray
+    end: IntArray
+    first: IntArray
+    counts: IntArray
+    motions: IntArray
+    punctual: BoolArray
+
+    @classmethod
+    def of(cls, trajectories: Sequence[Trajectory]) -> MotionTable:
+        """The table of one trajectory or more."""
+        several = [t.states for t in trajectories]
+        names = dict.fromkeys(name for states in several for name in states.names)
+        counts = np.array([len(t.kinds) for t in trajectories], dtype=np.int64)
+        columns = {name: np.concatenate([_column(states, name) for states in several]) for name in names}
+        rows, place = _distinct(list(columns.values()))
+        begins = np.cumsum(counts) - counts + np.arange(counts.size)  # each has a state more than motions
+        tails = np.delete(np.arange(place.size), begins + counts)
+        vocabulary: dict[str, int] = defaultdict(count().__next__)
+        codes = map(vocabulary.__getitem__, chain.from_iterable(t.kinds for t in trajectories))
+        law = np.fromiter(codes, np.int64, tails.size)
+        own, motions = _distinct([law, place[tails], place[tails + 1]])
+        return cls(
+            model=trajectories[0].model,
+            states=States(**{name: column[rows] for name, column in columns.items()}),
+            laws=tuple(vocabulary),
+            law=law[own],
+            start=place[tails][own],
+            end=place[tails + 1][own],
+            first=place[begins],
+            counts=counts,
+            motions=motions,
+            punctual=np.array([t.punctual for t in trajectories], dtype=bool),
+        )
+
+    def __len__(self) -> int:
+        return self.law.size
+
+    def __repr__(self) -> str:
+        return (
+            f"<MotionTable: {self.counts.size} trajectories of {len(self)} motions between {self.states.size} states>"
+        )
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """The trajectory (N,) that each of the motions belongs to."""
+        return np.repeat(np.arange(self.counts.size), self.counts)
+
+    @cached_property
+    def last(self) -> IntArray:
+        """State (n,) in which each trajectory ends."""
+        ends = np.cumsum(self.counts) - 1
+        moves = self.counts > 0
+        last = self.first.copy()
+        last[moves] = self.end[self.motions[ends[moves]]]
+        return last
+
+    @cached_property
+    def curved(self) -> BoolArray:
+        """Which motions (M,) go along curves, so that what they are depends on their neighbours."""
+        laws = laws_of(self.model)
+        return np.array([is_curve(laws[name]) for name in self.laws], dtype=bool)[self.law]
+
+    @cached_property
+    def timed(self) -> BoolArray:
+        """Which motions (M,) need states beside the model's own, as holds and curves do."""
+        return np.array([bool(extras(self.model, (name,))) for name in self.laws], dtype=bool)[self.law]
+
+    def having(self, motions: BoolArray) -> BoolArray:
+        """Which trajectories (n,) have one of some motions (M,)."""
+        return np.bincount(self.owner[motions[self.motions]], minlength=self.counts.size) > 0
+
+    def through(self, states: BoolArray) -> BoolArray:
+        """Which trajectories (n,) pass one of some states (S,)."""
+        return states[self.first] | self.having(states[self.end])
+
+    def sums(self, each: FloatArray) -> FloatArray:
+        """Sum (n,) of a value of each distinct motion (M,) over each trajectory, law by law."""
+        total = np.zeros(self.counts.size)
+        for i in range(len(self.laws)):
+            of_law = self._of_law(i)
+            total += np.bincount(self.owner[of_law], each[self.motions[of_law]], minlength=total.size)
+        return total
+
+    def maxima(self, each: FloatArray) -> FloatArray:
+        """Largest value (n,) of a motion (M,) of each trajectory; 0 without motions, NaN with one that is NaN."""
+        most = np.zeros(self.counts.size)
+        with np.errstate(invalid="ignore"):
+            np.maximum.at(most, self.owner, each[self.motions])
+        return most
+
+    def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
+        """The distinct motions (M,) of each law in turn, in batches of bounded size; without time or neighbours."""
+        for index, law, start, end in self.by_law():
+            yield index, Motions(world, self.model, law, start, end)
+
+    def by_law(self) -> Iterator[tuple[IntArray, Law, States, States]]:
+        """The distinct motions of each law, in blocks, with the states in which they begin and end."""
+        for i, kind in enumerate(self.laws):
+            of_law, names = np.flatnonzero(self.law == i), (*self.model.space.names, *extras(self.model, (kind,)))
+            for block in (of_law[begin : begin + BLOCK] for begin in range(0, of_law.size, BLOCK)):
+                start, end = (
+                    States(**{name: getattr(self.states, name)[at[block]] for name in names})
+                    for at in (self.start, self.end)
+                )
+                yield block, laws_of(self.model)[kind], start, end
+
+    def trajectories(self) -> tuple[Trajectory, ...]:
+        """The trajectories; columns of those without curves and holds are views of common ones.
+
+        Raises ModelError where a motion is none of its law.
+        """
+        for index, law, start, end in self.by_law():
+            if not is_curve(law):
+                refuse_impossible(self.model, law, start, end, index)
+        begins = self._begins
+        place = np.empty(self.motions.size + self.counts.size, dtype=np.int64)
+        place[begins] = self.first
+        place[np.delete(np.arange(place.size), begins)] = self.end[self.motions]
+        columns = {name: getattr(self.states, name)[place] for name in self.states.names}
+        for column in columns.values():
+            column.setflags(write=False)
+        kinds = tuple(np.array(self.laws, dtype=object)[self.law[self.motions]].tolist())
+        plain, timed, several = self.model.space.names, self.having(self.timed).tolist(), []
+        punctual = self.punctual.tolist()
+        for i, (begin, number) in enumerate(zip(begins.tolist(), self.counts.tolist(), strict=True)):
+            own = kinds[begin - i : begin - i + number]
+            names = (*plain, *extras(self.model, own)) if timed[i] else plain
+            states = States(**{name: columns[name][begin : begin + number + 1] for name in names})
+            several.append((Trajectory if timed[i] else Trajectory.of_checked)(self.model, states, own, punctual[i]))
+        return tuple(several)
+
+    def describe(self) -> dict[str, Any]:
+        """What a saved front keeps of its trajectories: JSON-able, exact.
+
+        States and motions are tables of columns by name; ``start``, ``end`` and ``kind`` are places in these, and so
+        are the motions of each trajectory; ``punctual`` are the places of those that are, if any is.
+        """
+        ends = np.cumsum(self.counts)
+        motions = self.motions.tolist()
+        return {
+            "kinds": list(self.laws),
+            "states": {name: _with_gaps(getattr(self.states, name)) for name in self.states.names},
+            "motions": {"kind": self.law.tolist(), "start": self.start.tolist(), "end": self.end.tolist()},
+            "trajectories": {
+                "start": self.first.tolist(),
+                "motions": [motions[b:e] for b, e in zip((ends - self.counts).tolist(), ends.tolist(), strict=True)],
+                **({"punctual": np.flatnonzero(self.punctual).tolist()} if self.punctual.any() else {}),
+            },
+        }
+
+    @classmethod
+    def from_description(cls, model: Model, description: Mapping[str, Any]) -> MotionTable:
+        """The table that :meth:`describe` described; raises ModelError or ValueError for anything else."""
+        kinds, states, motions, several = parts(
+            description, "the items", {"kinds": list, "states": dict, "motions": dict, "trajectories": dict}
+        )
+        laws = laws_of(model)
+        if not all(isinstance(kind, str) and kind in laws for kind in kinds) or len(set(kinds)) != len(kinds):
+            raise ModelError(f"expected distinct motion laws of {sorted(laws)}, found {kinds!r:.80}")
+        names = (*model.space.names, *extras(model, kinds))
+        columns = dict(zip(names, parts(states, "states", dict.fromkeys(names, list)), strict=True))
+        law, start, end = parts(motions, "motions", {"kind": list, "start": list, "end": list})
+        keys: Kinds = {"start": list, "motions": list}
+        if "punctual" in several:
+            keys["punctual"] = list
+        first, own, *others = parts(several, "trajectories", keys)
+        if not set(map(type, own)) <= {list} or len(own) != len(first):
+            raise ModelError("expected a start and a list of motions for each trajectory, found others")
+        size, moves = len(columns[names[0]]), list(chain.from_iterable(own))
+        made = cls(
+            model=model,
+            states=States(
+                **{n: numbers(c, f"states.{n}", size, gaps=n not in model.space.names) for n, c in columns.items()}
+            ),
+            laws=tuple(kinds),
+            law=places(law, "motions.kind", len(law), len(kinds)),
+            start=places(start, "motions.start", len(law), size),
+            end=places(end, "motions.end", len(law), size),
+            first=places(first, "trajectories.start", len(first), size),
+            counts=np.array([len(each) for each in own], dtype=np.int64),
+            motions=places(moves, "trajectories.motions", len(moves), len(law)),
+            punctual=np.zeros(len(own), dtype=bool),
+        )
+        for column in others:
+            made.punctual[places(column, "trajectories.punctual", len(column), len(own))] = True
+        made._check_meeting()
+        return made
+
+    @cached_property
+    def _begins(self) -> IntArray:
+        """Place (n,) of the first state of each trajectory, were all their states written one after another."""
+        return np.cumsum(self.counts) - self.counts + np.arange(self.counts.size)
+
+    def _of_law(self, i: int) -> BoolArray:
+        """Which of all motions (N,) go by a law."""
+        of_law: BoolArray = self.law[self.motions] == i
+        return of_law
+
+    def _check_meeting(self) -> None:
+        """Each motion of a trajectory begins where the one before it ends."""
+        before = np.empty(self.motions.size, dtype=np.int64)
+        before[1:] = self.end[self.motions[:-1]]
+        moves = self.counts > 0
+        before[(np.cumsum(self.counts) - self.counts)[moves]] = self.first[moves]
+        apart = np.flatnonzero(before != self.start[self.motions])
+        if apart.size:
+            raise ModelError(
+                f"trajectory {self.owner[apart[0]]} jumps: its motion {self.motions[apart[0]]} does not begin in the "
+                "state in which the one before it ends"
+            )
+
+
+def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
+    """Rows of the table that differ in some bit, by first appearance: their places, and for each row which it is.
+
+    Each row looks into the slot of its hash, where the first of those that come there stands, and is that one if all
+    bits agree; the others take another hash. Few rows differ, so this takes a tenth of the time of sorting them. Hashes
+    are drawn anew each time, so that nobody can know rows that they do not tell apart.
+    """
+    bits = [np.ascontiguousarray(column).view(np.uint64) for column in columns]
+    size = bits[0].size
+    width = max(1, int(size).bit_length())
+    first = np.empty(size, dtype=np.int64)  # the row that each is
+    slots = np.empty(2**width, dtype=np.int64)
+    left = np.arange(size)
+    while left.size:
+        slot = _hashes(bits, width)
+        slots[slot[::-1]] = np.arange(left.size)[::-1]  # what is assigned last stays
+        same = slots[slot]
+        agrees = np.logical_and.reduce([column[same] == column for column in bits])
+        first[left[agrees]] = left[same[agrees]]
+        bits, left = [column[~agrees] for column in bits], left[~agrees]
+    rows = np.flatnonzero(first == np.arange(size))
+    rank = np.empty(size, dtype=np.int64)
+    rank[rows] = np.arange(rows.size)
+    return rows, rank[first]
+
+
+def _hashes(bits: Sequence[NDArray[np.uint64]], width: int) -> IntArray:
+    """A hash (N,) of so many bits of each row, by a key that is drawn."""
+    key = np.uint64(int.from_bytes(os.urandom(8)) | 1)
+    mixed = np.zeros(bits[0].size, dtype=np.uint64)
+    for column in bits:
+        mixed ^= column
+        mixed *= key
+        mixed ^= mixed >> np.uint64(32)
+    mixed *= key
+    return (mixed >> np.uint64(64 - width)).astype(np.int64)
+
+
+def _column(states: States, name: str) -> FloatArray:
+    """A column of some states; NaN if they have none of this name."""
+    column: FloatArray | None = states.__dict__.get(name)
+    return np.full(states.size, np.nan) if column is None else column
+
+
+def _with_gaps(column: FloatArray) -> list[float | None]:
+    """A column as JSON: null where there is no number."""
+    values: list[float | None] = column.tolist()
+    for i in np.flatnonzero(np.isnan(column)).tolist():
+        values[i] = None
+    return values

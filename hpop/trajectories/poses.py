@@ -1,0 +1,178 @@
+"""Where a body is along a trajectory, sampled evenly in time: what a ride shows, and what other programs are given."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray, frozen
+from hpop.base.options import LEAST, MOST, real
+from hpop.errors import OptionError
+from hpop.motions.body_table import check_body
+from hpop.motions.states import Pose, States, Vector
+from hpop.trajectories.trajectory import MOST_ROWS, Trajectory
+
+SLOWEST = 20.0  # Hz: at a lower rate yaw is looked at more often, so that no turn between two samples is lost
+NEXT = 0.01  # of a step: the last one is at least so long, and another may be longer by that
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Poses:
+    """A body at N times, in the world's frame: right-handed, x and y on the floor, z up (REP-103).
+
+    times        (N,)    s      from 0, strictly increasing also in whole ns; the last is the end of the trajectory
+    positions    (N, 3)  m      x, y, z
+    quaternions  (N, 4)  1      x, y, z, w: they turn the axes of the world to those of the body, x ahead, y left, z up.
+                                Unit; w >= 0 in the first; each is on the side of the one before it, q · q_before >= 0
+    yaws         (N,)    rad    of the direction ahead, counter-clockwise from the world's x; continuous,
+                                but for half a turn where the body looks straight up or down
+    speeds       (N,)    m/s    forward: the velocity along the direction ahead
+    yaw_rates    (N,)    rad/s  about the vertical, counter-clockwise
+    velocities   (N, 3)  m/s    in the world's frame
+    rotations    (N, 3)  rad/s  angular velocity, in the world's frame
+    states       (N,)           of the robot, columns
+    body                        its name
+    planned                     whether it is what was planned, or what the robot does of it, from rest to rest
+    """
+
+    times: FloatArray
+    positions: FloatArray
+    quaternions: FloatArray
+    yaws: FloatArray
+    speeds: FloatArray
+    yaw_rates: FloatArray
+    velocities: FloatArray
+    rotations: FloatArray
+    states: States
+    body: str
+    planned: bool
+
+    def __len__(self) -> int:
+        return self.times.size
+
+    def __repr__(self) -> str:
+        how = "as planned" if self.planned else "as executed"
+        return f"<Poses: {len(self):,} of the {self.body} in {self.times[-1]:.3f} s, {how}>"
+
+
+def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", planned: bool = False) -> Poses:
+    """Where a body is ``rate`` times a second, and at the end: by default as the trajectory is executed.
+
+    Parameters
+    ----------
+    rate : Hz; the last step is shorter where the duration is no multiple of one
+    body : "camera", "base" or "tool", as far as the model has them
+    planned : the trajectory as it was planned, in which a robot is at full speed at once; else what it really does
+        (:meth:`Trajectory.execution`), from rest to rest
+
+    Raises OptionError for a rate that is none or gives over a million poses, and for a body that is not there.
+
+    >>> from hpop.base.registry import make_model
+    >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, 0)])
+    >>> seen = poses(goes, rate=2)
+    >>> seen, seen.positions[-1].tolist(), seen.quaternions[0].tolist()
+    (<Poses: 26 of the camera in 12.094 s, as executed>, [3.0, 4.0, 1.2], [0.0, 0.0, 0.0, 1.0])
+    """
+    frequency = real("rate", rate, LEAST, MOST, "a number of poses a second, in Hz,")
+    check_body(trajectory.model, body)
+    run = trajectory if planned else trajectory.execution()
+    return poses_at(run, _times(run.duration, frequency), body=body, planned=planned)
+
+
+def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planned: bool = False) -> Poses:
+    """Where a body is at times (N,), s, of a trajectory that is taken as it is: planned, or an execution."""
+    check_body(run.model, body)
+    states, rates = run.at(times), run.rates(times)[0]
+    pose, twist = run.model.pose(body, states), run.model.twist(body, states, rates)
+    ahead = _stacked(pose.ahead, times.size)
+    velocities, rotations = _stacked(twist.velocity, times.size), _stacked(twist.rotation, times.size)
+    axes = np.stack([ahead, _stacked(pose.left, times.size), _stacked(pose.up, times.size)], axis=-1)
+    found = {
+        "times": times,
+        "positions": _stacked((pose.x, pose.y, pose.z), times.size),
+        "quaternions": on_one_side(quaternions_of(axes)),
+        "yaws": _continuous(run, body, times, pose),
+        "speeds": np.einsum("ni,ni->n", velocities, ahead),
+        "yaw_rates": rotations[:, 2],
+        "velocities": velocities,
+        "rotations": rotations,
+    }
+    return Poses(**{name: frozen(column) for name, column in found.items()}, states=states, body=body, planned=planned)
+
+
+def quaternions_of(axes: FloatArray) -> FloatArray:
+    """Quaternions (N, 4) x, y, z, w of rotations (N, 3, 3) whose columns are the axes of a body in the world.
+
+    By the largest of the four, so that nothing small is divided by (Shepperd 1978, J. Guidance and Control 1(3)).
+    """
+    r = axes
+    xx, yy, zz = r[:, 0, 0], r[:, 1, 1], r[:, 2, 2]
+    squares = np.stack(
+        [1 + xx - yy - zz, 1 - xx + yy - zz, 1 - xx - yy + zz, 1 + xx + yy + zz], axis=1
+    )  # of each, by 4
+    sums = r + r.transpose(0, 2, 1)  # 4 xy, 4 xz, 4 yz
+    less = r.transpose(0, 2, 1) - r  # 4 wz at (0, 1), -4 wy at (0, 2), 4 wx at (1, 2)
+    products = np.empty((len(r), 4, 4))  # of each two, by 4
+    products[:, range(4), range(4)] = squares
+    for i, j, value in (
+        (0, 1, sums[:, 0, 1]),
+        (0, 2, sums[:, 0, 2]),
+        (1, 2, sums[:, 1, 2]),
+        (0, 3, less[:, 1, 2]),
+        (1, 3, -less[:, 0, 2]),
+        (2, 3, less[:, 0, 1]),
+    ):
+        products[:, i, j] = products[:, j, i] = value
+    found: FloatArray = products[np.arange(len(r)), np.argmax(squares, axis=1)]
+    found /= np.linalg.norm(found, axis=1, keepdims=True)
+    return found
+
+
+def on_one_side(quaternions: FloatArray) -> FloatArray:
+    """The same rotations (N, 4), each by that of its two quaternions that is nearer to the one before it; w >= 0 first.
+
+    Who interpolates between them goes the shorter way.
+    """
+    along = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1])
+    first = 1.0 if quaternions[0, 3] >= 0.0 else -1.0
+    signs = first * np.cumprod(np.append(1.0, np.where(along < 0.0, -1.0, 1.0)))
+    turned: FloatArray = quaternions * signs[:, None] + 0.0  # no -0.0
+    return turned
+
+
+def nanoseconds(times: FloatArray) -> IntArray:
+    """Times (N,), s, in whole nanoseconds.
+
+    >>> nanoseconds(np.array([0.1, 0.9999999999])).tolist()
+    [100000000, 1000000000]
+    """
+    return np.rint(np.asarray(times) * 1e9).astype(np.int64)
+
+
+def _times(duration: float, rate: float) -> FloatArray:
+    """Every 1/rate seconds, and the end."""
+    if duration * rate >= MOST_ROWS:
+        raise OptionError(
+            f"poses are at most {MOST_ROWS:,}, but {rate:g} Hz gives more in {duration:g} s; choose a lower rate"
+        )
+    steps = max(ceil(duration * rate - NEXT), int(duration > 0.0))  # the last one ends there
+    return np.append(np.arange(steps) / rate, duration)
+
+
+def _continuous(run: Trajectory, body: str, times: FloatArray, pose: Pose) -> FloatArray:
+    """Yaw (N,), rad, without jumps by whole turns, which arms have: what is in between is looked at as well."""
+    steps = np.diff(times)
+    several = ceil(SLOWEST * steps.max(initial=0.0) - 2.0 * NEXT)
+    if several <= 1:
+        return np.unwrap(np.broadcast_to(pose.yaw, times.shape))
+    within = np.arange(several) / several
+    between = np.append((times[:-1, None] + steps[:, None] * within).ravel(), times[-1])
+    yaw: FloatArray = np.unwrap(np.broadcast_to(run.model.pose(body, run.at(between)).yaw, between.shape))
+    return yaw[::several]
+
+
+def _stacked(vector: Vector, size: int) -> FloatArray:
+    """Three columns, or numbers for what stays the same, as rows (N, 3)."""
+    return np.stack([np.broadcast_to(np.asarray(column, float), (size,)) for column in vector], axis=1)

@@ -1,0 +1,374 @@
+"""A trajectory: timed motions from start to goal, which can be sampled at any time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray, frozen
+from hpop.base.math import wrap
+from hpop.base.options import LEAST, MOST, real, whole
+from hpop.base.registry import completed
+from hpop.base.table import Table
+from hpop.base.text import shown
+from hpop.errors import ModelError, OptionError
+from hpop.motions import HOLD, MODEL_DEFAULTS, Curve, Model, Motions, States, is_curve, laws_of, slopes
+from hpop.motions.body_table import body_table
+from hpop.motions.hold import CLOCK, LONGEST
+from hpop.motions.possible import STILL, extras, refuse_holds, refuse_impossible
+from hpop.trajectories.batches import motions_of
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+STRAIGHT = 1e-6  # rad: consecutive moves whose directions differ by less are one straight run
+MOST_ROWS = 10**6  # of a table
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory:
+    """Motions of a model, in time order; the end of each is the start of the next.
+
+    model     the system that moves
+    states    (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad; the model's
+              states, then those that curves and holds need beside them
+    kinds     (n,) law of each motion; none when the start is the goal
+    punctual  whether its :meth:`execution` keeps to its times, as it must among people who move
+    """
+
+    model: Model
+    states: States
+    kinds: tuple[str, ...]
+    punctual: bool = False
+
+    def __post_init__(self) -> None:
+        columns = {name: frozen(np.asarray(getattr(self.states, name), float)) for name in self.states.names}
+        object.__setattr__(self, "states", States(**columns))
+        object.__setattr__(self, "kinds", tuple(self.kinds))
+        if any(column.shape != (len(self.kinds) + 1,) for column in columns.values()):
+            raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
+        if not all(np.isfinite(column).all() for column in columns.values()):
+            raise ModelError("the states of a trajectory must be finite numbers")
+        laws = laws_of(completed(self.model, MODEL_DEFAULTS))
+        unknown = set(self.kinds) - set(laws)
+        if unknown:
+            raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(laws)}")
+        names = (*self.model.space.names, *extras(self.model, self.kinds))
+        if self.states.names != names:
+            raise ModelError(f"states {self.states.names} given, but the model has {names} for motions of these kinds")
+        for kind, index in self._by_kind():
+            start, end = self.states.take(index), self.states.take(index + 1)
+            refuse_impossible(self.model, laws[kind], start, end, index)
+        refuse_holds(self.model, self.kinds, self.states)
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{number} {kind}" for kind, number in Counter(self.kinds).items())
+        return f"<Trajectory: {len(self)} motions ({counts or 'start is goal'}), {self.duration:.3f} s>"
+
+    @classmethod
+    def of_checked(cls, model: Model, states: States, kinds: tuple[str, ...], punctual: bool = False) -> Trajectory:
+        """A trajectory whose columns are frozen and whose motions were checked: of many that share them, at once."""
+        made = cls.__new__(cls)
+        made.__dict__.update(model=model, states=states, kinds=kinds, punctual=punctual)
+        return made
+
+    @classmethod
+    def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
+        """Turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
+
+        >>> from hpop.base.registry import make_model
+        >>> Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
+        ('move', 'turn', 'move', 'turn')
+        """
+        if model.space.names != ("x", "y", "yaw"):
+            raise ModelError(
+                f"poses (x m, y m, yaw rad) are no states of this model, which are {model.space}; take "
+                "Trajectory.through with States, which the model connects"
+            )
+        try:
+            through = [(float(x), float(y), float(yaw)) for x, y, yaw in poses]
+        except (TypeError, ValueError):
+            through = []
+        if not through:
+            raise ModelError(f"a trajectory needs a list of at least one pose (x m, y m, yaw rad), got {shown(poses)}")
+        x, y, yaw = through[0]
+        states, kinds = [(x, y, yaw)], []
+
+        def turn_to(heading: float) -> None:
+            nonlocal yaw
+            change = float(wrap(heading - yaw))
+            if abs(change) > STRAIGHT:
+                yaw += change
+                states.append((x, y, yaw))
+                kinds.append("turn")
+
+        for to_x, to_y, to_yaw in through[1:]:
+            if np.hypot(to_x - x, to_y - y) > 0:
+                turn_to(float(np.arctan2(to_y - y, to_x - x)))
+                x, y = to_x, to_y
+                states.append((x, y, yaw))
+                kinds.append("move")
+            turn_to(to_yaw)
+        columns = np.array(states, float).T
+        return cls(model, States(**dict(zip(model.space.names, columns, strict=True))), tuple(kinds))
+
+    @classmethod
+    def through(cls, model: Model, states: States) -> Trajectory:
+        """Through states (N,), from each to the next as the model connects them: any model, any states of it.
+
+        Raises ModelError where it does not lead from one to the next.
+
+        >>> from hpop.base.registry import make_model
+        >>> ends = States(x=np.array([0.0, 3.0]), y=np.zeros(2), yaw=np.array([0.0, np.pi]))
+        >>> Trajectory.through(make_model("differential_drive"), ends).kinds
+        ('move', 'turn')
+        """
+        space = model.space
+        if not states.names == space.names or not states.size:
+            raise ModelError(f"a trajectory goes through states {space} of its model, at least one, got {states!r}")
+        legs = model.connect(states.take(slice(None, -1)), states.take(slice(1, None)))
+        for name, off in space.differences(states.take(slice(1, None)), legs[-1].end).items():
+            if (np.abs(off) > STILL).any():  # what is NaN is free
+                i = int(np.nanargmax(np.abs(off)))
+                raise ModelError(
+                    f"the model does not lead from state {i} to state {i + 1}: {name} is off by {off[i]:.3g}"
+                )
+        rows, kinds = [states.take(slice(0, 1))], list[str]()
+        for pair in range(states.size - 1):
+            for leg in legs:
+                if leg.present[pair]:
+                    rows.append(space.onward(rows[-1], leg.end.take(slice(pair, pair + 1))))
+                    kinds.append(leg.kind)
+        columns = {name: np.concatenate([getattr(row, name) for row in rows]) for name in space.names}
+        return cls(model, States(**columns), tuple(kinds))
+
+    def with_hold(self, *, at: int, seconds: float) -> Trajectory:
+        """The same, but that the robot stands still for a while at one of its states (n+1,), counted from 0.
+
+        The state is there twice then, so that those behind it come one later. Raises OptionError for what is no state
+        or no time, ModelError for more than an hour in all, and where a curve passes the state at speed.
+
+        >>> from hpop.base.registry import make_model
+        >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, 0)])
+        >>> goes.with_hold(at=1, seconds=2.5)
+        <Trajectory: 5 motions (2 move, 1 hold, 2 turn), 14.594 s>
+        """
+        place = whole("at", at, 0, len(self), "the number of a state of the trajectory")
+        lasts = real("seconds", seconds, LEAST, LONGEST, "how long the robot stands, in s,")
+        kinds = (*self.kinds[:place], HOLD.kind, *self.kinds[place:])
+        columns = {name: np.insert(column, place, column[place]) for name, column in self.states.__dict__.items()}
+        clock = columns.setdefault(CLOCK, np.zeros(len(kinds) + 1))
+        clock[place + 1 :] += lasts
+        return self._changed(columns, kinds)
+
+    def without_holds(self) -> Trajectory:
+        """The same without standing still; itself if it has no hold."""
+        holds = np.array([kind == HOLD.kind for kind in self.kinds], dtype=bool)
+        if not holds.any():
+            return self
+        columns, clock = self.states.__dict__, self.states.clock
+        held = np.append(0.0, np.cumsum(np.diff(clock) * holds))
+        kept = np.append(True, ~holds)
+        columns = {name: column[kept] for name, column in (columns | {CLOCK: clock - held}).items()}
+        return self._changed(columns, tuple(kind for kind in self.kinds if kind != HOLD.kind))
+
+    def _changed(self, columns: Mapping[str, FloatArray], kinds: tuple[str, ...]) -> Trajectory:
+        """Motions of some kinds through states of which those columns are taken that their laws need."""
+        names = (*self.model.space.names, *extras(self.model, kinds))
+        return Trajectory(self.model, States(**{name: columns[name] for name in names}), kinds, self.punctual)
+
+    @cached_property
+    def durations(self) -> FloatArray:
+        """Duration (n,) of each motion, s."""
+        durations = np.zeros(len(self))
+        for kind, index in self._by_kind():
+            durations[index] = sum(phase.duration for phase in self._phases(kind, index))
+        return durations
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """Time (n+1,) of each state, s, from 0."""
+        return np.concatenate([[0.0], np.cumsum(self.durations)])
+
+    @property
+    def duration(self) -> float:
+        """Time from start to goal, s."""
+        return float(self.times[-1])
+
+    def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
+        """The motions grouped by law, each group with the places of its motions in time order."""
+        for kind, index in self._by_kind():
+            yield index, motions_of(world, self.model, kind, self.states, self.times, self.turns, index, index)
+
+    @cached_property
+    def turns(self) -> tuple[FloatArray, FloatArray]:
+        """Signed rotations, two columns (n,), rad, of the turns along curves that end in each motion; 0 for none.
+
+        A turn is a maximal stretch of curves in which the heading changes with one sign. It ends with its motion where
+        the next begins to turn the other way or does not turn at all, and within a motion where the yaw rate changes
+        its sign; so two can end in one motion. Wherever curves are cut, their turns stay the same.
+        """
+        if not any(True for _ in self._curves()):
+            return np.zeros(len(self)), np.zeros(len(self))
+        first, second = np.zeros(len(self)), np.zeros(len(self))
+        for index, law in self._curves():
+            first[index], second[index] = law.bends(self.states.take(index), self.states.take(index + 1))
+        ended: tuple[FloatArray, FloatArray] = (np.zeros(len(self)), np.zeros(len(self)))
+        rotated = 0.0  # in the stretch so far
+        for i in range(len(self)):
+            if rotated * first[i] <= 0.0 and i:
+                ended[int(second[i - 1] != 0.0)][i - 1] = rotated
+                rotated = 0.0
+            rotated += first[i]
+            if second[i]:
+                ended[0][i] = rotated
+                rotated = second[i]
+        if len(self):
+            ended[int(second[-1] != 0.0)][-1] = rotated
+        return ended
+
+    def cut(self, pieces: IntArray) -> Trajectory:
+        """The same trajectory, each motion (n,) cut into so many of equal duration; only motions at one pace can be."""
+        owner = np.repeat(np.arange(len(self)), pieces)
+        within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
+        times = np.append(self.times[owner] + within * self.durations[owner], self.duration)
+        return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner), self.punctual)
+
+    def at(self, t: FloatArray | float) -> States:
+        """States at times t (N,), s; before the start and after the goal the robot stands there.
+
+        Raises OptionError for what is no time.
+        """
+        return self._sampled(t)[0]
+
+    def rates(self, t: FloatArray | float) -> tuple[States, States]:
+        """First and second time derivatives of the states at times t (N,), per s and per s².
+
+        Under the planning law a move begins and ends at cruise speed, so ask an :meth:`execution` for accelerations.
+        """
+        _, velocity, acceleration = self._sampled(t)
+        return velocity, acceleration
+
+    def execution(self) -> Trajectory:
+        """What the robot really does: moves in one line become a run, all from rest to rest.
+
+        The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
+        succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker. Holds last
+        as planned; one between two moves costs v/a more, for it stops the robot.
+
+        A punctual one, as those are that `lattice` and `roadmap` plan where people move, goes on no earlier than
+        planned: the robot stands until its time has come (:mod:`hpop.models.execution`).
+        """
+        return self.model.execution(self)[0]
+
+    def table(self, step: float = 0.1, *, body: str | None = "camera", executed: bool = True) -> Table:
+        """What a body does every ``step`` seconds and at the end: columns with units, for a script or a spreadsheet.
+
+        ``t``; where the body is (``x``, ``y``, ``z``, ``yaw``, ``pitch``, ``roll``), how fast it moves (``vx``, ``vy``,
+        ``vz``) and turns (``wx``, ``wy``, ``wz``), in the world's frame.
+
+        Parameters
+        ----------
+        body : "base", "camera" or "tool", as far as the model has them; None gives the model's states, such as joints,
+            each with its rate (``pan``, ``pan_rate``)
+        executed : what the robot really does, from rest to rest (:meth:`execution`); else as it is planned
+
+        Raises OptionError for a step that is no time or gives over a million rows, and for a body that is not there.
+        """
+        run = self.execution() if executed else self
+        step = real("step", step, LEAST, MOST, "a time in s")
+        whole = int(run.duration / step + 1e-9)  # steps
+        if whole >= MOST_ROWS:
+            raise OptionError(f"a table has at most {MOST_ROWS:,} rows, got a step of {step:g} s of {run.duration:g} s")
+        times = np.round(step * np.arange(whole + 1), 9)
+        if run.duration - times[-1] > 1e-6 * step:
+            times = np.append(times, run.duration)
+        return body_table(self.model, body, times, run.at(times), run.rates(times)[0])
+
+    def describe(self) -> dict[str, Any]:
+        """What a saved front keeps of a trajectory: JSON-able, exact."""
+        return {
+            "kinds": list(self.kinds),
+            "states": {name: getattr(self.states, name).tolist() for name in self.states.names},
+            **({"punctual": True} if self.punctual else {}),
+        }
+
+    @classmethod
+    def from_description(cls, model: Model, description: Mapping[str, Any]) -> Trajectory:
+        """Rebuild a trajectory from :meth:`describe`; raises ModelError when it does not fit the model."""
+        try:
+            columns = {str(k): np.array(v, float) for k, v in description["states"].items()}
+            kinds = tuple(str(kind) for kind in description["kinds"])
+            punctual = description.get("punctual", False) is True
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise ModelError(f"not a trajectory: expected kinds and states, got {shown(error)}") from None
+        return cls(model, States(**columns), kinds, punctual)
+
+    def _by_kind(self) -> Iterator[tuple[str, IntArray]]:
+        kinds = np.array(self.kinds, dtype=str)
+        for kind in dict.fromkeys(self.kinds):
+            yield kind, np.flatnonzero(kinds == kind)
+
+    def _curves(self) -> Iterator[tuple[IntArray, Curve]]:
+        for kind, index in self._by_kind():
+            law = laws_of(self.model)[kind]
+            if is_curve(law):
+                yield index, law
+
+    def _phases(self, kind: str, index: IntArray) -> Any:
+        return laws_of(self.model)[kind].phases(self.states.take(index), self.states.take(index + 1))
+
+    def _sampled(self, t: FloatArray | float) -> tuple[States, States, States]:
+        try:
+            moments = np.atleast_1d(np.asarray(t, float))
+        except (TypeError, ValueError, OverflowError):
+            moments = np.array([np.nan])
+        if moments.ndim > 1 or np.isnan(moments).any():
+            raise OptionError(f"expected a time in s, or times (N,), all numbers, got {shown(t)}")
+        moments = np.clip(moments, 0.0, self.duration)
+        names = self.states.names
+        value = {name: np.full(moments.shape, getattr(self.states, name)[0]) for name in names}
+        first = {name: np.zeros(moments.shape) for name in names}
+        second = {name: np.zeros(moments.shape) for name in names}
+        if len(self):
+            motion = np.clip(np.searchsorted(self.times, moments, side="right") - 1, 0, len(self) - 1)
+            for kind, index in self._by_kind():
+                asked = np.flatnonzero(np.isin(motion, index))
+                if asked.size:
+                    self._sample_law(kind, motion[asked], moments[asked], asked, (value, first, second))
+        return States(**value), States(**first), States(**second)
+
+    def _sample_law(
+        self, kind: str, motion: IntArray, t: FloatArray, place: IntArray, out: tuple[dict[str, FloatArray], ...]
+    ) -> None:
+        """Fill the samples at times t that lie in motions of one law into ``out`` at ``place``."""
+        law = laws_of(self.model)[kind]
+        start, end = self.states.take(motion), self.states.take(motion + 1)
+        elapsed = t - self.times[motion]
+        phases = law.phases(start, end)
+        for last, phase in ((phase is phases[-1], phase) for phase in phases):
+            within = (elapsed <= phase.duration) | last
+            u = np.divide(elapsed, phase.duration, out=np.ones_like(elapsed), where=phase.duration > 0)
+            share = phase.share(np.clip(u, 0.0, 1.0))
+            speed, change = phase.share_rates(np.clip(u, 0.0, 1.0))
+            chosen = within & ~np.isnan(elapsed)
+            at = place[chosen]
+            for name in self.states.names:
+                if name in law.varies:
+                    slope, bend = slopes(law, name, start, end, share)
+                    out[0][name][at] = law.interpolate(name, start, end, share)[chosen]
+                    out[1][name][at] = (slope * speed)[chosen]
+                    out[2][name][at] = (bend * speed * speed + slope * change)[chosen]
+                else:
+                    out[0][name][at] = getattr(start, name)[chosen]
+            elapsed = np.where(within, np.nan, elapsed - phase.duration)

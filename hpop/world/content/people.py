@@ -1,0 +1,416 @@
+"""People: where they are, where they will be, and how sure that is.
+
+A person stands, walks at a constant velocity, follows a track, or has several futures of which each may come true. The
+prediction may be uncertain (a normal distribution about the place, the same in all directions), and it may end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.math import smooth_step
+from hpop.base.options import LEAST, one_of
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.content.checked import check_radians, named_as, number, pair, set_numbers
+from hpop.world.tracks.track import FASTEST, Track
+
+Afterwards = Literal["gone", "stays"]
+STANDS = (0.0, 0.0)
+SAME_PLACE = 1e-3  # m, by which a person's place may differ from where the track has it
+WIDEST = 2.0
+"""m, of a person's radius: with what they push or carry; more is given in another unit."""
+SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Future:
+    """One of several things that a person may do.
+
+    weight      above 0; those of a person's futures are divided by their sum
+    velocity    (x, y) m/s
+    track       in the place of a velocity
+    until       s   when this future ends; None as the person's
+    x, y        m   where it begins without a track; None where the person is
+    yaw, afterwards, spread, growth  as the person's, where None
+    """
+
+    weight: float
+    velocity: tuple[float, float] = STANDS
+    track: Track | None = None
+    until: float | None = None
+    afterwards: Afterwards | None = None
+    spread: float | None = None
+    growth: float | None = None
+    x: float | None = None
+    y: float | None = None
+    yaw: float | None = None
+
+    def __post_init__(self) -> None:
+        what = "a future"
+        object.__setattr__(self, "weight", number(what, "weight", self.weight, LEAST**2))
+        object.__setattr__(self, "velocity", _checked_velocity(what, self.velocity))
+        if self.track is not None:
+            _check_track(what, self.track, self.velocity)
+        for name in ("x", "y", "yaw", "until", "spread", "growth"):
+            if getattr(self, name) is not None:
+                least = None if name in ("x", "y", "yaw") else 0.0
+                object.__setattr__(self, name, number(what, name, getattr(self, name), least))
+        check_radians(what, "yaw", self.yaw or 0.0)
+        if self.afterwards is not None:
+            one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
+
+    @classmethod
+    def of(cls, weight: float, person: Person) -> Future:
+        """What a person without futures will do, as one of several things that may be."""
+        names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
+        return cls(weight, **{name: getattr(person, name) for name in names})
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Person:
+    """A person: where, looking where, moving how. Without more, the prediction is a constant velocity, for ever.
+
+    x, y        m     now
+    yaw         rad   heading of the body; left out, where a velocity leads, and 0 of who stands
+    velocity    (x, y) m/s
+    radius      m     of the body
+    name
+    track       waypoints or a recorded track, in the place of a velocity; x and y are where it is at time 0
+    futures     several things that may be, in the place of a velocity or a track
+    spread      m     standard deviation, along each axis, of the place now
+    growth      m/s   how much that grows: σ(t)² = spread² + (growth (t + age))², up to ``until``
+    until       s     when the prediction ends, None: never; a track ends it too
+    afterwards  what is assumed then: "gone", or that the person "stays" where the prediction ends
+    age         s     how old the prediction is now
+
+    Raises MapError for what makes no sense.
+    """
+
+    x: float
+    y: float
+    yaw: float = None  # type: ignore[assignment]  # a number from the construction on
+    velocity: tuple[float, float] = STANDS
+    radius: float = 0.25
+    name: str = ""
+    track: Track | None = None
+    futures: tuple[Future, ...] = ()
+    spread: float = 0.0
+    growth: float = 0.0
+    until: float | None = None
+    afterwards: Afterwards = "gone"
+    age: float = 0.0
+
+    def __post_init__(self) -> None:
+        what = named_as("person", self.name)
+        object.__setattr__(self, "velocity", _checked_velocity(what, self.velocity))
+        looks_ahead = self.yaw is None
+        if looks_ahead:
+            object.__setattr__(self, "yaw", _along(self.velocity))
+        set_numbers(self, what, "x", "y", "yaw", "radius")
+        check_radians(what, "yaw", self.yaw)
+        if not self.radius >= LEAST:
+            raise MapError(f"{what} needs a radius above {LEAST:g} m; got {self.radius!r}.")
+        if self.radius > WIDEST:
+            raise MapError(f"{what} needs a radius of at most {WIDEST:g} m; got {self.radius:g}. Radii are in m.")
+        for name in ("spread", "growth", "age", *(() if self.until is None else ("until",))):
+            object.__setattr__(self, name, number(what, name, getattr(self, name), 0.0))
+        one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
+        if self.track is not None:
+            self._set_track(what, self.track)
+        object.__setattr__(self, "futures", _checked_futures(what, self.futures, looks_ahead))
+        for future in self.futures:
+            self._check_begin(what, future)
+        if self.futures and (self.track is not None or self.velocity != STANDS):
+            raise MapError(f"{what} has futures, which say where each goes: leave velocity and track out.")
+
+    def _set_track(self, what: str, track: Track) -> None:
+        """Check the track against the person's place, and let the prediction end with it."""
+        _check_track(what, track, self.velocity)
+        x, y = (float(place) for place in track.at(0.0))
+        if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
+            raise MapError(
+                f"{what} is at ({self.x:g}, {self.y:g}), but the track has ({x:g}, {y:g}) at time 0; give the same "
+                "place, or hpop.world.Person.along(track), which takes it from the track."
+            )
+        if self.until is not None and self.until < track.begin:
+            raise MapError(
+                f"{what}: the prediction ends at {self.until:g} s, before the track begins, at {track.begin:g} s; "
+                "give a later end (until), or leave the person out."
+            )
+        until = track.end if self.until is None else min(self.until, track.end)
+        for name, value in (("x", x), ("y", y), ("until", max(until, 0.0))):
+            object.__setattr__(self, name, value)
+
+    def _check_begin(self, what: str, future: Future) -> None:
+        """A track that a future follows begins where the person is, unless the future says that it does not."""
+        if future.track is None or future.x is not None or future.y is not None:
+            return
+        x, y = (float(place) for place in future.track.at(0.0))
+        if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
+            raise MapError(
+                f"{what} is at ({self.x:g}, {self.y:g}), but a future's track has ({x:g}, {y:g}) at time 0; begin it "
+                "where the person is, or give that future x and y of its own."
+            )
+
+    @classmethod
+    def along(cls, track: Track, **others: Any) -> Person:
+        """A person who follows a track, with other attributes by name."""
+        if not isinstance(track, Track):
+            raise MapError(f"a person follows an hpop.world.Track; got {shown(track)}.")
+        x, y = track.at(0.0)
+        return cls(float(x), float(y), track=track, **others)
+
+    @property
+    def moves(self) -> bool:
+        """Whether time matters: anything but standing for ever, as surely later as now."""
+        leaves = self.until is not None and self.afterwards == "gone"
+        return self.velocity != STANDS or self.track is not None or bool(self.futures) or self.growth > 0 or leaves
+
+    @property
+    def recorded(self) -> bool:
+        """Whether this is what the person did, and no prediction."""
+        return self.track is not None and self.track.recorded
+
+    @property
+    def speed(self) -> float:
+        """Greatest speed, m/s, of all futures."""
+        if self.futures:
+            return max(person.speed for _, person in self.hypotheses)
+        return math.hypot(*self.velocity) if self.track is None else self.track.speed
+
+    @property
+    def settled(self) -> float:
+        """Time, s, after which nothing about the person changes: 0 of who stands, ∞ where the prediction never ends."""
+        if self.futures:
+            return max(person.settled for _, person in self.hypotheses)
+        if not self.moves:
+            return 0.0
+        return math.inf if self.until is None else self.until
+
+    @cached_property
+    def hypotheses(self) -> tuple[tuple[float, Person], ...]:
+        """Weights, of sum 1, and what may be with each of them, as people without futures."""
+        if not self.futures:
+            return ((1.0, self),)
+        return tuple((future.weight, self._with(future)) for future in self.futures)
+
+    @property
+    def likeliest(self) -> Person:
+        """The hypothesis with the greatest weight; the person where there is one only. For pictures of one future."""
+        return max(self.hypotheses, key=lambda hypothesis: hypothesis[0])[1]
+
+    @property
+    def begin(self) -> float:
+        """When the person is first there, s: 0, but for a track that begins later. Not of several futures."""
+        self._check_one("begin")
+        return 0.0 if self.track is None else max(self.track.begin, 0.0)
+
+    def way(self) -> FloatArray:
+        """Corners (N, 4) of the way from now on: time s, x, y m, and the yaw rad that holds from there to the next one.
+
+        Straight between them, at constant speed; after the last the person stands there, or is gone. Of one future
+        that ends, as those of a :class:`hpop.Problem` do.
+        """
+        self._check_one("way")
+        end = self.settled
+        if not math.isfinite(end):
+            raise MapError(f"{named_as('person', self.name)} is predicted for ever: give an end (until).")
+        corners = [0.0, end] if self.track is None else [0.0, *self.track.times.tolist(), end]
+        times = np.unique(np.clip(corners, 0.0, end))
+        x, y = self.at(times)
+        yaw = np.broadcast_to(self.yaw_at(times), times.shape)
+        return np.stack([times, np.broadcast_to(x, times.shape), np.broadcast_to(y, times.shape), yaw], axis=1)
+
+    def _with(self, future: Future) -> Person:
+        """The person whose future is sure."""
+        names = ("x", "y", "yaw", "until", "afterwards", "spread", "growth")
+        own = {name: value for name in names if (value := getattr(future, name)) is not None}
+        if future.until is not None and self.until is not None:
+            own["until"] = min(self.until, future.until)
+        if future.track is not None:
+            own["x"], own["y"] = (float(place) for place in future.track.at(0.0))
+        return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
+
+    def shifted(self, x: float, y: float) -> Person:
+        """The same person, who is and will be somewhere else by so much, m."""
+
+        def track(one: Track | None) -> Track | None:
+            return None if one is None else replace(one, x=one.x + x, y=one.y + y)
+
+        def moved(at: float | None, by: float) -> float | None:
+            return None if at is None else at + by
+
+        futures = tuple(
+            replace(one, track=track(one.track), x=moved(one.x, x), y=moved(one.y, y)) for one in self.futures
+        )
+        return replace(self, x=self.x + x, y=self.y + y, track=track(self.track), futures=futures)
+
+    def at(self, t: Column) -> tuple[Column, Column]:
+        """Predicted position (x, y), m, at times t, s; after ``until`` where it was then. Not of several futures."""
+        self._check_one("at")
+        if self.track is not None:
+            return self.track.at(self._up_to_end(t))
+        t = self._up_to_end(t)
+        return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
+
+    def velocity_at(self, t: Column) -> tuple[Column, Column]:
+        """Predicted velocity (x, y), m/s, at times t, s; 0 from ``until`` on. Not of several futures."""
+        self._check_one("velocity_at")
+        if self.velocity == STANDS and self.track is None:
+            return STANDS
+        vx, vy = self.velocity if self.track is None else self.track.velocity(t)
+        walks = 1.0 if self.until is None else 1.0 - smooth_step(t - self.until)
+        return vx * walks, vy * walks
+
+    def ahead_at(self, t: Column) -> tuple[Column, Column]:
+        """Unit vector (x, y) in which the person walks or, standing, faces, at times t, s. Not of several futures.
+
+        Who stops goes on facing where the last steps led.
+        """
+        self._check_one("ahead_at")
+        along = None if self.track is None else self.track.ahead(self._up_to_end(t))
+        if along is not None:
+            return along
+        yaw = self.yaw if self.velocity == STANDS else math.atan2(self.velocity[1], self.velocity[0])
+        return math.cos(yaw), math.sin(yaw)
+
+    def yaw_at(self, t: Column) -> Column:
+        """Heading of the body, rad, at times t, s: along a track, else ``yaw``. Of one future."""
+        self._check_one("yaw_at")
+        along = None if self.track is None else self.track.ahead(np.asarray(self._up_to_end(t)))
+        return self.yaw if along is None else np.arctan2(along[1], along[0])
+
+    def there(self, t: Column) -> Column:
+        """1 at times t, s, at which the person is there, else 0; the number 1.0 of who is there always.
+
+        That is from a track's first time on, and before ``until`` of who is gone afterwards.
+        """
+        self._check_one("there")
+        there: Column = 1.0
+        if self.until is not None and self.afterwards == "gone":
+            there = 1.0 - smooth_step(t - self.until)
+        if self.track is not None and self.track.begin > 0:
+            there = there * smooth_step(t - self.track.begin)
+        return there
+
+    def deviation(self, t: Column) -> Column:
+        """Standard deviation σ(t) of the place along each axis, m, at times t, s; the number 0.0 where it is sure."""
+        if self.growth == 0.0:
+            return self.spread
+        grown = self.growth * (self._up_to_end(t) + self.age)
+        return np.sqrt(self.spread * self.spread + grown * grown)
+
+    def later(self, t: float) -> Person:
+        """The person as it is predicted, ``t`` seconds on: what was time t is time 0 then."""
+        if not self.moves:
+            return self
+        if self.futures:
+            each = [(weight, person.later(t)) for weight, person in self.hypotheses]
+            x, y = (math.fsum(weight * getattr(person, name) for weight, person in each) for name in "xy")
+            futures = tuple(Future.of(weight, person) for weight, person in each)
+            return replace(self, x=x, y=y, futures=futures, until=None, age=self._age(t))
+        x, y = (float(place) for place in self.at(np.float64(t)))
+        if self.until is None:
+            return replace(self, x=x, y=y, age=self._age(t))
+        if t < self.until:
+            track = None if self.track is None else self.track.later(t)
+            return replace(self, x=x, y=y, track=track, until=self.until - t, age=self._age(t))
+        ux, uy = self.ahead_at(np.float64(t))
+        until, yaw = 0.0 if self.afterwards == "gone" else None, math.atan2(uy, ux)
+        ended = replace(self, x=x, y=y, yaw=yaw, velocity=STANDS, track=None, until=until)
+        return replace(ended, spread=float(self.deviation(t)), growth=0.0, age=0.0)
+
+    def _age(self, t: float) -> float:
+        """How old the prediction is after so many seconds more; nobody asks where nothing grows."""
+        grows = any(person.growth > 0 for _, person in self.hypotheses)
+        return self.age + t if grows else self.age
+
+    def _up_to_end(self, t: Column) -> Column:
+        return t if self.until is None else np.minimum(t, self.until)
+
+    def _check_one(self, name: str) -> None:
+        if self.futures:
+            raise MapError(
+                f"{named_as('person', self.name)} has {len(self.futures)} futures, so there is no one answer to "
+                f"{name}(t): ask each of person.hypotheses, which are (weight, person)."
+            )
+
+
+def described_person(person: Person) -> dict[str, Any]:
+    """JSON-able description, from which :func:`person_from` makes the same person; defaults of predictions left out."""
+    kept = ("x", "y", "yaw", "velocity", "radius", "name")
+    return {name: _plain(value) for name, value in _given(person) if name in kept or value != _DEFAULTS[name]}
+
+
+def person_from(data: Mapping[str, Any]) -> Person:
+    """A person from a description; MapError, TypeError or LookupError where it is malformed."""
+    futures = tuple(Future(**_with_track(future)) for future in data.get("futures", ()))
+    return Person(**{**_with_track(data), "futures": futures})
+
+
+def _with_track(data: Mapping[str, Any]) -> dict[str, Any]:
+    return {**data, "track": Track(**data["track"])} if data.get("track") is not None else {**data}
+
+
+def _given(value: Person | Future) -> Iterator[tuple[str, Any]]:
+    return ((field.name, getattr(value, field.name)) for field in fields(value))
+
+
+def _plain(value: Any) -> Any:
+    """A person's attribute as JSON has it."""
+    if isinstance(value, Track):
+        return value.describe()
+    if isinstance(value, Future):
+        return {name: _plain(given) for name, given in _given(value) if given is not None}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+_DEFAULTS = {field.name: field.default for field in fields(Person)}
+
+
+def _check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
+    if not isinstance(track, Track):
+        raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
+    if velocity != STANDS:
+        raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
+
+
+def _checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
+    """A velocity, m/s; of who is slower than anything that is told apart, such as what a tracker makes of rest, 0."""
+    velocity = pair(what, "velocity", given, "m/s")
+    speed = math.hypot(*velocity)
+    if speed > FASTEST:
+        raise MapError(
+            f"{what} has a velocity of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Velocities are in "
+            "m/s: check the unit."
+        )
+    return velocity if speed >= LEAST else STANDS
+
+
+def _along(velocity: tuple[float, float]) -> float:
+    """Heading in which a velocity leads, rad; 0 of who stands."""
+    return math.atan2(velocity[1], velocity[0]) if velocity != STANDS else 0.0
+
+
+def _checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
+    """Futures whose weights sum to 1; of a person who looks ahead, each says where that is."""
+    futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
+    if futures is None or not all(isinstance(future, Future) for future in futures):
+        raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")
+    if looks_ahead:
+        futures = tuple(replace(f, yaw=_along(f.velocity)) if f.yaw is None else f for f in futures)
+    total = math.fsum(future.weight for future in futures)
+    if not futures or abs(total - 1.0) <= SAME_SUM:
+        return futures
+    return tuple(replace(future, weight=future.weight / total) for future in futures)

@@ -1,0 +1,121 @@
+"""Where people are, which way they face, and how a place lies to them; effects of many people on many places.
+
+Everything is written for columns (N,): NumPy arrays, or CasADi symbols. Times are only needed of people who move.
+
+What may come is reckoned with in two ways. :func:`expected` is the mean over a person's futures. As it is the mean at
+each moment, its integral over time is the mean of the integrals, however the moments depend on each other: so what adds
+up along motions still adds up, and exactly. :func:`worst` is the largest over people and futures, for what is about the
+worst moment; it asks for no weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from hpop.base.arrays import Column
+from hpop.base.math import is_symbolic
+from hpop.world.content.content import Person
+
+HALL = {"intimate": 0.45, "personal": 1.2, "social": 3.6}
+"""Outer limits of Hall's zones, m, between surfaces (Hall 1966); farther off is public."""
+BLOCK = 8192  # samples evaluated together: few enough that their intermediate columns stay in the processor's cache
+
+
+def any_moves(people: Iterable[Person]) -> bool:
+    """Whether some of them move, so that times are needed to know where they are."""
+    return any(person.moves for person in people)
+
+
+def position(person: Person, t: Column | None) -> tuple[Column, Column]:
+    """Where a person is, m: predicted for times t (N,), s, of one who moves; fixed for one who stands."""
+    return person.at(t) if person.moves else (person.x, person.y)
+
+
+def offset(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
+    """Way (x, y), m, from a person to places (N,), in the world frame."""
+    at_x, at_y = position(person, t)
+    return x - at_x, y - at_y
+
+
+def in_frame(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
+    """How far ahead of a person, and to the left, m, places (N,) lie; ahead is where the person walks or faces."""
+    dx, dy = offset(person, x, y, t)
+    cos, sin = person.ahead_at(t)
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
+    """Sum (N,) over people of the mean over what they may do of ``effect(person, *columns)``, while they are there.
+
+    The effect is asked of people without futures, and takes their deviation into account itself. The last of the
+    columns is the time, or None where nobody moves.
+    """
+
+    def share(one: tuple[float, Person], *part: Column | None) -> Column:
+        weight, person = one
+        value = _while_there(person, effect(person, *part), part[-1])
+        return value if weight == 1.0 else weight * value
+
+    return over([one for person in people for one in person.hypotheses], share, np.add, *columns)
+
+
+def worst(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
+    """Largest (N,), over people and what they may do, of ``effect(person, *columns)`` >= 0, as :func:`expected` has it.
+
+    However unlikely one of several futures is, it counts.
+    """
+
+    def alone(person: Person, *part: Column | None) -> Column:
+        return _while_there(person, effect(person, *part), part[-1])
+
+    return over([one for person in people for _, one in person.hypotheses], alone, np.maximum, *columns)
+
+
+def _while_there(person: Person, value: Column, t: Column | None) -> Column:
+    there = person.there(t)
+    return value if isinstance(there, float) and there == 1.0 else there * value
+
+
+def over(
+    items: Iterable[Any],
+    effect: Callable[..., Column],
+    combine: Callable[[Column, Column], Column],
+    *columns: Column | None,
+) -> Column:
+    """Combine ``effect(item, *columns)`` (N,) of one item after the other: sums with np.add, worst with np.maximum.
+
+    Columns are (N,), or None where an effect does not need them. Arrays are evaluated block by block, several times
+    faster than whole, and runs of equal samples once.
+
+    >>> over([1.0, 2.0], np.multiply, np.add, np.arange(4.0))
+    array([0., 3., 6., 9.])
+    """
+    items = tuple(items)
+
+    def combined(*part: Column | None) -> Column:
+        total = effect(items[0], *part)
+        for item in items[1:]:
+            total = combine(total, effect(item, *part))
+        return total
+
+    if any(is_symbolic(column) for column in columns):
+        return combined(*columns)
+    size = next(column.size for column in columns if column is not None)
+    blocks = [slice(begin, begin + BLOCK) for begin in range(0, size, BLOCK)]
+    parts = [[None if column is None else column[block] for column in columns] for block in blocks]
+    return np.concatenate([_once_a_run(combined, part) for part in parts]) if parts else combined(*columns)
+
+
+def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -> Column:
+    """Value (N,) of a function of samples, asked once where equal samples follow each other, as in lattice turns."""
+    given = [column for column in columns if column is not None]
+    changes = np.ones(given[0].size, dtype=bool)
+    changes[1:] = np.any([column[1:] != column[:-1] for column in given], axis=0)
+    first = np.flatnonzero(changes)
+    if 2 * first.size > changes.size:
+        return function(*columns)
+    values = function(*(None if column is None else column[first] for column in columns))
+    return np.repeat(values, np.diff(first, append=changes.size))

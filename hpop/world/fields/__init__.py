@@ -1,0 +1,1 @@
+"""Scalar fields over the plane, and what is sampled into them."""

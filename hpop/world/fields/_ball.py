@@ -1,0 +1,87 @@
+"""The compiled inner loop of `hpop.world.fields.obstruction.polygon_obstruction`."""
+
+from __future__ import annotations
+
+import math
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import lean
+
+
+@lean
+def _primitive(t: float, d: float, r: float, a: float) -> float:
+    """Antiderivative over psi of (r^2 - rho^2)^(3/2) along the line at distance d, at t = d tan(psi)."""
+    sin_u = min(max(t / a, -1.0), 1.0)
+    cos_u = math.sqrt(1.0 - sin_u * sin_u)
+    u = math.asin(sin_u)
+    return (
+        r * r * r * math.atan2(r * sin_u, d * cos_u)
+        - 0.5 * d * (3.0 * r * r - d * d) * u
+        - 0.5 * d * (r * r - d * d) * sin_u * cos_u
+    )
+
+
+@lean
+def ball_volumes(
+    edges: FloatArray,
+    slab: IntArray,
+    heights: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    r: float,
+    out: FloatArray,
+) -> None:
+    """Add to out (M,) the volume (m^3) of the obstacles in the ball of radius r round each camera (x, y, z).
+
+    edges (E, 4) m: x0, y0, x1, y1, outer rings counter-clockwise, holes clockwise, sorted by slab
+    slab (S + 1,): the edges of slab s are slab[s]:slab[s + 1]; heights (S, 2) m: its bottom and top
+
+    An edge from p to q adds, signed as the triangle (camera, p, q) is, the ball part over that triangle from the
+    bottom to the top: the volume between the heights 0 and c, odd in c, at the one less that at the other. What depends
+    on no height is common to both.
+    """
+    for k in range(x.size):
+        total = 0.0
+        for s in range(heights.shape[0]):
+            bottom = min(max(heights[s, 0] - z[k], -r), r)
+            top = min(max(heights[s, 1] - z[k], -r), r)
+            if bottom >= top:
+                continue
+            for e in range(slab[s], slab[s + 1]):
+                px, py = edges[e, 0] - x[k], edges[e, 1] - y[k]
+                qx, qy = edges[e, 2] - x[k], edges[e, 3] - y[k]
+                cross = px * qy - py * qx
+                length = math.hypot(qx - px, qy - py)
+                if cross == 0.0 or length == 0.0:
+                    continue
+                d = abs(cross) / length
+                seen = math.atan2(abs(cross), px * qx + py * qy)
+                lo, hi, swept, whole = 0.0, 0.0, 0.0, 0.0
+                if d < r:
+                    t0 = (px * (qx - px) + py * (qy - py)) / length
+                    a = math.sqrt(r * r - d * d)
+                    lo, hi = max(t0, -a), min(t0 + length, a)
+                    if lo < hi:
+                        swept = math.atan2(hi, d) - math.atan2(lo, d)
+                        whole = _primitive(hi, d, r, a) - _primitive(lo, d, r, a)
+                between = 0.0
+                for level in (top, -bottom):
+                    c = abs(level)
+                    far = 0.5 * c * r * r - c * c * c / 6.0
+                    volume = far * seen
+                    if lo < hi:
+                        psi, above = swept, whole
+                        rho2 = r * r - c * c
+                        if d * d < rho2:
+                            b = math.sqrt(rho2 - d * d)
+                            near_lo, near_hi = max(lo, -b), min(hi, b)
+                            if near_lo < near_hi:
+                                near = math.atan2(near_hi, d) - math.atan2(near_lo, d)
+                                above -= _primitive(near_hi, d, r, a) - _primitive(near_lo, d, r, a)
+                                volume += 0.5 * c * d * (near_hi - near_lo) - far * near
+                                psi -= near
+                        volume += (0.5 * c * rho2 + c * c * c / 3.0 - far) * psi - above / 3.0
+                    between += math.copysign(volume, level)
+                total += between if cross > 0.0 else -between
+        out[k] += total

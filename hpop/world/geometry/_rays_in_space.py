@@ -1,0 +1,278 @@
+"""The compiled inner loops of `hpop.world.geometry.rays_in_space`: where lines enter and leave convex bodies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel, lean
+
+PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
+TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
+WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
+NOWHERE = (1.0, 0.0)  # an interval that begins after its end
+
+
+@lean
+def inside(
+    planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
+) -> tuple[float, float]:
+    """From where to where the line o + t d, |d| = 1, is inside a body; the end is before the beginning if nowhere.
+
+    See `Surfaces` for what planes (P, 4) and round_ (8,) are.
+    """
+    mx, my, mz = o[0] - round_[0], o[1] - round_[1], o[2] - round_[2]
+    along = mx * d[0] + my * d[1] + mz * d[2]
+    if along * along < mx * mx + my * my + mz * mz - round_[7] * round_[7]:
+        return NOWHERE
+    low, high = -math.inf, math.inf
+    radius = round_[6]
+    if radius > 0.0:
+        ax, ay, az = round_[3], round_[4], round_[5]
+        shift = ax * mx + ay * my + az * mz
+        mx, my, mz = mx - shift * ax, my - shift * ay, mz - shift * az
+        climb = ax * d[0] + ay * d[1] + az * d[2]
+        dx, dy, dz = d[0] - climb * ax, d[1] - climb * ay, d[2] - climb * az
+        square, half = dx * dx + dy * dy + dz * dz, mx * dx + my * dy + mz * dz
+        rest = mx * mx + my * my + mz * mz - radius * radius
+        if square < PARALLEL:
+            if rest > 0.0:
+                return NOWHERE
+        else:
+            root = half * half - square * rest
+            if root < 0.0:
+                return NOWHERE
+            root = math.sqrt(root)
+            low, high = (-half - root) / square, (-half + root) / square
+    for k in range(first, last):
+        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
+        gap = planes[k, 3] - planes[k, 0] * o[0] - planes[k, 1] * o[1] - planes[k, 2] * o[2]
+        if slant > PARALLEL:
+            high = min(high, gap / slant)
+        elif slant < -PARALLEL:
+            low = max(low, gap / slant)
+        elif gap < 0.0:
+            return NOWHERE
+        if low > high:
+            return NOWHERE
+    return low, high
+
+
+@lean
+def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
+    """Write to found the bodies that are no farther than reach from a place, and give their number."""
+    count = 0
+    for b in range(len(rounds)):
+        x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
+        if math.sqrt(x * x + y * y + z * z) < reach + rounds[b, 7]:
+            found[count] = b
+            count += 1
+    return count
+
+
+@lean
+def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
+    """The axis of a cone round a bundle of rays (K, 3), and half its angle, rad: 4 where they go nearly all round."""
+    x = y = z = 0.0
+    for k in range(len(directions)):
+        x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]
+    length = math.sqrt(x * x + y * y + z * z)
+    if length < 0.5 * len(directions):
+        return 0.0, 0.0, 0.0, 4.0
+    x, y, z = x / length, y / length, z / length
+    cosine = 1.0
+    for k in range(len(directions)):
+        cosine = min(cosine, x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2])
+    return x, y, z, math.acos(max(cosine, -1.0)) + WIDER
+
+
+@lean
+def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
+    """Keep of some bodies those of which the balls meet a cone from a place."""
+    if cone[3] > math.pi:
+        return count
+    kept = 0
+    for i in range(count):
+        b = found[i]
+        dx, dy, dz = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
+        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        if distance > rounds[b, 7]:
+            off = math.acos(max(-1.0, min(1.0, (cone[0] * dx + cone[1] * dy + cone[2] * dz) / distance)))
+            if off > cone[3] + math.asin(rounds[b, 7] / distance):
+                continue
+        found[kept] = b
+        kept += 1
+    return kept
+
+
+@lean
+def _first(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    some: IntArray,
+    o: tuple[float, ...],
+    d: tuple[float, ...],
+    reach: float,
+) -> float:
+    """How far a ray gets until it enters one of some bodies; at most reach."""
+    best = reach
+    for b in some:
+        low, high = inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+        if low <= high and TOUCH < low < best:
+            best = low
+    return best
+
+
+@kernel
+def first_hits(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    origins: FloatArray,
+    directions: FloatArray,
+    reach: float,
+    out: FloatArray,
+) -> None:
+    """Write to out (N, K) how far from each origin (N, 3) its rays (N, K, 3) first enter a body; at most reach.
+
+    What contains the origin is left, not entered.
+    """
+    near = np.empty(len(rounds), np.int64)
+    for n in range(len(origins)):
+        o = (origins[n, 0], origins[n, 1], origins[n, 2])
+        count = within_reach(rounds, o, reach, near)
+        some = near[: in_bundle(rounds, o, bundle(directions[n]), near, count)]
+        for k in range(directions.shape[1]):
+            d = (directions[n, k, 0], directions[n, k, 1], directions[n, k, 2])
+            out[n, k] = _first(planes, begin, rounds, some, o, d, reach)
+
+
+@kernel
+def towards_ball(
+    places: FloatArray, centre: FloatArray, radius: float, disc: FloatArray, directions: FloatArray, reach: FloatArray
+) -> None:
+    """Write unit vectors (N, K, 3) from places (N, 3) towards points of a ball, and how far (N, K), m, it is to it.
+
+    The points are those (K, 2) of a disc of radius 1 across, as large as the ball. It is 0 m for places in the ball.
+    """
+    for n in range(len(places)):
+        x, y, z = centre[0] - places[n, 0], centre[1] - places[n, 1], centre[2] - places[n, 2]
+        square = x * x + y * y + z * z
+        distance = math.sqrt(square)
+        if distance <= radius:
+            directions[n], reach[n] = 0.0, 0.0
+            continue
+        a, b, c = abs(x), abs(y), abs(z)  # the axis that is most across it
+        if a <= b and a <= c:
+            ux, uy, uz = 0.0, z, -y
+        elif b <= c:
+            ux, uy, uz = -z, 0.0, x
+        else:
+            ux, uy, uz = y, -x, 0.0
+        scale = radius / math.sqrt(ux * ux + uy * uy + uz * uz)
+        ux, uy, uz = ux * scale, uy * scale, uz * scale
+        vx, vy, vz = (y * uz - z * uy) / distance, (z * ux - x * uz) / distance, (x * uy - y * ux) / distance
+        for k in range(len(disc)):
+            dx, dy, dz = (
+                x + disc[k, 0] * ux + disc[k, 1] * vx,
+                y + disc[k, 0] * uy + disc[k, 1] * vy,
+                z + disc[k, 0] * uz + disc[k, 1] * vz,
+            )
+            length = math.sqrt(dx * dx + dy * dy + dz * dz)
+            dx, dy, dz = dx / length, dy / length, dz / length
+            along = dx * x + dy * y + dz * z
+            beside = max(square - along * along, 0.0)  # squared distance of the ball's centre
+            directions[n, k, 0], directions[n, k, 1], directions[n, k, 2] = dx, dy, dz
+            reach[n, k] = along - math.sqrt(max(radius * radius - beside, 0.0))
+
+
+@kernel
+def flow(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    places: FloatArray,
+    axes: FloatArray,
+    velocity: FloatArray,
+    rotation: FloatArray,
+    view: FloatArray,
+    reach: float,
+    nearest: float,
+    largest: bool,
+    out: FloatArray,
+) -> None:
+    """Write to out (N,) the mean, or the largest, angular speed at which a camera sees the bodies move, rad/s.
+
+    places, velocity, rotation (N, 3): of the camera, world frame; axes (N, 3, 3): ahead, left and up, one a row; view
+    (K, 3): unit vectors along these axes in which it looks. A surface at distance r in direction d shifts by
+    w x d + (v - (v d) d) / r, where r is at least nearest, and at most reach.
+    """
+    near = np.empty(len(rounds), np.int64)
+    for n in range(len(places)):
+        o = (places[n, 0], places[n, 1], places[n, 2])
+        some = near[: within_reach(rounds, o, reach, near)]
+        vx, vy, vz = velocity[n]
+        wx, wy, wz = rotation[n]
+        total = worst = 0.0
+        for k in range(len(view)):
+            a, b, c = view[k]
+            dx = a * axes[n, 0, 0] + b * axes[n, 1, 0] + c * axes[n, 2, 0]
+            dy = a * axes[n, 0, 1] + b * axes[n, 1, 1] + c * axes[n, 2, 1]
+            dz = a * axes[n, 0, 2] + b * axes[n, 1, 2] + c * axes[n, 2, 2]
+            near_by = 1.0 / max(_first(planes, begin, rounds, some, o, (dx, dy, dz), reach), nearest)
+            along = vx * dx + vy * dy + vz * dz
+            x = wy * dz - wz * dy + (vx - along * dx) * near_by
+            y = wz * dx - wx * dz + (vy - along * dy) * near_by
+            z = wx * dy - wy * dx + (vz - along * dz) * near_by
+            speed = math.sqrt(x * x + y * y + z * z)
+            total += speed
+            worst = max(worst, speed)
+        out[n] = worst if largest else total / len(view)
+
+
+@kernel
+def filled(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    centres: FloatArray,
+    directions: FloatArray,
+    radius: float,
+    out: FloatArray,
+) -> None:
+    """Write to out (N,) the share of the ball round each centre (N, 3) inside bodies, each place counted once.
+
+    The mean over directions (K, 3) of what the bodies fill of a ray's cone: t³ / radius³ grows evenly with the volume.
+    """
+    near = np.empty(len(rounds), np.int64)
+    lows, highs = np.empty(len(rounds)), np.empty(len(rounds))
+    for n in range(len(centres)):
+        o = (centres[n, 0], centres[n, 1], centres[n, 2])
+        some = near[: within_reach(rounds, o, radius, near)]
+        out[n] = 0.0
+        if not some.size:
+            continue
+        total = 0.0
+        for k in range(len(directions)):
+            d = (directions[k, 0], directions[k, 1], directions[k, 2])
+            hits = 0
+            for b in some:
+                low, high = inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
+                low, high = max(low, 0.0), min(high, radius)
+                if low < high:  # keep them in the order in which they begin
+                    place = hits
+                    while place > 0 and lows[place - 1] > low:
+                        lows[place], highs[place] = lows[place - 1], highs[place - 1]
+                        place -= 1
+                    lows[place], highs[place] = low, high
+                    hits += 1
+            reached = 0.0
+            for i in range(hits):
+                low, high = max(lows[i], reached), highs[i]
+                if low < high:
+                    total += high**3 - low**3
+                    reached = high
+        out[n] = total / (len(directions) * radius**3)

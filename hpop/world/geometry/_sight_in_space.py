@@ -1,0 +1,175 @@
+"""The compiled inner loop that tells which targets bodies hide from a place: few divisions a line."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel, lean
+from hpop.world.geometry._rays_in_space import PARALLEL, TOUCH, bundle, in_bundle, inside, within_reach
+
+BOX = 3  # planes of a box, at most, before which a place outside it is
+
+
+@lean
+def _turned_back(pose: FloatArray, d: tuple[float, ...]) -> tuple[float, float, float]:
+    """A direction of the world in the frame of which a pose says where it is."""
+    return (
+        pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
+        pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
+        pose[0, 2] * d[0] + pose[1, 2] * d[1] + pose[2, 2] * d[2],
+    )
+
+
+@lean
+def _faced(
+    planes: FloatArray,
+    first: int,
+    last: int,
+    o: tuple[float, ...],
+    axis: tuple[float, ...],
+    sine: float,
+    sorted_: FloatArray,
+    room: int,
+) -> tuple[int, int]:
+    """Write planes to sorted_ from ``room`` on: those before which a place is, then the others; where both lists end.
+
+    Their last column is by how much the place is behind each. None are written of a body that no ray enters: one that
+    contains the place, or lies all behind a plane from which a cone from the place leads away.
+    """
+    front, back = room, room + last - first
+    for k in range(first, last):
+        x, y, z = planes[k, 0], planes[k, 1], planes[k, 2]
+        gap = planes[k, 3] - x * o[0] - y * o[1] - z * o[2]
+        if gap < 0.0:
+            if x * axis[0] + y * axis[1] + z * axis[2] > sine:
+                return room, room
+            at = front
+            front += 1
+        else:
+            back -= 1
+            at = back
+        sorted_[at, 0], sorted_[at, 1], sorted_[at, 2], sorted_[at, 3] = x, y, z, gap
+    return front, room + last - first if front > room else room
+
+
+@lean
+def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[float, ...], reach: float) -> bool:
+    """Whether a ray enters a body of planes alone before reach, its planes as `_faced` sorts them.
+
+    It has to pass all planes in front of it before any of the others: few divisions. Of both the planes of the box
+    round a hull are asked first, which most lines that miss it miss.
+    """
+    low, middle = 0.0, min(front, first + BOX)
+    for k in range(first, middle):
+        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
+        if slant >= -PARALLEL:
+            return False
+        low = max(low, planes[k, 3] / slant)
+    if low >= reach:
+        return False
+    between = max(front, last - 2 * BOX)
+    for k in range(between, last):
+        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
+        if slant > PARALLEL and planes[k, 3] < low * slant:
+            return False
+    for k in range(middle, front):
+        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
+        if slant >= -PARALLEL:
+            return False
+        if planes[k, 3] < low * slant:
+            low = planes[k, 3] / slant
+            if low >= reach:
+                return False
+    if low <= TOUCH:
+        return False
+    for k in range(front, last):
+        slant = planes[k, 0] * d[0] + planes[k, 1] * d[1] + planes[k, 2] * d[2]
+        if slant > PARALLEL and planes[k, 3] < low * slant:
+            return False
+    return True
+
+
+@kernel
+def blocked(
+    planes: FloatArray,
+    begin: IntArray,
+    rounds: FloatArray,
+    own_planes: FloatArray,
+    own_begin: IntArray,
+    own_rounds: FloatArray,
+    poses: FloatArray,
+    origins: FloatArray,
+    directions: FloatArray,
+    reach: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write to out (N,) the share of the rays (N, K, 3) from each origin (N, 3) that enter a body before reach (N, K).
+
+    Bodies are those of a world, and others, each in its own frame, of which poses (B, N, 4, 4) say where it is.
+    """
+    count, own_count = len(rounds), len(own_rounds)
+    near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)
+    balls, seen_from = np.empty((own_count, 8)), np.empty((own_count, 3))
+    faces = np.empty((len(planes) + len(own_planes), 4))
+    lists = np.empty((count + own_count, 3), np.int64)
+    for n in range(len(origins)):
+        o = (origins[n, 0], origins[n, 1], origins[n, 2])
+        farthest = reach[n].max()
+        cone = bundle(directions[n])
+        sine = math.sin(cone[3]) if cone[3] < 0.5 * math.pi else 2.0
+        axis = (cone[0], cone[1], cone[2])
+        room = kept = 0
+        for i in range(in_bundle(rounds, o, cone, near, within_reach(rounds, o, farthest, near))):
+            b = near[i]
+            lists[b, 0] = room
+            lists[b, 1], lists[b, 2] = _faced(planes, begin[b], begin[b + 1], o, axis, sine, faces, room)
+            if lists[b, 2] > room or rounds[b, 6] > 0.0:
+                room, some[kept] = lists[b, 2], b
+                kept += 1
+        for b in range(own_count):
+            pose, c = poses[b, n], own_rounds[b]
+            seen_from[b, 0], seen_from[b, 1], seen_from[b, 2] = _turned_back(
+                pose, (o[0] - pose[0, 3], o[1] - pose[1, 3], o[2] - pose[2, 3])
+            )
+            for i in range(3):
+                balls[b, i] = pose[i, 0] * c[0] + pose[i, 1] * c[1] + pose[i, 2] * c[2] + pose[i, 3]
+            balls[b, 7] = c[7]
+        for i in range(in_bundle(balls, o, cone, near, within_reach(balls, o, farthest, near))):
+            b, place = near[i], count + near[i]
+            at, along = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2]), _turned_back(poses[b, n], axis)
+            lists[place, 0] = room
+            lists[place, 1], lists[place, 2] = _faced(
+                own_planes, own_begin[b], own_begin[b + 1], at, along, sine, faces, room
+            )
+            if lists[place, 2] > room or own_rounds[b, 6] > 0.0:
+                room, some[kept] = lists[place, 2], place
+                kept += 1
+        hits = 0
+        for k in range(directions.shape[1]):
+            towards = directions[n, k, 0], directions[n, k, 1], directions[n, k, 2]
+            for i in range(kept):
+                place = some[i]
+                b = place - count
+                if b < 0:
+                    d = towards
+                    if rounds[place, 6] > 0.0:
+                        low, high = inside(planes, begin[place], begin[place + 1], rounds[place], o, d)
+                        hidden = low <= high and TOUCH < low < reach[n, k]
+                    else:
+                        hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
+                else:
+                    d = _turned_back(poses[b, n], towards)
+                    if own_rounds[b, 6] > 0.0:
+                        at = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
+                        low, high = inside(own_planes, own_begin[b], own_begin[b + 1], own_rounds[b], at, d)
+                        hidden = low <= high and TOUCH < low < reach[n, k]
+                    else:
+                        hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
+                if hidden:
+                    hits += 1
+                    some[0], some[i] = some[i], some[0]  # it is likely to hide the next one too
+                    break
+        out[n] = hits / directions.shape[1]

@@ -1,0 +1,210 @@
+"""Rays in space against boxes, cylinders, spheres and convex hulls: what a camera that rises and tilts has before it.
+
+Each body is convex, so a line is inside it from one place to another, both in closed form: many rays at once, compiled.
+Where planes hold all that matters (:mod:`hpop.world.sight.bearings`, :mod:`hpop.world.sight.visibility`, fields of
+obstruction), they are faster and have gradients; rays are for cameras whose height changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.math import is_symbolic
+from hpop.errors import OptionError
+from hpop.runtime import limits
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere
+
+if TYPE_CHECKING:
+    from hpop.motions.states import Vector
+    from hpop.world.world import World
+
+GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
+"""Angle, rad, from one point to the next of a spiral that covers a disc or a sphere evenly (Vogel 1979)."""
+CAST = 4096
+"""Origins whose rays are cast together."""
+RAYS = "rays were cast"
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Convex bodies, as rays ask for them: each is what is behind all of its planes and within its round part.
+
+    planes  (P, 4)    outward unit normal and distance from the origin along it, m; of one body after the other
+    begin   (B + 1,)  where the planes of each begin
+    rounds  (B, 8)    centre, m; axis of a cylinder, 0 of a ball; radius, 0 if nothing is round; and radius of a ball
+                      round the centre that holds the body, m
+
+    >>> can = Surfaces.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
+    >>> ahead, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+    >>> can.first_hits(np.array([[-1.0, 0.0, 0.0]]), np.array([[ahead, up]]), 9.0).round(9)
+    array([[0.9, 9. ]])
+    """
+
+    planes: FloatArray
+    begin: IntArray
+    rounds: FloatArray
+
+    @classmethod
+    def of(cls, solids: Sequence[Solid]) -> Surfaces:
+        """Surfaces from solids in space."""
+        planes, rounds = [np.empty((0, 4))], [np.empty((0, 8))]
+        for solid in solids:
+            faces, centre, axis, radius, bound = _form(solid.shape)
+            turned, place = solid.pose[:3, :3], solid.pose[:3, 3]
+            normals = faces[:, :3] @ turned.T
+            planes.append(np.column_stack([normals, faces[:, 3] + normals @ place]))
+            rounds.append(np.array([[*(turned @ centre + place), *(turned @ axis), radius, bound]]))
+        begin = np.cumsum([len(part) for part in planes], dtype=np.int64)
+        return cls(np.concatenate(planes), begin, np.concatenate(rounds))
+
+    def __len__(self) -> int:
+        return len(self.rounds)
+
+    def first_hits(self, origins: FloatArray, directions: FloatArray, reach: float) -> FloatArray:
+        """How far (N, K), m, the rays (N, K, 3) of unit length from each origin (N, 3), m, get; at most ``reach``.
+
+        A ray ends where it enters a body. What contains or touches the origin, as a hand the camera in it, is no
+        hindrance.
+        """
+        from hpop.world.geometry._rays_in_space import first_hits
+
+        out = np.full(directions.shape[:2], float(reach))
+        if len(self):
+            for begin in range(0, len(origins), CAST):
+                limits.check(RAYS)
+                part = slice(begin, begin + CAST)
+                o, d = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (origins, directions))
+                first_hits(self.planes, self.begin, self.rounds, o, d, float(reach), out[part])
+        return out
+
+    def blocked(
+        self, own: Surfaces, poses: FloatArray, origins: FloatArray, directions: FloatArray, reach: FloatArray
+    ) -> FloatArray:
+        """Share (N,) of the rays (N, K, 3) from each origin (N, 3), m, that enter a body before ``reach`` (N, K), m.
+
+        Bodies are these and ``own``, each in a frame of its own, of which ``poses`` (B, N, 4, 4) say where it is.
+        """
+        from hpop.world.geometry._sight_in_space import blocked
+
+        limits.check(RAYS)
+        out = np.empty(len(origins))
+        given = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
+        blocked(self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *given, out)
+        return out
+
+    def flow(
+        self,
+        places: FloatArray,
+        axes: FloatArray,
+        velocity: FloatArray,
+        rotation: FloatArray,
+        view: FloatArray,
+        reach: float,
+        nearest: float,
+        *,
+        largest: bool,
+    ) -> FloatArray:
+        """Mean or largest angular speed (N,), rad/s, of what a camera sees: see the kernel of the same name."""
+        from hpop.world.geometry._rays_in_space import flow
+
+        out = np.empty(len(places))
+        for begin in range(0, len(places), CAST):
+            limits.check(RAYS)
+            part = slice(begin, begin + CAST)
+            camera = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (places, axes, velocity, rotation))
+            flow(self.planes, self.begin, self.rounds, *camera, view, reach, nearest, largest, out[part])
+        return out
+
+    def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
+        """Share (N,), in [0, 1], of the ball of ``radius`` m round each centre (N, 3), m, that bodies fill."""
+        from hpop.world.geometry._rays_in_space import filled
+
+        out = np.zeros(len(centres))
+        if len(self):
+            directions = over_sphere(rays)
+            for begin in range(0, len(centres), CAST):
+                limits.check(RAYS)
+                part = slice(begin, begin + CAST)
+                o = np.ascontiguousarray(centres[part], dtype=np.float64)
+                filled(self.planes, self.begin, self.rounds, o, directions, float(radius), out[part])
+        return out
+
+
+def surfaces_of(world: World) -> Surfaces:
+    """All that is solid in a world; kept with its ground."""
+    ground = world.ground
+    return ground.derived(("bodies for rays",), lambda: Surfaces.of(ground.bodies))
+
+
+def rows(vector: Vector, size: int) -> FloatArray:
+    """Three columns, or numbers in their place, as vectors (N, 3); OptionError for symbols."""
+    if any(map(is_symbolic, vector)):
+        raise OptionError(
+            "rays in space are cast on numbers, and here places are variables of a program; take a planner on a graph."
+        )
+    return np.stack([np.broadcast_to(column, (size,)) for column in vector], axis=1)
+
+
+def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
+    """Unit vectors (count, 3), evenly spread over the directions within half the angles, rad, of the x axis.
+
+    They are ``width`` round the z axis and ``height`` up and down: all round where nothing else is asked for.
+    """
+    number = np.arange(count) + 0.5
+    z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)
+    across, angle = np.sqrt(1.0 - z * z), width * (number * GOLDEN % (2.0 * math.pi) / (2.0 * math.pi) - 0.5)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
+
+
+def towards_ball(
+    places: FloatArray, centre: Sequence[float], radius: float, rays: int
+) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors (N, rays, 3) from places (N, 3) towards points spread evenly over a ball, and how far (N, rays), m.
+
+    It is 0 for places in the ball, which see nothing of it.
+    """
+    from hpop.world.geometry._rays_in_space import towards_ball
+
+    directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
+    towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)
+    return directions, reach
+
+
+def over_disc(count: int) -> FloatArray:
+    """Points (count, 2), evenly spread over the disc of radius 1."""
+    number = np.arange(count)
+    distance, angle = np.sqrt((number + 0.5) / count), GOLDEN * number
+    return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+
+
+def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+    """Planes (P, 4), centre, axis, radius and the radius of a ball that holds a shape, in its own frame."""
+    zero, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    match shape:
+        case Box():
+            half = 0.5 * np.array(shape.size)
+            normals = np.concatenate([np.eye(3), -np.eye(3)])
+            return np.column_stack([normals, np.tile(half, 2)]), zero, zero, 0.0, float(np.linalg.norm(half))
+        case Cylinder():
+            half_length = 0.5 * shape.length
+            ends = np.array([[0.0, 0.0, 1.0, half_length], [0.0, 0.0, -1.0, half_length]])
+            return ends, zero, up, shape.radius, math.hypot(shape.radius, half_length)
+        case Sphere():
+            return np.empty((0, 4)), zero, zero, shape.radius, shape.radius
+        case Hull():
+            a, b, c = (shape.points[shape.triangles[:, i]] for i in range(3))
+            normals = np.cross(b - a, c - a)
+            normals /= np.linalg.norm(normals, axis=1)[:, None]
+            planes = np.column_stack([normals, np.sum(normals * a, axis=1)])
+            _, once = np.unique(np.round(planes, 12), axis=0, return_index=True)
+            low, high = shape.points.min(axis=0), shape.points.max(axis=0)
+            centre = 0.5 * (low + high)
+            box = np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])])
+            planes = np.concatenate([box, planes[once]])  # most lines that miss it miss the box round it already
+            return planes, centre, zero, 0.0, float(np.linalg.norm(shape.points - centre, axis=1).max())

@@ -1,0 +1,255 @@
+"""What a world is in the plane: prisms (`Obstacle`) and occupancy cells (`Raster`), each with heights."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray, Column, FloatArray, frozen
+from hpop.base.options import FARTHEST, MOST, real
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.outlines import outlined
+from hpop.world.geometry.solids import Solid
+
+MAX_CELLS = 100_000_000
+"""Largest raster that is read: 10 000 x 10 000 cells, 500 m x 500 m at 0.05 m."""
+VANISHING = 1e-100
+"""Coordinates below, m, multiply to 0 though they are not."""
+SMALLEST, LARGEST = 0.1, 1e6
+"""Least and greatest longer side of a map that is read, m."""
+
+
+def check_prisms(obstacles: Any) -> tuple[Obstacle, ...]:
+    """The obstacles of a world as a tuple, or `MapError` where that is something else."""
+    prisms = tuple(obstacles) if isinstance(obstacles, Iterable) else (obstacles,)
+    if not all(isinstance(prism, Obstacle) for prism in prisms):
+        raise MapError(
+            f"obstacles must be hpop.world.Obstacle prisms; got {shown(obstacles)}. Build a world by "
+            "World.from_geojson(path), World.from_polygons([...]) or another of these methods."
+        )
+    return prisms
+
+
+def check_heights(heights: Any) -> tuple[float, float]:
+    """Return (z_min, z_max), m, as floats; None is no bound. `MapError` unless z_min < z_max."""
+    try:
+        low, high = heights
+        z_min = -math.inf if low is None else float(low)
+        z_max = math.inf if high is None else float(high)
+    except (TypeError, ValueError, OverflowError):
+        raise MapError(f"heights must be a pair (z_min, z_max) in metres; got {shown(heights)}.") from None
+    if not z_min < z_max:
+        raise MapError(f"heights must satisfy z_min < z_max; got ({z_min}, {z_max}).")
+    if any(math.isfinite(z) and abs(z) > MOST for z in (z_min, z_max)):
+        raise MapError(f"heights must be within {MOST:,.0f} m of the floor; got ({z_min:g}, {z_max:g}).")
+    return z_min, z_max
+
+
+def check_pose(origin: Any) -> tuple[float, float, float]:
+    """Return an origin (x, y, yaw), metres and radians, as three finite floats, or raise `MapError`."""
+    try:
+        x, y, yaw = (float(value) for value in origin)
+    except (TypeError, ValueError, OverflowError):
+        x = y = yaw = math.nan
+    if not (abs(x) <= FARTHEST and abs(y) <= FARTHEST and abs(yaw) <= MOST):
+        raise MapError(
+            f"origin must be three finite numbers [x, y, yaw] (m, m, rad), a place within {FARTHEST:,.0f} m; got "
+            f"{shown(origin)}."
+        )
+    return x, y, yaw
+
+
+def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
+    """Refuse geometries that lie where no building does, or of coordinates whose products are no numbers any more."""
+    away = np.abs(shapely.get_coordinates(geometry))
+    if not (away <= FARTHEST).all():
+        raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
+    if (near := away[(away > 0) & (away < VANISHING)]).size:
+        raise MapError(f"{what} has a coordinate of {near[0]:g} m, which GEOS cannot multiply; write 0.")
+
+
+def check_positive(name: str, value: Any) -> float:
+    """Return a finite float above 0, or raise `MapError` naming the quantity."""
+    return float(real(name, value, 1e-9, 1e9, "a number above 0,", error=MapError))
+
+
+def check_inside(given: Any) -> tuple[float, float] | None:
+    """A point (x, y) of the free space, m, or None; `MapError` for anything else."""
+    if given is None:
+        return None
+    try:
+        x, y = given
+    except (TypeError, ValueError):
+        raise MapError(f"inside must be a point [x, y] in m; got {shown(given)}.") from None
+    x, y = (
+        float(real("inside", value, -FARTHEST, FARTHEST, "a point [x, y] in m", error=MapError)) for value in (x, y)
+    )
+    return x, y
+
+
+def check_size(height: int, width: int, what: str) -> None:
+    """Refuse a raster without cells or with more than `MAX_CELLS`, before memory is taken for it."""
+    if height < 1 or width < 1:
+        raise MapError(f"{what} must have at least one cell; got {width} x {height}.")
+    if height * width > MAX_CELLS:
+        raise MapError(
+            f"{what} is {width} x {height} = {height * width:,} cells; at most {MAX_CELLS:,} are read. "
+            "Crop the map or lower its resolution."
+        )
+
+
+def check_span(height: int, width: int, resolution: float, path: Any) -> None:
+    """Refuse the map in a file if no robot fits on it or no country holds it: its resolution is wrong."""
+    side = max(height, width) * resolution
+    if not SMALLEST <= side <= LARGEST:
+        raise MapError(
+            f"{path}: a resolution of {resolution:g} m makes {width} x {height} cells a map {side:.3g} m across; "
+            "resolution is the side of a cell in m, such as 0.05."
+        )
+
+
+def rotate(x: Any, y: Any, yaw: float) -> tuple[Any, Any]:
+    """Turn plane vectors by `yaw` (rad, counter-clockwise); yaw 0 leaves the numbers exactly as they are."""
+    if yaw == 0.0:
+        return x, y
+    c, s = math.cos(yaw), math.sin(yaw)
+    return c * x - s * y, s * x + c * y
+
+
+def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
+    """Whether two open height ranges share a point; touching ranges do not."""
+    return a[0] < b[1] and b[0] < a[1]
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """An upright prism: a polygon between two heights.
+
+    polygon       shapely Polygon   m   outline in the world frame, holes allowed
+    z_min, z_max  float             m   -inf and inf mean "the whole height"
+    solid         Solid or None     what this is the prism round; None where the prism itself was given
+    name          str               what messages call it
+    """
+
+    polygon: Polygon
+    z_min: float = -math.inf
+    z_max: float = math.inf
+    solid: Solid | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the outline and the heights."""
+        if not isinstance(self.polygon, Polygon) or self.polygon.is_empty:
+            raise MapError(f"an obstacle must be a shapely Polygon with an area; got {shown(self.polygon)}.")
+        if not isinstance(self.solid, Solid | None):
+            raise MapError(f"an obstacle's solid must be a hpop.world.Solid; got {shown(self.solid)}.")
+        check_coordinates(self.polygon, "an obstacle")
+        check_joinable([self.polygon], "an obstacle")
+        if not self.polygon.is_valid:
+            reason = shapely.is_valid_reason(self.polygon)
+            raise MapError(f"an obstacle's outline is not valid ({reason}); see shapely.make_valid.")
+        z_min, z_max = check_heights((self.z_min, self.z_max))
+        object.__setattr__(self, "z_min", z_min)
+        object.__setattr__(self, "z_max", z_max)
+
+    @classmethod
+    def around(cls, solid: Solid) -> Obstacle:
+        """The upright prism round a solid."""
+        return cls(solid.outline, *solid.heights, solid, solid.name)
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """(z_min, z_max), m."""
+        return self.z_min, self.z_max
+
+
+def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
+    """Prisms over shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError for anything else."""
+    if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
+        raise MapError(f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets.")
+    prisms = list[Obstacle]()
+    for item in obstacles:
+        shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, (None, None))
+        if not isinstance(shape, Polygon | MultiPolygon):
+            raise MapError(
+                "an obstacle must be a shapely Polygon or MultiPolygon, such as shapely.Polygon([(0, 0), (1, 0), "
+                f"(1, 1)]); got {shown(shape)}."
+            )
+        prisms += [Obstacle(part, *check_heights(heights)) for part in shapely.get_parts(shape)]
+    return tuple(prisms)
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """Occupancy cells, each an upright square prism.
+
+    cells         (H, W) bool   True is an obstacle; row 0 at the bottom: y grows with the row
+    resolution    float         m     side of a cell
+    origin        (x, y, yaw)   m, m, rad   lower-left corner of cell [0, 0], world frame
+    z_min, z_max  float         m     heights of all occupied cells
+    """
+
+    cells: BoolArray
+    resolution: float
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    z_min: float = -math.inf
+    z_max: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Copy the cells and check sizes and numbers."""
+        try:
+            cells = np.asarray(self.cells)
+        except ValueError:  # of numpy, which knows no ragged rows
+            raise MapError(
+                f"cells must be a 2-D array of bool (H, W), all rows of one length; got {shown(self.cells)}."
+            ) from None
+        if cells.ndim != 2 or cells.dtype != np.bool_:
+            raise MapError(
+                f"cells must be a 2-D array of bool (H, W); got shape {cells.shape}, {cells.dtype}. "
+                "Threshold first, e.g. cells > 0.5."
+            )
+        check_size(cells.shape[0], cells.shape[1], "the raster")
+        z_min, z_max = check_heights((self.z_min, self.z_max))
+        object.__setattr__(self, "cells", frozen(cells))
+        object.__setattr__(self, "resolution", check_positive("resolution", self.resolution))
+        object.__setattr__(self, "origin", check_pose(self.origin))
+        object.__setattr__(self, "z_min", z_min)
+        object.__setattr__(self, "z_max", z_max)
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """(z_min, z_max), m."""
+        return self.z_min, self.z_max
+
+    def to_world(self, column: Column, row: Column) -> tuple[Any, Any]:
+        """World coordinates (m) of points given in cells from the lower-left corner."""
+        dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
+        return dx + self.origin[0], dy + self.origin[1]
+
+    def rectangle(self) -> BaseGeometry:
+        """Outline of the image, m."""
+        rows, columns = self.cells.shape
+        return self._placed(shapely.box(0, 0, columns, rows))
+
+    def solid(self) -> BaseGeometry:
+        """Union of the occupied squares, exact, m; raises MapError where its outlines have too many corners."""
+        return self._placed(outlined(self.cells))
+
+    def _placed(self, geometry: BaseGeometry) -> BaseGeometry:
+        def place(points: FloatArray) -> FloatArray:
+            return np.stack(self.to_world(points[:, 0], points[:, 1]), axis=1)
+
+        return shapely.transform(geometry, place)

@@ -1,0 +1,363 @@
+"""Solids in space: boxes, cylinders, spheres and convex hulls with poses, which arms meet and arms are made of.
+
+A robot in the plane meets the upright prism round each: `Solid.outline` between `Solid.heights`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray, frozen
+from hpop.base.math import not_radians
+from hpop.base.options import FARTHEST, LEAST, MOST, real
+from hpop.base.text import printable, shown
+from hpop.errors import MapError
+
+SAGITTA = 1e-3
+"""By how much an outline of straight edges leaves a circle, m, or radii where the radius is more than 1 m."""
+ORTHONORMAL = 1e-6
+"""By how much the axes of a pose may miss length 1 and right angles."""
+TILT = 1e-9
+"""Sine of the angle to the vertical below which an axis is upright."""
+MOST_SOLIDS = 5_000
+"""Solids of a world."""
+MARGIN = 1.0
+"""How far a world without an extent goes beyond its solids, m: that a robot has room beside them."""
+MOST_POINTS = 100_000
+"""Points of which a hull is made: some tenths of a second."""
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Box:
+    """A box round its origin, along its axes.
+
+    size  (x, y, z)  m
+    """
+
+    size: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        size = _numbers("a box's size", self.size, 3)
+        object.__setattr__(self, "size", tuple(_length("a box's size", value) for value in size))
+
+    @property
+    def corners(self) -> FloatArray:
+        """The eight corners (8, 3), m."""
+        ends = [(x, y, z) for z in (-0.5, 0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
+        corners: FloatArray = np.array(ends) * np.array(self.size)
+        return corners
+
+    def support(self, directions: FloatArray) -> FloatArray:
+        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        reach: FloatArray = np.abs(directions) @ (np.array(self.size) / 2)
+        return reach
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder round its origin; its axis is z.
+
+    radius, length  m
+    """
+
+    radius: float
+    length: float
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "length"):
+            object.__setattr__(self, name, _length(f"a cylinder's {name}", getattr(self, name)))
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (V, 3), m, of an upright prism round it, whose edges touch it."""
+        rim = _rim(self.radius)
+        return np.concatenate([np.c_[rim, np.full(len(rim), z)] for z in (-self.length / 2, self.length / 2)])
+
+    def support(self, directions: FloatArray) -> FloatArray:
+        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        x, y, z = directions.T
+        reach: FloatArray = self.radius * np.hypot(x, y) + self.length / 2 * np.abs(z)
+        return reach
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Sphere:
+    """A ball round its origin.
+
+    radius  m
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", _length("a sphere's radius", self.radius))
+
+    def support(self, directions: FloatArray) -> FloatArray:
+        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        return np.full(len(directions), self.radius)
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False)
+class Hull:
+    """The convex hull of points, which has a volume; points that are not its corners are dropped.
+
+    points  (V, 3)  m
+    """
+
+    points: FloatArray
+
+    def __post_init__(self) -> None:
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            points = np.asarray(self.points, dtype=np.float64)
+        except (TypeError, ValueError):
+            points = np.empty(0)
+        if points.ndim != 2 or points.shape[1] != 3 or not 4 <= len(points) <= MOST_POINTS:
+            raise MapError(
+                f"a hull is made of points (V, 3) in m, 4 to {MOST_POINTS:,} of them; got {shown(self.points)}."
+            )
+        if not (np.abs(points) <= MOST).all():
+            raise MapError(f"a hull's points must be finite numbers, at most {MOST:,.0f} m from its origin.")
+        flat = MapError(
+            "a hull needs four points that are not in one plane: it has no volume. Give a thin box instead."
+        )
+        if np.ptp(points, axis=0).min() < LEAST:
+            raise flat
+        try:
+            hull = ConvexHull(points)
+        except QhullError:
+            raise flat from None
+        object.__setattr__(self, "points", frozen(points[np.sort(hull.vertices)]))
+
+    @property
+    def corners(self) -> FloatArray:
+        """Its corners (V, 3), m."""
+        return self.points
+
+    @cached_property
+    def triangles(self) -> IntArray:
+        """Corners (F, 3) of its faces, counter-clockwise as seen from outside."""
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(self.points)
+        a, b, c = (self.points[hull.simplices[:, i]] for i in range(3))
+        inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+        triangles: IntArray = hull.simplices.astype(np.int64)
+        triangles[inward] = triangles[inward][:, ::-1]
+        return triangles
+
+    @cached_property
+    def volume(self) -> float:
+        """In m³."""
+        a, b, c = self.points[self.triangles.T] - self.points.mean(axis=0)
+        return float(np.einsum("ij,ij->", np.cross(a, b), c)) / 6
+
+    def support(self, directions: FloatArray) -> FloatArray:
+        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        reach: FloatArray = (self.points @ directions.T).max(axis=0)
+        return reach
+
+
+Shape = Box | Cylinder | Sphere | Hull
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A shape with its place.
+
+    shape
+    pose   (4, 4)  homogeneous, m: from the shape's frame to the world's, or that of whatever it is part of
+    name
+
+    >>> can = Solid(Cylinder(radius=0.03, length=0.14), pose_at((1.0, 2.0, 0.07)), "can")
+    >>> can.heights, can.is_upright, can.outline.area > np.pi * 0.03**2
+    ((0.0, 0.14), True, True)
+    """
+
+    shape: Shape
+    pose: FloatArray
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.shape, Shape):
+            raise MapError(f"a solid's shape must be a Box, Cylinder, Sphere or Hull; got {shown(self.shape)}.")
+        if not isinstance(self.name, str):
+            raise MapError(f"a solid's name must be text; got {shown(self.name)}.")
+        object.__setattr__(self, "pose", _checked_pose(self.pose, self.name))
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (V, 3), m, of a polyhedron that is the solid (`Box`, `Hull`) or round it (`Cylinder`).
+
+        MapError for a sphere, round which no few points are near.
+        """
+        if isinstance(self.shape, Sphere):
+            raise MapError("a sphere has no corners; ask for its outline, its bounds, or its radius.")
+        corners: FloatArray = self.shape.corners @ self.pose[:3, :3].T + self.pose[:3, 3]
+        return corners
+
+    @cached_property
+    def bounds(self) -> FloatArray:
+        """The least and the greatest x, y and z (2, 3), m; exact."""
+        reach = self.shape.support(self.pose[:3, :3])
+        away = self.shape.support(-self.pose[:3, :3])
+        return frozen(np.stack([self.pose[:3, 3] - away, self.pose[:3, 3] + reach]))
+
+    @property
+    def heights(self) -> tuple[float, float]:
+        """(z_min, z_max), m; exact."""
+        low, high = self.bounds[:, 2].tolist()
+        return low, high
+
+    @cached_property
+    def outline(self) -> Polygon:
+        """What it covers seen from above, m: exact for boxes and hulls, else round it, within `SAGITTA`."""
+        if isinstance(self.shape, Sphere):
+            return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
+        outline: Polygon = shapely.convex_hull(shapely.MultiPoint(self.corners[:, :2]))  # type: ignore[assignment]
+        return outline
+
+    @cached_property
+    def is_upright(self) -> bool:
+        """Whether the solid is the upright prism round it, but for the edges of a circle."""
+        vertical = np.hypot(self.pose[0, :3], self.pose[1, :3]) <= TILT
+        match self.shape:
+            case Box():
+                return bool(vertical.any())
+            case Cylinder():
+                return bool(vertical[2])
+            case Sphere():
+                return False
+        low, high = self.heights
+        return self.shape.volume >= (1 - 1e-9) * self.outline.area * (high - low)
+
+    def describe(self) -> dict[str, Any]:
+        """JSON-able description, from which :meth:`build` makes the same solid."""
+        match self.shape:
+            case Box():
+                shape: dict[str, Any] = {"box": list(self.shape.size)}
+            case Cylinder():
+                shape = {"cylinder": {"radius": self.shape.radius, "length": self.shape.length}}
+            case Sphere():
+                shape = {"sphere": self.shape.radius}
+            case _:
+                shape = {"hull": self.shape.points.tolist()}
+        return {**shape, "pose": self.pose[:3].tolist(), "name": self.name}
+
+    @classmethod
+    def build(cls, data: Mapping[str, Any]) -> Solid:
+        """A solid from its description; MapError, TypeError or LookupError where it is malformed."""
+        (kind,) = set(data) - {"pose", "name"}
+        given = data[kind]
+        shapes: dict[str, Any] = {"box": Box, "sphere": Sphere, "hull": Hull}
+        shape = Cylinder(**given) if kind == "cylinder" else shapes[kind](given)
+        return cls(shape, [*data["pose"], [0.0, 0.0, 0.0, 1.0]], data["name"])  # type: ignore[arg-type]  # made an array
+
+
+def check_solids(solids: Any) -> tuple[Solid, ...]:
+    """The solids of a world as a tuple, or `MapError` where that is something else, or too many."""
+    found = tuple(islice(solids, MOST_SOLIDS + 1)) if isinstance(solids, Iterable) else (solids,)
+    if not all(isinstance(solid, Solid) for solid in found):
+        raise MapError(
+            f"solids must be a list of hpop.world.Solid, each a shape with its pose; got {shown(solids)}. See "
+            "World.from_solids(solids) and World.from_moveit_scene(path)."
+        )
+    if len(found) > MOST_SOLIDS:
+        raise MapError(f"a world has at most {MOST_SOLIDS:,} solids; got more. Give a part of it.")
+    return found
+
+
+def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
+    """A note on those that are more in the plane than they are; none where all are upright."""
+    names = [solid.name or f"solid {place}" for place, solid in enumerate(solids) if not solid.is_upright]
+    if not names:
+        return ()
+    listed = ", ".join([*(printable(name)[:40] for name in names[:8]), *["..."] * (len(names) > 8)])
+    return (
+        f"solids that are no upright prisms, {len(names):,} of {len(solids):,} ({listed}): a robot in the plane, its "
+        "clearance and obstruction take the prism round each.",
+    )
+
+
+@checked_arguments
+def pose_at(
+    position: Sequence[float] = (0.0, 0.0, 0.0),
+    *,
+    rpy: Sequence[float] = (0.0, 0.0, 0.0),
+    quaternion: Sequence[float] | None = None,
+) -> FloatArray:
+    """A pose (4, 4), m: turned by roll, pitch and yaw, rad, about fixed axes x, y, z in turn, or by a quaternion.
+
+    A quaternion is (x, y, z, w); one of another length than 1 is taken as the one of length 1 in its direction.
+    """
+    from scipy.spatial.transform import Rotation
+
+    pose = np.eye(4)
+    pose[:3, 3] = _numbers("a position", position, 3)
+    if quaternion is not None:
+        turned = _numbers("a quaternion (x, y, z, w)", quaternion, 4)
+        if not LEAST <= math.hypot(*turned) <= MOST:
+            raise MapError(f"a quaternion (x, y, z, w) has length 1; got {shown(quaternion)}.")
+        pose[:3, :3] = Rotation.from_quat(turned).as_matrix()
+    else:
+        angles = _numbers("roll, pitch and yaw", rpy, 3)
+        if advice := next(filter(None, map(not_radians, angles)), ""):
+            raise MapError(f"each of roll, pitch and yaw {advice}.")
+        if any(angles):  # none leaves the numbers exactly as they are
+            pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
+    return pose
+
+
+def _checked_pose(pose: Any, name: str) -> FloatArray:
+    what = f"the pose of solid {name!r}" if name else "a solid's pose"
+    try:
+        given = np.asarray(pose, dtype=np.float64)
+    except (TypeError, ValueError):
+        given = np.empty(0)
+    if given.shape != (4, 4) or not np.isfinite(given).all() or (given[3] != (0, 0, 0, 1)).any():
+        raise MapError(f"{what} must be a homogeneous matrix (4, 4), its last row 0, 0, 0, 1; got {shown(pose)}.")
+    axes = given[:3, :3]
+    if not (np.abs(axes @ axes.T - np.eye(3)) <= ORTHONORMAL).all() or np.linalg.det(axes) < 0:
+        raise MapError(f"{what} must turn by a rotation matrix (axes of length 1, at right angles, right-handed).")
+    if not (np.abs(given[:3, 3]) <= FARTHEST).all():
+        raise MapError(f"{what} must be within {FARTHEST:,.0f} m of the origin.")
+    return frozen(given)
+
+
+def _numbers(what: str, given: Any, count: int) -> tuple[float, ...]:
+    """So many finite numbers, or MapError."""
+    try:
+        values = tuple(given)
+    except TypeError:
+        values = ()
+    if isinstance(given, str) or len(values) != count:
+        raise MapError(f"{what} must be {count} numbers; got {shown(given)}.")
+    return tuple(float(real(what, value, -FARTHEST, FARTHEST, "finite numbers", error=MapError)) for value in values)
+
+
+def _length(what: str, value: Any) -> float:
+    return float(real(what, value, LEAST, MOST, "a length in m", error=MapError))
+
+
+def _rim(radius: float) -> FloatArray:
+    """Corners (N, 2), m, of a polygon round a circle, each within `SAGITTA` of it."""
+    excess = SAGITTA / min(radius, 1.0)
+    count = max(16, 4 * math.ceil(math.pi / math.acos(1.0 / (1.0 + excess)) / 4))
+    angles = 2.0 * math.pi * np.arange(count) / count
+    return radius / math.cos(math.pi / count) * np.stack([np.cos(angles), np.sin(angles)], axis=1)

@@ -1,0 +1,249 @@
+"""What is among the pixels of a blueprint beside walls: grey areas, lettering, specks, what cannot be reached."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.errors import MapError
+from hpop.runtime import limits
+from hpop.runtime.limits import READING
+from hpop.world.geometry.shapes import Raster, rotate
+
+DARK, LIGHT = 0.25, 0.9
+"""Brightness below which a pixel is dark, and above which it is light."""
+EDGE = 2
+"""Pixels from an obstacle within which grey is its edge: lines are drawn smooth, and JPEG blurs them."""
+LEAST = 4
+"""Pixels of a grey area that is told."""
+TOLD = 3
+"""Areas that are told one by one."""
+LETTER = 2.0
+"""Side of a letter on a plan, m, at most."""
+LINE = 5
+"""Pixels that the tallest letter of a word has, at least."""
+WORD = 3
+"""Letters of a word, at least."""
+SPARE = 2.0
+"""How much larger than the largest letter found is proposed, where nothing else is of that size."""
+MOST_SPECKS = 20_000
+"""Specks among which lettering is looked for; more are noise."""
+LABELS = 8
+"""Bytes a pixel while connected pixels are numbered, and looked at."""
+ROWS = 1_000_000
+"""Pixels that are counted together."""
+
+_ROUND = np.ones((3, 3), dtype=bool)  # a pixel with its eight neighbours: lines are connected at corners
+
+
+class Specks(NamedTuple):
+    """Connected pixels, one row each.
+
+    area    (n,)    int     pixels
+    boxes   (n, 4)  int     first row and column, and those after the last
+    """
+
+    area: IntArray
+    boxes: IntArray
+
+
+def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
+    """Cells without obstacles that cover less than ``smallest`` (m²), and a note on what is left out and what stays."""
+    cells, square = raster.cells, raster.resolution**2
+    labels, count = numbered(cells, _ROUND)
+    area = areas_of(labels, count)
+    small = area * square < smallest
+    small[0] = False
+    left = np.count_nonzero(small)
+    note = f"{left:,} obstacles smaller than {smallest:g} m² are left out"
+    if left:
+        note += f", {area[small].sum() * square:.3g} m² in all, the largest {area[small].max() * square:.3g} m²"
+    others = np.flatnonzero(~small)[1:]
+    stay = []
+    for number in others[np.argsort(area[others], kind="stable")][:TOLD].tolist():
+        r0, c0, r1, c1 = _box(labels == number)
+        x, y = raster.to_world((c0 + c1) / 2, (r0 + r1) / 2)
+        stay.append(f"{area[number] * square:.3g} m² at ({x:.2f}, {y:.2f})")
+    return cells & ~small[labels], f"{note}; the smallest that stay are {', '.join(stay)}" if stay else note
+
+
+def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
+    """Cells of which all is solid that cannot be reached from a point (m), and a note; `MapError` where it is not free.
+
+    Reached are neighbours to the left and right, above and below: a line of pixels that touch at corners is closed.
+    """
+    rows, columns = raster.cells.shape
+    x, y = rotate(inside[0] - raster.origin[0], inside[1] - raster.origin[1], -raster.origin[2])
+    row, column = math.floor(y / raster.resolution), math.floor(x / raster.resolution)
+    where = f"inside ({inside[0]:g}, {inside[1]:g})"
+    if not (0 <= row < rows and 0 <= column < columns):
+        raise MapError(f"{where} is not on the image, which is {_size(rows, columns, raster)}. Move it.")
+    if raster.cells[row, column]:
+        raise MapError(f"{where} is in an obstacle; expected a point of the free space. Move it, or change threshold.")
+    labels, _ = numbered(~raster.cells, None)
+    reached = labels == labels[row, column]
+    closed = np.count_nonzero(~reached) - np.count_nonzero(raster.cells)
+    note = f"{closed * raster.resolution**2:.4g} m² that cannot be reached from {where} are solid"
+    if reached[[0, -1]].any() or reached[:, [0, -1]].any():
+        note += "; what is reached goes on to the edge of the image, so the plan is open there"
+    return ~reached, note
+
+
+def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: Raster) -> Iterator[str]:
+    """Notes on pixels that are neither dark nor light, and on areas of them that are free.
+
+    shade, dark : (H, W), brightness from 0 to 255 and what is an obstacle, row 0 at the bottom
+    """
+    grey = (shade >= round(255 * DARK)) & (shade <= round(255 * LIGHT))
+    count, solid = np.count_nonzero(grey), np.count_nonzero(grey & dark)
+    if not count:
+        return
+    share = f"{count:,} of {grey.size:,} pixels ({100 * count / grey.size:.2g} %)"
+    yield (
+        f"{share} are neither dark nor light (brightness from {DARK} to {LIGHT}): {solid:,} below the threshold "
+        f"{threshold:g} are obstacles, {count - solid:,} are free"
+    )
+    apart = grey & ~_grown(dark, EDGE)
+    labels, found = numbered(apart, _ROUND)
+    area = areas_of(labels, found)
+    area[0] = 0
+    large = np.flatnonzero(area >= LEAST)
+    if not large.size:
+        return
+    told = []
+    brightest = 0
+    for number in large[np.argsort(-area[large], kind="stable")][:TOLD].tolist():
+        cells = labels == number
+        shades = shade[cells]
+        brightest = max(brightest, int(shades.max()))
+        r0, c0, r1, c1 = _box(cells)
+        x, y = raster.to_world((c0 + c1) / 2, (r0 + r1) / 2)
+        size = _size(r1 - r0, c1 - c0, raster)
+        told.append(f"{size} at ({x:.2f}, {y:.2f}), brightness {shades.mean() / 255:.2f}")
+    said = "; ".join(told) + f"; and {len(large) - TOLD:,} smaller" * (len(large) > TOLD)
+    enough = math.ceil(100 * (brightest + 1) / 255) / 100
+    yield (
+        f"grey areas are free, {len(large):,} that are no edge of an obstacle: {said}. threshold: {enough:g} makes "
+        "obstacles of these"
+    )
+
+
+def lettering(raster: Raster) -> Iterator[str]:
+    """A note on obstacles that look like lettering: rows of small specks of unlike size that stand close together."""
+    labels, count = numbered(raster.cells, _ROUND)
+    if count > MOST_SPECKS:
+        yield (
+            f"there are {count:,} obstacles, more than a building has: smallest_obstacle: "
+            f"{9 * raster.resolution**2:.2g} (m²) leaves out those of less than nine pixels"
+        )
+        return
+    from scipy import ndimage
+
+    area = areas_of(labels, count)[1:]
+    found = ndimage.find_objects(labels)
+    boxes = np.array([[r.start, c.start, r.stop, c.stop] for r, c in found], dtype=np.int64).reshape(-1, 4)
+    sides = (boxes[:, 2:] - boxes[:, :2]) * raster.resolution
+    small = np.flatnonzero((sides <= LETTER).all(axis=1))
+    some = Specks(area[small], boxes[small])
+    words = [*_words(some, turned=False), *_words(some, turned=True)]
+    letters = np.unique(np.concatenate(words)) if words else np.zeros(0, dtype=np.int64)
+    if not letters.size:
+        return
+    largest = int(some.area[letters].max())
+    others = np.count_nonzero(area <= largest) - letters.size
+    if np.count_nonzero(area <= SPARE * largest) - letters.size == others:  # letters that touch count as one
+        largest = math.floor(SPARE * largest)
+    places = []
+    for word in words[:TOLD]:
+        r0, c0 = some.boxes[word, :2].min(axis=0).tolist()
+        r1, c1 = some.boxes[word, 2:].max(axis=0).tolist()
+        x, y = raster.to_world((c0 + c1) / 2, (r0 + r1) / 2)
+        places.append(f"({x:.2f}, {y:.2f})")
+    enough = _rounded_up((largest + 0.5) * raster.resolution**2)
+    yield (
+        f"{letters.size:,} specks look like lettering, in {len(words):,} word{'s' * (len(words) > 1)} at "
+        f"{', '.join(places)}{', ...' * (len(words) > TOLD)}, and are obstacles; smallest_obstacle: {enough:g} (m²) "
+        f"leaves them out{f', and {others:,} others as small' * bool(others)}"
+    )
+
+
+def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
+    """Places of the letters of words that are written across, or upward."""
+    r0, c0, r1, c1 = specks.boxes.T if not turned else specks.boxes[:, [1, 0, 3, 2]].T
+    if not len(r0):
+        return []
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    height = r1 - r0
+    reach = 0.4 * height  # half of a gap: two letters whose boxes so widened meet are neighbours
+    boxes = shapely.box(c0 - reach, r0, c1 + reach, r1)
+    a, b = shapely.STRtree(boxes).query(boxes)
+    overlap = np.minimum(r1[a], r1[b]) - np.maximum(r0[a], r0[b])
+    alike = np.maximum(height[a], height[b]) <= 2.5 * np.minimum(height[a], height[b])
+    joined = (a < b) & alike & (overlap >= 0.5 * np.minimum(height[a], height[b]))
+    links = coo_array((np.ones(joined.sum()), (a[joined], b[joined])), shape=(len(r0), len(r0)))
+    _, word = connected_components(links, directed=False)
+    order = np.argsort(word, kind="stable")
+    groups = np.split(order, np.flatnonzero(np.diff(word[order])) + 1)
+    return [
+        group
+        for group in groups
+        if len(group) >= WORD
+        and height[group].max() >= LINE
+        and np.ptp(c0[group]) > np.ptp(r0[group])
+        and np.ptp(specks.area[group]) > 0.1 * specks.area[group].max()  # chairs and columns are alike
+    ]
+
+
+def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
+    """Numbers of connected cells, from 1, and how many there are."""
+    from scipy import ndimage
+
+    limits.hold(READING, 0, LABELS * cells.size)
+    labels = np.empty(cells.shape, dtype=np.int32)
+    return labels, int(ndimage.label(cells, structure, output=labels))
+
+
+def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
+    """How many cells have each number, 0 included; some rows at a time, since counting takes eight bytes a cell."""
+    step = max(1, ROWS // labels.shape[1])
+    area = np.zeros(count + 1, dtype=np.int64)
+    for top in range(0, labels.shape[0], step):
+        area += np.bincount(labels[top : top + step].ravel(), minlength=count + 1)
+    return area
+
+
+def _box(cells: BoolArray) -> list[int]:
+    """First row and column of the cells that are there, and those after the last."""
+    rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
+    return [int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1]
+
+
+def _grown(cells: BoolArray, steps: int) -> BoolArray:
+    """Cells, and those within some steps of one, diagonal ones too."""
+    wide = cells.copy()
+    for step in range(1, steps + 1):
+        wide[:, step:] |= cells[:, :-step]
+        wide[:, :-step] |= cells[:, step:]
+    grown = wide.copy()
+    for step in range(1, steps + 1):
+        grown[step:] |= wide[:-step]
+        grown[:-step] |= wide[step:]
+    return grown
+
+
+def _size(rows: int, columns: int, raster: Raster) -> str:
+    return f"{columns * raster.resolution:.3g} x {rows * raster.resolution:.3g} m"
+
+
+def _rounded_up(value: float) -> float:
+    """Two digits of a number, rounded up."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - 1)
+    return float(f"{math.ceil(value / unit - 1e-9) * unit:.6g}")

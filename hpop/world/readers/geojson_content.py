@@ -1,0 +1,202 @@
+"""Reader for what a GeoJSON (RFC 7946) file says of a building's life: points of interest, visitor flows, zones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.content.content import Content, Landmark, Zone
+from hpop.world.files import read_bytes
+from hpop.world.geometry.crossings import check_widenable
+from hpop.world.geometry.shapes import check_positive
+from hpop.world.readers import crs as systems
+from hpop.world.readers.choosing import chosen_features, notes_of_levels
+from hpop.world.readers.features import Feature, FeatureNotes
+from hpop.world.readers.geojson_shapes import LINES, POINTS, POLYGONS, WORDS, placed, shaped
+from hpop.world.readers.geojson_text import read_document
+from hpop.world.readers.placement import MOST_DEGREES, Placement, Units
+from hpop.world.readers.tags import Choice, length, number, truth
+
+FLOW_WIDTH = 3.0
+"""Width of the way along a flow, m."""
+ContentFile = str | Path | Mapping[str, Any]
+"""A path, or a mapping with a ``path`` and ``where``: the properties that its features must have."""
+ContentFiles = ContentFile | Sequence[ContentFile]
+
+
+def read(
+    *,
+    landmarks: ContentFiles = (),
+    flows: ContentFiles = (),
+    zones: ContentFiles = (),
+    scale: float = 1.0,
+    origin: tuple[float, float] = (0.0, 0.0),
+    units: Units | None = "m",
+    width: float = FLOW_WIDTH,
+    crs: str | None = None,
+) -> tuple[Content, tuple[str, ...]]:
+    """Read the content of a world from GeoJSON files: ``world.with_content(landmarks=content.landmarks, ...)``.
+
+    A file is a path, or a mapping such as ``{"path": "zones.geojson", "where": {"level": 0}}``, of which those features
+    are read that have all properties of ``where``, as `hpop.world.readers.geojson.read` has it.
+
+    Parameters
+    ----------
+    landmarks : file or files
+        Each point is a `Landmark`. Its name is the first that is there of the properties ``name``, ``label`` and
+        ``title``, the feature's ``id``, and the properties ``id`` and ``type``; the properties ``z`` (m), ``facing``
+        (rad) and ``weight`` are the landmark's.
+    flows : file or files
+        Each line is a one-way `Zone` in the direction in which it is drawn, ``width`` across, or as the property
+        ``width`` (m) says; it ends where the line ends.
+    zones : file or files
+        Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, yes, or a
+        number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
+    scale, origin, units, crs
+        As `hpop.world.readers.geojson.read` has them for the plan to which this belongs; ``world.source["options"]``
+        says which it found where they were not given. Beside a plan in degrees or of a crs, a file may be in another
+        crs, which its member ``crs`` says, or in degrees.
+    width : float
+        Of the way along a flow, m.
+
+    Returns
+    -------
+    The content, and notes on what was left out or mended: features without geometry, properties, or a rule, and those
+    of another geometry than was asked for; how many features were chosen, and that several levels are read as one.
+
+    Raises
+    ------
+    MapError
+        If a file is missing or no GeoJSON, has nothing of the geometry that was asked for, no feature has the
+        properties of ``where``, or a property makes no sense.
+    """
+    width = check_positive("width", width)
+    plan = systems.DEGREES if crs is None else systems.crs_of(crs)
+    if plan != systems.DEGREES:
+        ((x, y),) = systems.degrees_of(np.array([origin]), plan, "the plan's origin").tolist()
+        origin, units = (x, y), "deg"
+    source = _Source(Placement(scale, origin, units), plan, FeatureNotes(), [])
+    seen = source.made(landmarks, POINTS, _landmark)
+    ways = source.made(flows, LINES, lambda line, feature: _flow(line, feature, width))
+    rules = source.made(zones, POLYGONS, _zone)
+    content = Content(
+        landmarks=tuple(item for item in seen if isinstance(item, Landmark)),
+        zones=tuple(item for item in (*ways, *rules) if isinstance(item, Zone)),
+    )
+    return content, (*source.chosen, *source.notes.lines())
+
+
+Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
+"""From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Where files lie in the world, the crs of their plan, and notes: on features, and on which were chosen."""
+
+    placement: Placement
+    crs: str
+    notes: FeatureNotes
+    chosen: list[str]
+
+    def made(self, files: ContentFiles, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
+        """What the geometries of some kinds in the files stand for."""
+        things: list[Landmark | Zone] = []
+        for file in [files] if isinstance(files, str | Path | Mapping) else files:
+            path, choice = _path_and_choice(file)
+            found = False
+            document = read_document(read_bytes(path, "GeoJSON file"), path)
+            features, said = chosen_features(document.features, choice, path)
+            of, shapes = shaped(features, kinds, self.notes)
+            self.chosen.extend((*said, *notes_of_levels(of, choice, path)))
+            self.placement.refuse_degrees(of, shapes)
+            shapes = self._in_degrees(shapes, document.crs, path)
+            for feature, parts in placed(of, shapes, self.placement.settled(of, shapes), self.notes):
+                found = True
+                if not isinstance(feature.data.get("properties"), dict):
+                    self.notes.add(feature, "no properties")
+                for part in parts:
+                    thing = _told(make, part, feature)
+                    if isinstance(thing, str):
+                        self.notes.add(feature, thing)
+                    elif thing is not None:
+                        things.append(thing)
+            if not found:
+                raise MapError(f"{path} has no {WORDS[kinds]}. {' '.join(self.notes.lines(path))}".rstrip())
+        return things
+
+    def _in_degrees(self, shapes: NDArray[np.object_], crs: str | None, path: str | Path) -> NDArray[np.object_]:
+        """Geometries of a file as they are, or in degrees where those of the plan are."""
+        if self.placement.units != "deg" or not len(shapes):
+            return shapes
+        if crs is None:
+            away = np.abs(shapely.get_coordinates(shapes)) > MOST_DEGREES
+            crs = self.crs if away.any() else systems.DEGREES
+        return systems.on_earth(shapes, crs, path)
+
+
+def _path_and_choice(file: ContentFile) -> tuple[str | Path, Choice]:
+    """The path of a file, and which of its features are read."""
+    if not isinstance(file, Mapping):
+        return file, Choice(None)
+    path = file.get("path")
+    if not isinstance(path, str | Path) or not file.keys() <= {"path", "where"}:
+        raise MapError(
+            "a file of landmarks, flows or zones is a path, or has a path and where, such as "
+            f"{{path: zones.geojson, where: {{level: 0}}}}; got {shown(dict(file))}."
+        )
+    return path, Choice(file.get("where"))
+
+
+def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
+    """What a part stands for; an error says where."""
+    try:
+        return make(part, feature)
+    except MapError as error:
+        raise MapError(f"{feature}: {error}") from None
+
+
+def _landmark(point: Point, feature: Feature) -> Landmark:
+    given = {key: number(feature.properties.get(key)) for key in ("z", "facing", "weight")}
+    return Landmark(
+        point.x, point.y, name=feature.name, **{key: value for key, value in given.items() if value is not None}
+    )
+
+
+def _flow(line: LineString, feature: Feature, width: float) -> Zone | str:
+    own = feature.properties.get("width")
+    if own is not None:
+        across = length(own)
+        width = check_positive("property width", own if across is None else across)
+    if line.length == 0:
+        return "a line without length, left out"
+    check_widenable(line, width / 2, "the flow")
+    return Zone("one-way", line.buffer(width / 2, cap_style="flat"), path=line, name=feature.name)
+
+
+def _zone(area: Polygon, feature: Feature) -> Zone | str | None:
+    kind, limit, closed = (number(feature.properties.get(key)) for key in ("kind", "limit", "closed"))
+    if kind == "speed" or (kind is None and limit is not None):
+        return Zone("speed", area, limit=limit, name=feature.name)
+    if kind == "keep-out" or (kind is None and truth(closed)):
+        return Zone("keep-out", area, name=feature.name)
+    if kind is None and truth(closed) is False:
+        return None  # it says that it is open
+    got = (
+        f"; its kind is {shown(kind)}"
+        if kind is not None
+        else ""
+        if closed is None
+        else f"; its closed is {shown(closed)}"
+    )
+    return f"no rule (kind speed or keep-out, limit, or closed){got}, left out"

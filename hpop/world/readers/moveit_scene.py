@@ -1,0 +1,383 @@
+"""Reader for planning scenes in YAML, as MoveIt has them and MotionBenchMaker writes them.
+
+Of ``moveit_msgs/PlanningScene`` the objects of the world are read: boxes, cylinders, spheres and convex meshes. Points
+are lists ``[x, y, z]`` or keys ``{x: ..}``, quaternions x, y, z, w. What ``ros2 topic echo`` prints is read as well:
+several messages, a byte as a character. The robot and its states belong to the model: a note says that they are there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST, real, whole
+from hpop.base.text import counted, shown
+from hpop.errors import MapError, did_you_mean
+from hpop.runtime import limits
+from hpop.runtime.limits import READING
+from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
+from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+from hpop.world.world import World
+
+MOST_BYTES = 5_000_000
+"""Largest scene, bytes: some seconds."""
+PARSED = 60
+"""Bytes for each of a file, of Python's objects while it is read."""
+DIMENSIONS = {"box": 3, "sphere": 1, "cylinder": 2}
+NUMBERED = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
+"""Types of primitives as ``shape_msgs/SolidPrimitive`` counts them."""
+ADD, REMOVE, APPEND, MOVE = range(4)
+"""Operations of ``moveit_msgs/CollisionObject``."""
+WORDS = ("add", "remove", "append", "move")
+OPERATIONS: dict[Any, int] = {None: ADD} | {
+    name: code for code, word in enumerate(WORDS) for name in (code, chr(code), word, word.upper())
+}
+SHAPES = ("primitives", "primitive_poses", "meshes", "mesh_poses", "planes", "plane_poses")
+READ = frozenset({"id", "header", "operation", "pose", *SHAPES})
+LABELS = frozenset({"type", "subframe_names", "subframe_poses"})
+"""Keys of an object that say nothing solid."""
+NOTED = ("robot_state", "allowed_collision_matrix", "link_padding", "link_scale", "object_colors")
+SCENE = frozenset({"name", "robot_model_name", "is_diff", "world", "fixed_frame_transforms", *NOTED})
+CUT = "..."
+"""What ``ros2 topic echo`` writes in the place of what it leaves out."""
+NO_ARRAY = ("<sequence type:", "<array type:")
+CONVEX = 1e-4
+"""Share of its hull's volume that a convex mesh may lack: rounding in files. The hull is what counts."""
+
+
+class Part(NamedTuple):
+    """A piece of a file, and where it is in words."""
+
+    what: str
+    given: Any
+
+    def fault(self, expected: str) -> MapError:
+        """What was expected of it, and what came."""
+        return MapError(f"{self.what} must be {expected}; got {shown(self.given)}.")
+
+    def get(self, key: str) -> Part:
+        """What stands under a key of a mapping; None where there is none."""
+        if not isinstance(self.given, dict):
+            raise self.fault("a yaml mapping")
+        return Part(f"{self.what}: {key}", self.given.get(key))
+
+    def entries(self, most: int = MOST_SOLIDS) -> list[Part]:
+        """The entries of a list; none of what is not given."""
+        given = [] if self.given is None else self.given
+        if isinstance(given, str) and given.startswith(NO_ARRAY):
+            raise MapError(f"{self.what} is left out, as ros2 topic echo --no-arr does; print it without that option.")
+        if given == CUT or (isinstance(given, list) and CUT in given):
+            raise MapError(
+                f"{self.what} is cut short (...), as ros2 topic echo does; print all: ros2 topic echo --full-length."
+            )
+        if not isinstance(given, list):
+            raise self.fault("a list")
+        if len(given) > most:
+            raise MapError(f"{self.what} has {len(given):,} entries; at most {most:,} are read.")
+        return [Part(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
+
+    def numbers(self, keys: str) -> tuple[float, ...]:
+        """Numbers in a list, or by the names of axes."""
+        given = self.given
+        if isinstance(given, dict) and given.keys() == set(keys):
+            given = [given[key] for key in keys]
+        if not isinstance(given, list) or len(given) != len(keys):
+            raise self.fault(f"[{', '.join(keys)}]")
+        return tuple(float(real(self.what, value, -MOST, MOST, error=MapError)) for value in given)
+
+
+class Object(NamedTuple):
+    """A collision object.
+
+    frame   in which it is given
+    pose    (4, 4)  in that frame
+    shapes  with their poses (4, 4) in the object
+    """
+
+    frame: str
+    pose: FloatArray
+    shapes: list[tuple[Shape, FloatArray]]
+
+
+def read(path: str | Path) -> World:
+    """Read the collision objects of a scene's world as solids; a shape is named by the id of its object.
+
+    The extent is the bounding box of the solids and 1 m more on each side. There is no floor but what is an object. Of
+    several messages the later ones that are changes (``is_diff``) are applied. ``world.notes`` say what of the scene is
+    not read: padding and scale of links, the collision matrix, states of the robot, colours, subframes. Whatever would
+    be solid and is not read is refused: other shapes, meshes that are not convex or in other files, planes, octomaps,
+    and objects attached to the robot.
+
+    Raises
+    ------
+    MapError
+        If the file is missing or no scene, or an object cannot be read; names the object.
+    """
+    content = read_bytes(path, "scene file", limit=MOST_BYTES)
+    limits.hold(READING, len(content), PARSED * len(content))
+    documents = read_yaml_documents(read_text(content, path, "scene file"), path)
+    several = len(documents) > 1
+    objects: dict[str, Object] = {}
+    notes: list[str] = []
+    for place, given in enumerate(documents or [None]):
+        scene = Part(f"{named(path)}, message {place}" if several else named(path), given)
+        is_diff = scene.get("is_diff").given is True
+        if place and not is_diff:
+            objects.clear()
+        _apply(scene, objects, is_diff=is_diff)
+        if is_diff and not place:
+            notes.append(f"{scene.what} is a change of a scene (is_diff): what was there before is not known")
+        notes += _unread(scene)
+    if several:
+        notes.append(
+            f"{named(path)} has {len(documents)} messages; the last whole scene and the changes after it are read"
+        )
+    frames = {name: thing.frame for name, thing in objects.items()}
+    _check_frames(path, frames)
+    solids = [
+        Solid(shape, thing.pose @ within, name) for name, thing in objects.items() for shape, within in thing.shapes
+    ]
+    if not solids:
+        raise MapError(f"{named(path)} has no collision object with a shape: nothing to make a world of.")
+    world = World.from_solids(solids)
+    source = file_source("moveit_scene", path, {}, content)
+    return World(world.ground, notes=(*dict.fromkeys(notes), *world.notes)).read_from(source)
+
+
+def _apply(scene: Part, objects: dict[str, Object], *, is_diff: bool) -> None:
+    """Put the objects of a message into those that are known; MapError for what cannot be read."""
+    world = scene.get("world")
+    if not isinstance(world.given, dict) or "collision_objects" not in world.given:
+        raise MapError(
+            f"{scene.what} must be a planning scene, with world: {{collision_objects: [...]}}; got "
+            f"{shown(scene.given)}."
+        )
+    _refuse_unread(scene)
+    transforms = _transforms(scene)
+    named_before = dict.fromkeys(objects)
+    for place, entry in enumerate(world.get("collision_objects").entries()):
+        limits.check(READING)
+        name = entry.get("id").given
+        if not isinstance(name, str) or not name:
+            raise entry.get("id").fault("the name of an object")
+        thing = Part(f"{scene.what.partition(', message')[0]}: object {shown(name)}", entry.given)
+        operation = _operation(thing, is_diff=is_diff)
+        if name in objects and name not in named_before and operation == ADD:
+            raise MapError(f"{thing.what} is there twice, the second time as number {place}; give each its own id.")
+        if operation != ADD and name not in objects:
+            raise MapError(f"{thing.what} is to be removed, added to or moved, but it is not there.")
+        if operation == REMOVE:
+            del objects[name]
+            continue
+        frame, base = _resolved(_frame(thing), transforms)
+        pose = base @ _pose(thing.get("pose"))
+        if operation == MOVE:
+            objects[name] = Object(frame, pose, objects[name].shapes)
+            continue
+        shapes = list(_shapes(thing))
+        if operation == APPEND:
+            known = objects[name]
+            back = np.linalg.inv(known.pose) @ pose
+            objects[name] = known._replace(
+                shapes=[*known.shapes, *((shape, back @ within) for shape, within in shapes)]
+            )
+        else:
+            objects[name] = Object(frame, pose, shapes)
+            named_before.pop(name, None)
+
+
+def _unread(scene: Part) -> Iterator[str]:
+    """What of a message is not read though it says something, in words."""
+    paddings = [entry.get("padding") for entry in scene.get("link_padding").entries()]
+    scales = [entry.get("scale") for entry in scene.get("link_scale").entries()]
+    padded = [
+        length for part in paddings if (length := float(real(part.what, part.given, -MOST, MOST, error=MapError)))
+    ]
+    scaled = [by for part in scales if (by := float(real(part.what, part.given, -MOST, MOST, error=MapError))) != 1.0]
+    if padded:
+        yield (
+            f"{scene.what} pads {counted(len(padded), 'link')} of the robot by up to {max(padded):g} m (link_padding), "
+            "which is not applied: links are as the URDF has them"
+        )
+    if scaled:
+        yield (
+            f"{scene.what} scales {counted(len(scaled), 'link')} of the robot by up to {max(scaled):g} (link_scale), "
+            "which is not applied: links are as the URDF has them"
+        )
+    matrix, state = scene.get("allowed_collision_matrix"), scene.get("robot_state")
+    if isinstance(matrix.given, dict) and (matrix.given.get("entry_names") or matrix.given.get("default_entry_names")):
+        yield f"{matrix.what} is not read: all objects count, and an SRDF says which links may touch"
+    joints = state.get("joint_state").given if isinstance(state.given, dict) else None
+    if isinstance(joints, dict) and joints.get("name"):
+        yield f"{state.what} is not read: a problem has the start"
+    if colours := scene.get("object_colors").entries():
+        yield f"{scene.what} has {counted(len(colours), 'colour')} of objects, which are not read"
+    things = scene.get("world").get("collision_objects").entries()
+    if frames := [entry for entry in things if entry.get("subframe_names").given]:
+        yield f"{scene.what} has subframes of {counted(len(frames), 'object')}, which are not read"
+    unknown = {str(key) for entry in things for key in entry.given if key not in READ | LABELS}
+    strange = {str(key) for key in scene.given if key not in SCENE}
+    for where, keys in (("its objects have", sorted(unknown)), ("it has", sorted(strange))):
+        if keys:
+            near = "".join(did_you_mean(key, READ | SCENE) for key in keys)
+            yield f"{scene.what}: {where} {', '.join(map(shown, keys))}, which is not read.{near}"
+
+
+def _transforms(scene: Part) -> dict[str, tuple[str, FloatArray]]:
+    """Return the frame in which each frame of ``fixed_frame_transforms`` lies, and its pose (4, 4) there."""
+    found: dict[str, tuple[str, FloatArray]] = {}
+    for entry in scene.get("fixed_frame_transforms").entries():
+        child, moved = entry.get("child_frame_id"), entry.get("transform")
+        if not isinstance(child.given, str):
+            raise child.fault("the name of a frame")
+        pose = _pose(moved, "translation", "rotation")
+        if not np.allclose(pose, np.eye(4), atol=1e-12):
+            found[child.given.lstrip("/")] = _frame(entry), pose
+    return found
+
+
+def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
+    """Return the frame to which a frame is fixed in the end, and its pose (4, 4) there."""
+    pose, passed = np.eye(4), set[str]()
+    while frame in transforms and frame not in passed:
+        passed.add(frame)
+        frame, step = transforms[frame]
+        pose = step @ pose
+    return frame, pose
+
+
+def _refuse_unread(scene: Part) -> None:
+    """Refuse what would be solid beside the objects of the world."""
+    octomap = scene.get("world").get("octomap")
+    if isinstance(octomap.given, dict):
+        inside = octomap.get("octomap")
+        tree = inside.given if isinstance(inside.given, dict) else octomap.given
+        if tree.get("data"):
+            raise MapError(f"{octomap.what} has cells, which are not read. Save the scene without, or give boxes.")
+    state = scene.get("robot_state")
+    if isinstance(state.given, dict) and (attached := state.get("attached_collision_objects")).given:
+        raise MapError(f"{attached.what} are not read: give what the robot holds as a part of the robot.")
+
+
+def _frame(thing: Part) -> str:
+    """The frame in which an object is given."""
+    header = thing.get("header")
+    frame = None if header.given is None else header.get("frame_id").given
+    if not isinstance(frame, str | None):
+        raise thing.get("header").get("frame_id").fault("the name of a frame")
+    return (frame or "").lstrip("/")
+
+
+def _operation(thing: Part, *, is_diff: bool) -> int:
+    """What becomes of an object; ROS 2 prints the byte as a character."""
+    operation = thing.get("operation")
+    given = operation.given
+    known = isinstance(given, int | str | None) and not isinstance(given, bool) and given in OPERATIONS
+    if not known or (OPERATIONS[given] != ADD and not is_diff):
+        raise operation.fault("0, add: a scene says what is there, not what changes (is_diff: true)")
+    return OPERATIONS[given]
+
+
+def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
+    """All objects are given in one frame, which is the world's."""
+    known: dict[str, str] = {}
+    for name, frame in frames.items():
+        known.setdefault(frame, name)
+    if len(known) > 1:
+        (one, first), (other, second) = list(known.items())[:2]
+        raise MapError(
+            f"{named(path)}: object {shown(first)} is given in frame {shown(one)}, object {shown(second)} in frame "
+            f"{shown(other)}. Give all objects in one."
+        )
+
+
+def _shapes(thing: Part) -> Iterator[tuple[Shape, FloatArray]]:
+    """Shapes of an object with their poses in it."""
+    if thing.get("planes").given:
+        raise MapError(
+            f"{thing.get('planes').what} have no end and are not read; give a thin box in the place of each."
+        )
+    for kind, make in (("primitive", _primitive), ("mesh", _mesh)):
+        shapes = thing.get("meshes" if kind == "mesh" else "primitives").entries()
+        poses = thing.get(f"{kind}_poses").entries()
+        if poses and len(poses) != len(shapes):
+            raise MapError(
+                f"{thing.what} has {len(shapes)} {kind} shapes and {len(poses)} {kind}_poses; give one each."
+            )
+        for place, shape in enumerate(shapes):
+            limits.check(READING)
+            within = _pose(poses[place]) if poses else np.eye(4)
+            yield make(shape), within
+
+
+def _pose(part: Part, place: str = "position", turned: str = "orientation") -> FloatArray:
+    """A pose, of ``position`` and ``orientation``; what is left out is none. A quaternion of zeros is one left out."""
+    if part.given is None:
+        return np.eye(4)
+    position, orientation = part.get(place), part.get(turned)
+    quaternion = None if orientation.given is None else orientation.numbers("xyzw")
+    try:
+        return pose_at(
+            (0.0, 0.0, 0.0) if position.given is None else position.numbers("xyz"),
+            quaternion=quaternion if quaternion and any(quaternion) else None,
+        )
+    except MapError as error:
+        raise error if part.what in str(error) else MapError(f"{part.what}: {error}") from None
+
+
+def _primitive(part: Part) -> Shape:
+    given = part.get("type").given
+    kind = NUMBERED.get(given) if type(given) is int else given
+    if not isinstance(kind, str) or kind not in DIMENSIONS:
+        raise part.get("type").fault(f"one of {', '.join(DIMENSIONS)}, or a convex mesh be given instead")
+    sizes = part.get("dimensions")
+    if not isinstance(sizes.given, list) or len(sizes.given) != DIMENSIONS[kind]:
+        form = {"box": "[x, y, z]", "sphere": "[radius]", "cylinder": "[height, radius]"}[kind]
+        raise sizes.fault(f"{form} in m, of a {kind}")
+    try:
+        match kind:
+            case "box":
+                return Box(tuple(sizes.given))
+            case "sphere":
+                return Sphere(sizes.given[0])
+        return Cylinder(radius=sizes.given[1], length=sizes.given[0])
+    except MapError as error:
+        raise MapError(f"{sizes.what}: {error}") from None
+
+
+def _mesh(part: Part) -> Hull:
+    """The hull of a mesh, which is convex: all its corners lie on it."""
+    if part.get("resource").given is not None:
+        raise part.get("resource").fault("left out, and the mesh's vertices and triangles be given: no file is read")
+    vertices = np.array([v.numbers("xyz") for v in part.get("vertices").entries(MOST_POINTS)]).reshape(-1, 3)
+    triangles = [_triangle(t, len(vertices)) for t in part.get("triangles").entries(2 * MOST_POINTS)]
+    corners = vertices[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
+    try:
+        hull = Hull(np.unique(corners.reshape(-1, 3), axis=0))
+    except MapError as error:
+        raise MapError(f"{part.what}: {error}") from None
+    if not _is_convex(hull, corners):
+        raise MapError(
+            f"{part.what} is not convex, or its triangles are no closed surface that turns one way. Give its convex "
+            "pieces as meshes of their own."
+        )
+    return hull
+
+
+def _triangle(part: Part, count: int) -> list[int]:
+    """Three places of vertices."""
+    inner = part.get("vertex_indices") if isinstance(part.given, dict) else part
+    if not isinstance(inner.given, list) or len(inner.given) != 3:
+        raise inner.fault("three places of vertices")
+    return [whole(inner.what, place, 0, count - 1, "a place of a vertex", error=MapError) for place in inner.given]
+
+
+def _is_convex(hull: Hull, corners: FloatArray) -> bool:
+    """Whether triangles (F, 3, 3) hold as much as their hull does: a closed surface, all turned the same way."""
+    a, b, c = (corners - hull.points.mean(axis=0)).transpose(1, 0, 2)
+    held = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
+    return held >= (1 - CONVEX) * hull.volume

@@ -1,0 +1,186 @@
+"""Where coordinates of a file lie in the world: metres in a plane, or degrees on the earth, put on a plane near by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import FARTHEST, one_of
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.geometry.shapes import check_coordinates, check_positive
+from hpop.world.readers.crs import RADIUS
+from hpop.world.readers.features import Feature
+
+Units = Literal["m", "deg"]
+FARTHEST_UNIT = 1000 * FARTHEST
+"""Greatest coordinate of a file, in its units, which may be millimetres."""
+MOST_DEGREES = (180.0, 90.0)
+"""Greatest longitude and latitude."""
+WIDEST = 0.1
+"""Degrees that a plan spans, at most, each way: 11 km. What spans as many metres is no building."""
+SMALL = 0.01
+"""Degrees that a thing in a building spans, at most, each way: 1.1 km. As metres that is a centimetre."""
+NEAR = 1.0
+"""Degrees from the origin within which lengths on the plane are those on the earth, to 0.02 %."""
+FLATTENING = 1 / 298.257223563
+"""The earth's of WGS 84."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """From a file's coordinates to metres.
+
+    scale   metres a unit of the file
+    origin  the file's point that becomes (0, 0); None is (0, 0), and the south-west corner of a plan in degrees
+    units   "m": a plane's, times the scale; "deg": longitude and latitude; None: what the coordinates look like
+    """
+
+    scale: float = 1.0
+    origin: tuple[float, float] | None = None
+    units: Units | None = None
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        object.__setattr__(self, "scale", check_positive("scale", self.scale))
+        if self.origin is not None:
+            object.__setattr__(self, "origin", check_origin(self.origin))
+        if self.units is not None:
+            one_of("units", self.units, get_args(Units), error=MapError)
+        if self.units == "deg" and self.scale != 1.0:
+            raise MapError(f"units deg are turned into metres as the earth is round; leave out scale {self.scale:g}.")
+
+    def settled(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> Placement:
+        """The same with units and origin that are known, from geometries of features in the file's units.
+
+        Degrees are recognised where all that is there lies within 180 and 90 and spans less than `WIDEST` each way, as
+        no plan in metres does. `MapError` where some features look like degrees and others do not.
+        """
+        points, owner = shapely.get_coordinates(shapes, return_index=True)
+        beyond = ~(np.abs(points) <= FARTHEST_UNIT).all(axis=1)
+        if beyond.any():
+            raise MapError(
+                f"{of[owner[beyond.argmax()]]}: its coordinates must be finite numbers, at most {FARTHEST_UNIT:,.0f}."
+            )
+        south_west = points.min(axis=0) if len(points) else np.zeros(2)
+        units = self.units or self._recognised(of, shapes, points)
+        if units == "m":
+            return replace(self, units="m", origin=self.origin or (0.0, 0.0))
+        strange = (np.abs(points) > MOST_DEGREES).any(axis=1)
+        if strange.any():
+            first = strange.argmax()
+            raise MapError(
+                f"{of[owner[first]]}: ({points[first, 0]:g}, {points[first, 1]:g}) is no longitude and latitude. Are "
+                "metres mixed with degrees? Give all in one of them, and units m where it is metres."
+            )
+        return replace(self, units="deg", origin=self.origin or (float(south_west[0]), float(south_west[1])))
+
+    def _recognised(self, of: Sequence[Feature], shapes: NDArray[np.object_], points: FloatArray) -> Units:
+        if self.scale != 1.0 or not len(points):
+            return "m"
+        if (np.abs(points) <= MOST_DEGREES).all() and (np.ptp(points, axis=0) < WIDEST).all():
+            return "deg"
+        small = _as_degrees(shapes)
+        if small.any():
+            who, (width, height) = "all of it" if small.all() else "the others", np.ptp(points, axis=0)
+            raise MapError(
+                f"{_spanned(of, shapes, small)}, and {who} {width:.4g} x {height:.4g}, as metres do. Give all in one "
+                "of them; units m or deg says that it is."
+            )
+        return "m"
+
+    def refuse_degrees(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> None:
+        """`MapError` where a file that is to be in metres, as its plan is, looks like degrees."""
+        small = _as_degrees(shapes)
+        if self.units == "m" and self.scale == 1.0 and len(small) and small.all():
+            raise MapError(f"{_spanned(of, shapes, small)}, but the plan is in metres. Give both in one of them.")
+
+    def placed(self, points: FloatArray) -> FloatArray:
+        """Points (n, 2) in metres; of a placement that is settled."""
+        origin = self.origin or (0.0, 0.0)
+        if self.units != "deg":
+            return np.asarray((points - origin) * self.scale)
+        metres = _east_north(points, origin)
+        if not (np.hypot(metres[:, 0], metres[:, 1]) < math.radians(NEAR) * RADIUS).all():
+            raise MapError(
+                f"origin ({origin[0]:g}, {origin[1]:g}), longitude and latitude, is more than {NEAR:g} degree from "
+                "what is in the file; give a point of the building, or leave it out."
+            )
+        return metres
+
+    def place(self, shapes: NDArray[np.object_]) -> NDArray[np.object_]:
+        """Geometries in metres, in the plane; of a placement that is settled."""
+        placed = shapely.transform(shapely.force_2d(shapes), self.placed)
+        check_coordinates(placed, "a geometry, less the origin and times the scale,")
+        return np.asarray(placed, dtype=object)
+
+    def note(self, path: Any, crs: str | None = None) -> tuple[str, ...]:
+        """Return what is told of a placement that is settled: how degrees, or coordinates of a crs, became metres."""
+        if self.units != "deg" or self.origin is None:
+            return ()
+        what = "degrees" if crs is None else f"in {crs}"
+        return (
+            f"{path}: its coordinates are {what}, put on a plane in metres, x east and y north; (0, 0) is longitude "
+            f"{self.origin[0]:.7f}, latitude {self.origin[1]:.7f}. units: m says that they are metres.",
+        )
+
+
+def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
+    """Which geometries (n,) have coordinates of the earth and are as small as what is in a building; points are not."""
+    bounds = shapely.bounds(shapes).reshape(-1, 4)
+    spans = bounds[:, 2:] - bounds[:, :2]
+    within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)
+    return np.asarray(within & (spans < SMALL).all(axis=1) & (spans > 0).any(axis=1))
+
+
+def _spanned(of: Sequence[Feature], shapes: NDArray[np.object_], small: BoolArray) -> str:
+    """The first of the features that look like degrees, and why it does."""
+    first = int(small.argmax())
+    x0, y0, x1, y1 = shapely.bounds(shapes[first])
+    return f"{of[first]} spans {x1 - x0:.3g} x {y1 - y0:.3g} at ({x0:g}, {y0:g}), as degrees do"
+
+
+def check_origin(origin: Any) -> tuple[float, float]:
+    """The file's point that becomes (0, 0), as two finite floats, or `MapError`."""
+    try:
+        x, y = (float(value) for value in origin)
+    except (TypeError, ValueError, OverflowError):
+        x = y = math.nan
+    if not (abs(x) <= FARTHEST_UNIT and abs(y) <= FARTHEST_UNIT):
+        raise MapError(
+            f"origin must be two finite numbers (x, y) in the file's units, at most {FARTHEST_UNIT:,.0f}; got "
+            f"{shown(origin)}."
+        )
+    return x, y
+
+
+def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
+    """Points (n, 2), longitude and latitude, in the plane that touches the WGS 84 ellipsoid at the origin, m.
+
+    Seen along the vertical there, lengths shrink by half the square of their distance in radians, 2e-6 at 12 km; beyond
+    a quarter of the earth they are infinite.
+    """
+    there, here = _on_earth(degrees), _on_earth(np.array([origin]))[0]
+    longitude, latitude = np.radians(origin)
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
+    seen = np.stack([(there - here) @ east, (there - here) @ np.cross(up, east)], axis=1)
+    return np.where((there @ up > 0)[:, None], seen, np.inf)
+
+
+def _on_earth(degrees: FloatArray) -> FloatArray:
+    """Points (n, 3) on the ellipsoid from its centre, m; z to the north pole, x to longitude 0."""
+    longitude, latitude = np.radians(degrees).T
+    squared = FLATTENING * (2 - FLATTENING)  # of the eccentricity
+    normal = RADIUS / np.sqrt(1 - squared * np.sin(latitude) ** 2)
+    across = normal * np.cos(latitude)
+    return np.stack(
+        [across * np.cos(longitude), across * np.sin(longitude), normal * (1 - squared) * np.sin(latitude)], axis=1
+    )

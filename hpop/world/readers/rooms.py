@@ -1,0 +1,127 @@
+"""Rooms that share walls, as indoor maps have them: walls stand along their outlines, doors open these."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.runtime import limits
+from hpop.runtime.limits import READING
+from hpop.world.geometry.crossings import check_joinable, check_widenable
+from hpop.world.readers.features import Feature, FeatureNotes
+from hpop.world.readers.tags import length, truth
+
+WALL_WIDTH = 0.1
+"""Thickness of the walls of rooms, m, where none is given."""
+DOOR_WIDTH = 0.9
+"""Width of a door, m, whose property ``width`` is missing."""
+UNWALLED = frozenset({"area", "corridor", "level", "outline", "building_outline"})
+"""What has no walls of its own (OpenStreetMap, Simple Indoor Tagging)."""
+SOLID = frozenset({"wall", "column", "pillar", "window"})
+"""What is solid and no room."""
+TOUCHING = 0.05
+"""Length, m, that rooms share at least where they touch."""
+GRID = 1e-3
+"""Distance, m, within which outlines are the same."""
+MOST_PAIRS = 5_000
+"""Pairs of rooms whose outlines are compared."""
+
+
+class Room(NamedTuple):
+    """A polygon of a plan, m, with its feature."""
+
+    feature: Feature
+    area: Polygon
+
+
+class Door(NamedTuple):
+    """An opening of walls, m: a point, a line or a polygon."""
+
+    feature: Feature
+    place: BaseGeometry
+
+
+def kind_of(feature: Feature) -> str:
+    """What a feature of a building is by its property ``indoor``, or else ``type``."""
+    own = feature.properties
+    return str(own.get("indoor", own.get("type", ""))).lower()
+
+
+def is_door(feature: Feature) -> bool:
+    """Whether a feature is a door by OpenStreetMap's properties, or by its type."""
+    own = feature.properties
+    tagged = any(own.get(key) is not None and truth(own.get(key)) is not False for key in ("door", "entrance"))
+    return tagged or kind_of(feature) == "door"
+
+
+def walled(
+    rooms: Sequence[Room], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
+) -> tuple[BaseGeometry, list[Polygon]]:
+    """Return the free space of rooms less their walls, and what else is solid, both opened at doors; in m.
+
+    A wall stands along each outline of a room, half of its ``width`` on either side. Areas and corridors have none of
+    their own, so that they go over into each other. A door is open over its own width and through the wall.
+    """
+    outlined = [room for room in rooms if kind_of(room.feature) not in UNWALLED]
+    outlines = [room.area.boundary for room in outlined]
+    for outline, room in zip(outlines, outlined, strict=True):
+        check_widenable(outline, width / 2, str(room.feature))
+    band = shapely.union_all(shapely.buffer(outlines, width / 2, join_style="mitre"))
+    limits.check(READING)
+    solid = shapely.union_all([band, *lines])
+    openings = []
+    for door in doors:
+        opening = _opening(door, width, notes)
+        if shapely.intersects(opening, solid):
+            openings.append(opening)
+        else:
+            notes.add(door.feature, "a door that is at no wall, left out")
+    opened = shapely.union_all(openings)
+    check_joinable([band, opened, *(room.area for room in rooms)], str(rooms[0].feature.path))
+    limits.check(READING)
+    thresholds = [door.place for door in doors if isinstance(door.place, Polygon)]
+    inner = shapely.union_all([*(room.area for room in rooms), *thresholds, shapely.intersection(opened, band)])
+    free = shapely.difference(inner, shapely.difference(band, opened))
+    return free, [part for line in lines for part in _polygons(shapely.difference(line, opened))]
+
+
+def _opening(door: Door, width: float, notes: FeatureNotes) -> BaseGeometry:
+    """What a door opens in a wall of a width, m: a disc round a point, a strip along a line, or its own area."""
+    if isinstance(door.place, Polygon):
+        return door.place
+    if door.place.length > 0:
+        return shapely.buffer(door.place, width, cap_style="flat")
+    own = door.feature.properties.get("width", door.feature.properties.get("door:width"))
+    across = length(own)
+    if across is None or not 0 < across <= 1e3:
+        said = "without" if own is None else "of no readable"
+        notes.add(door.feature, f"a door {said} width, {DOOR_WIDTH:g} m wide")
+        across = DOOR_WIDTH
+    return shapely.buffer(door.place, float(np.hypot(across, width)) / 2)
+
+
+def _polygons(geometry: BaseGeometry) -> list[Polygon]:
+    return [part for part in shapely.get_parts(geometry).tolist() if isinstance(part, Polygon) and part.area > 0]
+
+
+def touching(rooms: Sequence[Room]) -> tuple[Room, Room] | None:
+    """Return the first two rooms that share a part of their outlines, of the first `MOST_PAIRS` that come near."""
+    areas = np.array([room.area for room in rooms], dtype=object)
+    tree = shapely.STRtree(areas)
+    looked = 0
+    for i in range(len(areas)):
+        limits.check(READING)
+        near = tree.query(areas[i])
+        for j in near[near > i].tolist():
+            shared = shapely.intersection(areas[i].boundary, areas[j].boundary, grid_size=GRID)
+            if shared.length > TOUCHING:
+                return rooms[i], rooms[j]
+            looked += 1
+            if looked >= MOST_PAIRS:
+                return None
+    return None

@@ -1,0 +1,290 @@
+"""Reader for ROS map_server maps: a yaml file and the image that it names."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+from typing import Any
+
+import numpy as np
+from shapely.geometry import MultiPolygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import one_of, real
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml
+from hpop.world.geometry.shapes import Raster, check_heights, check_pose, check_positive, check_span
+from hpop.world.ground import WHOLE, Ground, Heights
+from hpop.world.readers.picture import read_image
+from hpop.world.world import World
+
+KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
+MODES = ("trinary", "scale", "raw")
+MAX_YAML = 1_000_000
+"""Largest yaml file, bytes: an image given by mistake is told apart from a map."""
+GREY = 205
+"""The byte that map_saver writes for an unknown cell, whatever the thresholds in its yaml file."""
+TELLS_GREY = 0.196
+"""The free_thresh that leaves it unknown."""
+NUMBER = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)(e[-+]?\d+)?", re.IGNORECASE)
+"""Text that is a number."""
+ENDINGS = (".pgm", ".png", ".bmp", ".ppm", ".gif", ".jpg", ".jpeg")
+"""Endings of map images, which a yaml file may lack."""
+TRUTH = {"0": False, "1": True, **dict.fromkeys(("false", "no", "off", "n"), False)}
+TRUTH |= dict.fromkeys(("true", "yes", "on", "y"), True)
+"""What negate may say; map_server takes 0 and 1 as well as YAML's words."""
+
+
+@dataclass(frozen=True, eq=False)
+class OccupancyMap:
+    """A map as map_server sees it.
+
+    occupied, free  (H, W) bool       row 0 at the bottom; a cell that is neither is unknown
+    resolution      float         m
+    origin          (x, y, yaw)   m, m, rad
+    contents        bytes of the yaml file and of the image
+    free_greys      cells that are free although map_saver writes their grey for unknown ones
+    notes           what was mended to read it
+    """
+
+    occupied: BoolArray
+    free: BoolArray
+    resolution: float
+    origin: tuple[float, float, float]
+    contents: tuple[bytes, bytes]
+    free_greys: int = 0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def unknown(self) -> int:
+        """Number of cells that are neither occupied nor free."""
+        return int((~self.free & ~self.occupied).sum())
+
+
+def read(
+    path: str | Path,
+    *,
+    unknown_is_free: bool = False,
+    keep_out: str | Path | None = None,
+    height: Heights | None = None,
+) -> World:
+    """Read a map_server yaml and its image as a `World` of cells.
+
+    Numbers and ``negate`` may stand in quotes. An image that is not where the yaml file says is looked for beside it:
+    by its name alone, in other letters (``Map.PGM``) or without its ending.
+
+    ``world.notes`` tell unknown cells, a ``free_thresh`` that makes free what map_saver wrote as unknown, an image that
+    was found elsewhere, and a mask that closes nothing or has cells that are neither closed nor free.
+
+    Parameters
+    ----------
+    path : path of the yaml file
+    unknown_is_free : bool
+        Unknown cells, and all beyond the image, are obstacles unless this is set.
+    keep_out : path of a second yaml file, optional
+        A mask, on any grid: its occupied cells are closed to the robot but invisible to the camera. Of ``mode: scale``
+        those are the cells that map_server publishes as 100, which Nav2's keep-out filter takes as lethal.
+    height : (z_min, z_max) in metres, optional
+        Heights of all obstacle cells; the whole height by default.
+
+    Raises
+    ------
+    MapError
+        If a file is missing or broken, or a value makes no sense.
+    """
+    grid = load(path)
+    contents, notes = list(grid.contents), grid.notes
+    heights = WHOLE if height is None else check_heights(height)
+    zone: BaseGeometry = MultiPolygon()
+    if keep_out is not None:
+        mask = load(keep_out)
+        contents += mask.contents
+        notes += (*mask.notes, *_on_mask(mask, keep_out))
+        try:
+            zone = Raster(mask.occupied, mask.resolution, mask.origin).solid()
+        except MapError as error:
+            raise MapError(f"{keep_out}: {error}") from None
+    options = {
+        "unknown_is_free": bool(unknown_is_free),
+        "keep_out": None if keep_out is None else str(Path(keep_out).absolute()),
+        "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
+    }
+    cells = grid.occupied if unknown_is_free else ~grid.free
+    raster = Raster(cells, grid.resolution, grid.origin, *heights)
+    notes += () if unknown_is_free else _on_unknown(grid, path)
+    return World(Ground(raster=raster, outside_is_obstacle=not unknown_is_free), zone, notes=notes).read_from(
+        file_source("ros_map", path, options, *contents)
+    )
+
+
+def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
+    """Notes on unknown cells, and on those read as free that were saved as unknown, as Nav2 did until 2025."""
+    share, greys = (
+        f"{path}: {100 * cells / grid.free.size:.3g} % of its cells" for cells in (grid.unknown, grid.free_greys)
+    )
+    notes = (
+        f"{share} are unknown and obstacles; with unknown_is_free they are free.",
+        f"{greys} have the grey {GREY} that map_saver writes for unknown ones, and its "
+        f"free_thresh makes them free, as map_server has it. If they were never seen, write free_thresh: {TELLS_GREY}.",
+    )
+    return tuple(note for note, cells in zip(notes, (grid.unknown, grid.free_greys), strict=True) if cells)
+
+
+def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
+    """Notes on a keep-out mask that closes nothing, or has cells that are neither closed nor free."""
+    closed = int(mask.occupied.sum())
+    says = f"{path}: {closed:,} cells of the mask are closed" if closed else f"{path}: the mask closes nothing"
+    if not mask.unknown:
+        return () if closed else (f"{says}: all of its cells are free.",)
+    return (
+        f"{says}, and {mask.unknown:,} are neither occupied nor free, so they stay open. Lower occupied_thresh if they "
+        "are to be closed.",
+    )
+
+
+def load(path: str | Path) -> OccupancyMap:
+    """Read a yaml file and its image, and classify the cells; `MapError` for anything that is not a map."""
+    content = read_bytes(path, "map file", limit=MAX_YAML)
+    data = _mapping(read_text(content, path, "map file"), path)
+    data = {key: _plain(value) for key, value in data.items()}
+    try:
+        resolution = check_positive("resolution", data["resolution"])
+        origin = check_pose(data["origin"])
+    except MapError as error:
+        raise MapError(f"{path}: {error}") from None
+    occupied_thresh, free_thresh = (
+        float(real(f"{path}: {key}", data[key], 0, 1, error=MapError)) for key in ("occupied_thresh", "free_thresh")
+    )
+    if free_thresh > occupied_thresh:
+        raise MapError(f"{path}: free_thresh {free_thresh} must not exceed occupied_thresh {occupied_thresh}.")
+    negate = data["negate"]
+    negate = TRUTH.get(negate.lower()) if isinstance(negate, str) else negate
+    if not isinstance(negate, int | float) or negate not in (0, 1):
+        raise MapError(f"{path}: negate must be 0, 1, true or false; got {shown(data['negate'])}.")
+    mode = data.get("mode", "trinary")
+    mode = mode.lower() if isinstance(mode, str) else mode
+    one_of(f"{path}: mode", mode, MODES, error=MapError)
+    name = data["image"]
+    if not isinstance(name, str) or not name:
+        raise MapError(f"{path}: image must be the path of an image, relative to the yaml; got {shown(name)}.")
+    image_path, notes = _image_beside(Path(path), name)
+    image = read_bytes(image_path, "map image")
+    picture = read_image(image, image_path)
+    height, width = picture.height, picture.width
+    check_span(height, width, resolution, path)
+    occupied, free = np.empty((2, height, width), dtype=bool)
+    free_greys = 0
+    for rows, colours, alpha in picture.blocks():
+        occupied[rows], free[rows] = classify(
+            colours,
+            alpha,
+            mode,
+            bool(negate),
+            occupied_thresh,
+            free_thresh,
+        )
+        if mode != "raw" and not negate:
+            greys = (np.round(255 * colours) == GREY).all(axis=-1)
+            free_greys += int((greys & free[rows]).sum())
+    return OccupancyMap(occupied[::-1], free[::-1], resolution, origin, (content, image), free_greys, notes)
+
+
+def _plain(value: Any) -> Any:
+    """A value with text that is a number read as one, as map_server's YAML reads it; lists item by item."""
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    if isinstance(value, str) and NUMBER.fullmatch(value.strip()):
+        return float(value)
+    return value
+
+
+def _image_beside(path: Path, name: str) -> tuple[Path, tuple[str, ...]]:
+    """Return the image that a yaml file names, and a note where it had to be looked for.
+
+    Map files are copied from other machines, whose folders, letters and endings are not here. Only the yaml file's own
+    folder is looked through. What is found nowhere is the path as it was given.
+    """
+    given = path.parent / name
+    if "\0" in name or os.path.lexists(given):
+        return given, ()
+    wanted = PureWindowsPath(name).name.casefold()  # it knows both kinds of slashes
+    matches = {wanted: 0, **{wanted + ending: 1 + i for i, ending in enumerate(ENDINGS)}}
+    found: tuple[int, str] | None = None
+    for folder in dict.fromkeys((given.parent, path.parent)):
+        if folder != path.parent and Path(name).is_absolute():
+            continue
+        try:
+            with os.scandir(folder) as entries:
+                for entry in entries:
+                    rank = matches.get(entry.name.casefold())
+                    if rank is not None and (found is None or (rank, entry.name) < found) and entry.is_file():
+                        found = rank, entry.name
+        except (OSError, ValueError):
+            continue
+        if found is not None:
+            image = folder / found[1]
+            return image, (f"{path}: its image {named(name)} is not there; {named(image)} is read instead.",)
+    return given, ()
+
+
+def classify(
+    colours: FloatArray,
+    alpha: FloatArray | None,
+    mode: str,
+    negate: bool,
+    occupied_thresh: float,
+    free_thresh: float,
+) -> tuple[BoolArray, BoolArray]:
+    """Tell occupied and free pixels (H, W) apart, as map_server does; the others are unknown.
+
+    The brightness of a pixel is the mean of its colours in [0, 1]; in trinary mode an alpha channel is
+    averaged in with them. ``occ`` is 1 - brightness, or the brightness if negated.
+
+    - trinary: occupied if occ > occupied_thresh, free if occ < free_thresh.
+    - scale: the same, but a pixel that is not opaque is unknown. map_server grades the pixels between the
+      thresholds from 0 to 100. Those of 100 are occupied and those of 0 free; the others are unknown, since a cell
+      is an obstacle or not.
+    - raw: the byte itself is the occupancy in percent and above 100 unknown, whatever `negate` says;
+      occupied if at least 100 occupied_thresh, free if at most 100 free_thresh.
+    """
+    if mode == "trinary" and alpha is not None:
+        channels = np.broadcast_to(colours, (*alpha.shape, 3))
+        brightness = (channels.sum(axis=-1) + alpha) / 4.0
+    else:
+        brightness = colours.mean(axis=-1)
+    if mode == "raw":
+        percent = np.round(brightness * 255.0)
+        known = percent <= 100
+        occupied = known & (percent >= 100 * occupied_thresh)
+        return occupied, known & ~occupied & (percent <= 100 * free_thresh)
+    occ = brightness if negate else 1.0 - brightness
+    occupied, free = occ > occupied_thresh, occ < free_thresh
+    if mode == "scale" and free_thresh < occupied_thresh:
+        grade = np.rint((occ - free_thresh) / (occupied_thresh - free_thresh) * 100)
+        occupied, free = grade >= 100, grade <= 0
+    if mode == "scale" and alpha is not None:
+        occupied, free = occupied & (alpha == 1.0), free & (alpha == 1.0)
+    return occupied, free
+
+
+def _mapping(text: str, path: str | Path) -> dict[str, Any]:
+    data = read_yaml(text, path)
+    if not isinstance(data, dict):
+        raise MapError(f"{path} must hold a yaml mapping with {', '.join(KEYS)}; got {type(data).__name__}.")
+    missing = [key for key in KEYS if key not in data]
+    if missing:
+        raise MapError(f"{path} lacks {', '.join(missing)}; a map_server yaml has {', '.join(KEYS)}.")
+    for key in KEYS:
+        value = data[key]
+        if isinstance(value, dict) or (isinstance(value, list) and any(map(_nested, value))):
+            raise MapError(f"{path}: {key} must be a plain value, not a nested one.")
+    return data
+
+
+def _nested(value: Any) -> bool:
+    return isinstance(value, dict | list | set)

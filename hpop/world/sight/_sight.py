@@ -1,0 +1,217 @@
+"""The compiled inner loops of `hpop.world.sight.visibility`: shadows, isovists and sums over landmarks in view."""
+
+from __future__ import annotations
+
+import math
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel
+
+PAD = 2  # places of a field's spline are counted from so many nodes before the first
+TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
+
+
+@kernel
+def _line(turns: IntArray, low: int, left: int, ax: float, ay: float, bx: float, by: float) -> None:
+    """Count one directed line of an outline: nodes to its right gain a turn if it goes down, lose one if it goes up.
+
+    Rows are half open and x is computed from the lower end, so two lines that run to and fro cancel exactly. Row
+    ``low`` and column ``left`` are the first of turns.
+    """
+    high, right = low + turns.shape[0], left + turns.shape[1] - 1
+    sign = 1
+    if ay < by:
+        sign = -1
+    else:
+        ax, ay, bx, by = bx, by, ax, ay
+    first = math.ceil(min(max(ay, float(low)), float(high)))
+    last = math.ceil(min(max(by, float(low)), float(high)))
+    for row in range(first, last):
+        x = ax + (row - ay) * (bx - ax) / (by - ay)
+        turns[row - low, math.ceil(min(max(x, float(left)), float(right))) - left] += sign
+
+
+@kernel
+def shadows(
+    edges: FloatArray,
+    near: FloatArray,
+    far: FloatArray,
+    u: float,
+    v: float,
+    shape: tuple[int, int],
+    low: int,
+    left: int,
+    turns: IntArray,
+) -> None:
+    """Add to turns (H, W + 1) the outlines of all shadows; their sums along a row count the shadows on each node.
+
+    edges (E, 4) grid steps: x0, y0, x1, y1, the solid on the left; u, v grid steps: the light
+    near, far (E,): an edge's shadow goes from ``near`` to ``far`` times its distance; inf is without end
+    shape: rows and columns of the grid; low, left: the first row and column of the part of it that turns are of
+    """
+    reach = 0.0
+    for x in (-u, shape[1] + 1 - u):
+        for y in (-v, shape[0] - v):
+            reach = max(reach, 4.0 * math.hypot(x, y))
+    for e in range(edges.shape[0]):
+        ax, ay = edges[e, 0] - u, edges[e, 1] - v
+        bx, by = edges[e, 2] - u, edges[e, 3] - v
+        enters = ax * by - ay * bx < 0.0
+        endless = math.isinf(far[e])
+        if not enters:
+            if not endless:  # where the light meets the top or bottom face of the prism
+                _line(turns, low, left, far[e] * ax + u, far[e] * ay + v, far[e] * bx + u, far[e] * by + v)
+            continue
+        if endless:
+            fa, fb = reach / math.hypot(ax, ay), reach / math.hypot(bx, by)
+        else:
+            fa = fb = far[e]
+        n = near[e]
+        _line(turns, low, left, n * ax + u, n * ay + v, n * bx + u, n * by + v)
+        _line(turns, low, left, n * bx + u, n * by + v, fb * bx + u, fb * by + v)
+        _line(turns, low, left, fa * ax + u, fa * ay + v, n * ax + u, n * ay + v)
+        if endless:  # back beyond the grid, by way of the edge's normal
+            length = math.hypot(bx - ax, by - ay)
+            nx, ny = reach * (ay - by) / length, reach * (bx - ax) / length
+            _line(turns, low, left, fb * bx + u, fb * by + v, nx + u, ny + v)
+            _line(turns, low, left, nx + u, ny + v, fa * ax + u, fa * ay + v)
+
+
+@kernel
+def lit(turns: IntArray, split: int, out: FloatArray) -> None:
+    """Write to out (H, W) the share of the split x split nodes round each sample on which no shadow lies."""
+    for row in range(turns.shape[0]):
+        count = 0
+        for column in range(turns.shape[1] - 1):
+            count += turns[row, column]
+            if count == 0:
+                out[row // split, column // split] += 1.0 / (split * split)
+
+
+@kernel
+def isovists(
+    edges: FloatArray, x: FloatArray, y: FloatArray, radius: float, cos: FloatArray, sin: FloatArray, out: FloatArray
+) -> None:
+    """Write to out (M,) the share seen from each point of the disc with the radius (m) round it.
+
+    edges (E, 4) m: x0, y0, x1, y1, the solid on the left; cos, sin (K,): directions of the rays, the middles of K
+    equal sectors from angle 0. Each ray ends where it first enters the solid.
+    """
+    rays = cos.size
+    sector = 2.0 * math.pi / rays
+    shortened = [1.0] * rays  # radius / length of each ray, >= 1
+    for k in range(x.size):
+        for i in range(rays):
+            shortened[i] = 1.0
+        for e in range(edges.shape[0]):
+            ax, ay = edges[e, 0] - x[k], edges[e, 1] - y[k]
+            bx, by = edges[e, 2] - x[k], edges[e, 3] - y[k]
+            cross = ax * by - ay * bx
+            length = math.hypot(bx - ax, by - ay)
+            if cross > 0.0 or -cross >= radius * length:
+                continue
+            apart = min(ax * ax + ay * ay, bx * bx + by * by) >= radius * radius
+            if apart and (ax * (bx - ax) + ay * (by - ay)) * (bx * (bx - ax) + by * (by - ay)) >= 0.0:
+                continue  # both ends out of reach, on one side of the foot
+            # A ray in direction u ends at d / (n u): d is the distance of the edge's line, n its normal.
+            scale = radius / (length * max(-cross / length, TOUCHING))
+            nx, ny = scale * (ay - by), scale * (bx - ax)
+            low = math.atan2(by, bx)
+            span = math.atan2(ay, ax) - low
+            if span < 0.0:
+                span += 2.0 * math.pi
+            if span > math.pi + 1e-6:  # seen end on: no angle at all
+                continue
+            first = math.ceil(low / sector - 0.5)
+            last = math.floor((low + span) / sector - 0.5)
+            for i in range(first, last + 1):
+                j = i % rays
+                shortened[j] = max(shortened[j], nx * cos[j] + ny * sin[j])
+        closed = 0.0
+        for i in range(rays):
+            closed += 1.0 - 1.0 / (shortened[i] * shortened[i])
+        out[k] = 1.0 - closed / rays
+
+
+@kernel
+def _share(s: float, place: int) -> float:
+    """Weight of a cubic B-spline's coefficient at one of the four places round a point, s past the second."""
+    r = 1.0 - s
+    if place == 0:
+        return r * r * r / 6.0
+    if place == 1:
+        return (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0
+    if place == 2:
+        return (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0
+    return s * s * s / 6.0
+
+
+@kernel
+def unseen(
+    values: FloatArray,
+    windows: IntArray,
+    shape: tuple[int, int],
+    marks: FloatArray,
+    cos_half: float,
+    half_height: float,
+    corner_x: float,
+    corner_y: float,
+    spacing: float,
+    x: FloatArray,
+    y: FloatArray,
+    yaw: FloatArray,
+    pitch: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write to out (M,) 1 - the sum, in [0, 1], of those fields whose landmark is within the angle of view.
+
+    values (N,): of all windows one after the other, row by row; a field is 0 beyond its window
+    windows (L, 5): where the values of a field begin, first row, rows, first column, columns on a grid of this shape,
+    of which corner, m, is the first node, spacing, m, apart; the border's values hold beyond the grid
+    marks (L, 3) m: x, y, and by how much they are above the camera; x, y, yaw (M,) m, rad: camera
+    cos_half: cosine of half the angle of view; half_height: half the vertical one, rad, about the camera's pitch (M,),
+    or (0,) where all elevations are in view
+    """
+    rows, columns = shape[0] + 2 * PAD, shape[1] + 2 * PAD
+    count = len(windows)
+    weight = [0.0] * 16
+    value = [math.nan] * count  # of each field at the point, once it was asked for
+    px = py = math.nan
+    i = j = 0
+    for k in range(x.size):
+        if math.isnan(x[k]) or math.isnan(y[k]) or math.isnan(yaw[k]):
+            out[k] = math.nan
+            continue
+        if x[k] != px or y[k] != py:  # turns in place ask many times at one point
+            px, py = x[k], y[k]
+            a = min(max((px - corner_x) / spacing, 1.0), columns - 2.0)
+            b = min(max((py - corner_y) / spacing, 1.0), rows - 2.0)
+            j, i = min(int(a), columns - 3), min(int(b), rows - 3)
+            s, t = a - j, b - i
+            for p in range(4):
+                for q in range(4):
+                    weight[4 * p + q] = _share(t, p) * _share(s, q)
+            for m in range(count):
+                value[m] = math.nan
+        ahead, left = math.cos(yaw[k]), math.sin(yaw[k])
+        total = 0.0
+        for m in range(count):
+            dx, dy = marks[m, 0] - px, marks[m, 1] - py
+            flat = math.sqrt(dx * dx + dy * dy)
+            if ahead * dx + left * dy < cos_half * flat:
+                continue
+            if pitch.size > 0 and abs(math.atan2(marks[m, 2], flat) - pitch[k]) > half_height:
+                continue
+            if math.isnan(value[m]):
+                one = 0.0
+                for p in range(4):
+                    row = min(max(i - 1 + p - PAD, 0), shape[0] - 1) - windows[m, 1]
+                    if not 0 <= row < windows[m, 2]:
+                        continue
+                    for q in range(4):
+                        column = min(max(j - 1 + q - PAD, 0), shape[1] - 1) - windows[m, 3]
+                        if 0 <= column < windows[m, 4]:
+                            one += weight[4 * p + q] * values[windows[m, 0] + row * windows[m, 4] + column]
+                value[m] = one
+            total += value[m]
+        out[k] = min(max(1.0 - total, 0.0), 1.0)

@@ -1,0 +1,298 @@
+"""What a camera sees round it: the distance to the nearest surface, along each bearing and in all.
+
+Surfaces are the outlines of obstacles that overlap a height range, and the border of the extent where the outside
+counts as obstacle. Keep-out zones, other borders and people are no surfaces: the camera sees through them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon
+
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import SMOOTHING, hypot, is_symbolic, is_zero
+from hpop.base.options import MOST, real, whole
+from hpop.runtime import limits
+from hpop.world.content.content import Content
+from hpop.world.fields.field import PAD, Field, grid_points
+from hpop.world.geometry.edge_grid import EdgeGrid
+from hpop.world.geometry.planar import FreeSpace, without
+from hpop.world.ground import Ground, Heights
+from hpop.world.world import World
+
+if TYPE_CHECKING:
+    from hpop.motions.states import Vector
+
+REACH = 20.0
+"""Metres beyond which surfaces do not count: flow past them is below 0.05 rad/s at 1 m/s."""
+MARGIN = 5.0
+"""Metres beyond an open extent in which a world as the camera sees it is still known."""
+MAX_NODES = 250_000
+"""Grid nodes of the distances per bearing: a larger world is sampled more coarsely."""
+
+
+CAST = 4096
+"""Nodes from which distances are looked for together."""
+SAMPLE = 8
+"""Bytes of a sample."""
+DISTANCES = "the distances along bearings were sampled"
+LINEAR = 1e-6
+"""Metres of second difference up to which distances are linear."""
+
+
+class Seen(NamedTuple):
+    """Bearings that a camera has in view: ``width`` rad about its yaw (M,), rad."""
+
+    yaw: Column
+    width: float
+
+
+@dataclass(frozen=True, eq=False)
+class Bearings:
+    """Distance to the nearest surface along world bearings, on a grid, seen as cubic B-splines (see `Field`).
+
+    directions  (B, 2)     (cos, sin) of bearing 2 pi b / B, from the x axis
+    distances   (H, W, B)  m   row 0 at the lowest y, padded as in `Field`; at most `REACH`, 0 inside an obstacle
+    spacing     float      m
+    origin      (x, y)     m   where distances[PAD, PAD] was sampled
+
+    Beside a straight wall the distance along a bearing is linear in the position, so its spline is exact, from two
+    steps off the wall and its ends on. Where one surface hides another the distance jumps, and flow needs its inverse:
+    a spline that blurs the jump first and is inverted then is far too small on average. There the inverse itself is
+    blurred, over four steps. What remains, against exact rays among 70 small boxes in a hall of 16 x 12 m: mean flow
+    along a move .6 % too large on average, at most 2.1 % off (mean over bearings; inverting last it was 6 % too small,
+    at worst 16 %).
+    """
+
+    directions: FloatArray
+    distances: FloatArray
+    spacing: float
+    origin: tuple[float, float]
+    _fields: dict[tuple[int, float | None], Field] = field(default_factory=dict, repr=False)
+    _layers: dict[float, FloatArray] = field(default_factory=dict, repr=False)
+
+    def distance(self, bearing: int, x: Column, y: Column) -> Column:
+        """Distance (M,), m, along bearing number ``bearing``; arrays or CasADi columns."""
+        return self._distances(bearing)(x, y)
+
+    def layers(self, nearest: float) -> FloatArray:
+        """Coefficients (H, W, 3 B) of three splines a bearing, computed once for each ``nearest``, m.
+
+        The distance; its inverse, 1/m, of at least ``nearest``; and the share, 1 wherever a jump is among the sixteen
+        nodes of a spline, of the spline of the inverse against the inverse of the spline.
+        """
+        if nearest not in self._layers:
+            sampled = self.distances[PAD:-PAD, PAD:-PAD]
+            limits.hold(DISTANCES, 3 * self.distances.nbytes, 4 * self.distances.nbytes)
+            layers = np.concatenate([sampled, 1.0 / np.maximum(sampled, nearest), _near_jumps(sampled)], axis=2)
+            self._layers[nearest] = np.pad(layers, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+        return self._layers[nearest]
+
+    def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
+        """Inverse (M,), 1/m, of the distance, at least ``nearest`` m, along a bearing; arrays or CasADi columns."""
+        layers, count = self.layers(nearest), len(self.directions)
+        plain = 1.0 / np.maximum(read(self._distances(bearing)), nearest)
+        if not layers[..., 2 * count + bearing].any():
+            return plain
+        blurred, share = (
+            read(self._field((number, nearest), lambda number=number: layers[..., number]))  # type: ignore[misc]
+            for number in (count + bearing, 2 * count + bearing)
+        )
+        return plain + share * (blurred - plain)
+
+    def _reader(self, x: Column, y: Column) -> Callable[[Field], Column]:
+        """What reads a field on this grid at points; where these are MX, their places are written down once.
+
+        On SX each field has its own: programs are known to converge with derivatives that add up in that order.
+        """
+        if is_symbolic(x) or is_symbolic(y):
+            places = self._distances(0).places(x, y)
+            if places.points is not None:
+                return lambda field: field.at(places)
+        return lambda field: field(x, y)
+
+    def _distances(self, bearing: int) -> Field:
+        return self._field((bearing, None), lambda: self.distances[..., bearing])
+
+    def _field(self, key: tuple[int, float | None], coefficients: Callable[[], FloatArray]) -> Field:
+        if key not in self._fields:
+            self._fields[key] = Field(coefficients()[PAD:-PAD, PAD:-PAD], self.spacing, (*self.origin, 0.0))
+        return self._fields[key]
+
+    def mean_flow(
+        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
+    ) -> Column:
+        """Mean (M,), rad/s, over the bearings of the speed at which what is seen there moves on a sphere.
+
+        A camera that moves with ``velocity`` m/s and turns at ``rotation`` rad/s, world frame, sees a surface at
+        distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by
+        v_z / d + w_x sin b - w_y cos b down. Distances below ``nearest`` m count as that. Where not all bearings are
+        ``seen``, each counts by the share of the 2 pi / B about it that is.
+        """
+        if not self._on_symbols(x, y, velocity, rotation, seen):
+            return self._kernel(x, y, velocity, rotation, nearest, seen, largest=False)
+        read = self._reader(x, y)
+        inverses = (self._inverse(b, read, nearest) for b in range(len(self.directions)))
+        shifts = self._shifts(velocity, rotation, inverses)
+        if seen is None:
+            return sum(shifts) / len(self.directions)
+        shares = [self._share(b, seen) for b in range(len(self.directions))]
+        return sum(share * shift for share, shift in zip(shares, shifts, strict=True)) / sum(shares)
+
+    def peak_flow(
+        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
+    ) -> Column:
+        """Largest (M,), rad/s, where `mean_flow` gives the mean.
+
+        Of the splines of the distances: what a jump blurs lasts too short for either to show its peak. Of bearings any
+        part of which is seen; on symbols a bearing at the edge of the view comes in within SMOOTHING.
+        """
+        if not self._on_symbols(x, y, velocity, rotation, seen):
+            return self._kernel(x, y, velocity, rotation, nearest, seen, largest=True)
+        read = self._reader(x, y)
+        inverses = (1.0 / np.maximum(read(self._distances(b)), nearest) for b in range(len(self.directions)))
+        shifts = self._shifts(velocity, rotation, inverses)
+        if seen is not None:
+            edge = min(SMOOTHING, seen.width, self.sector) / self.sector
+            shifts = (s * np.minimum(self._share(b, seen) / edge, 1.0) for b, s in enumerate(shifts))
+        first, *others = shifts
+        for other in others:
+            first = np.maximum(first, other)
+        return first
+
+    @property
+    def sector(self) -> float:
+        """Angle between two bearings, rad."""
+        return 2.0 * math.pi / len(self.directions)
+
+    def _share(self, bearing: int, seen: Seen) -> Column:
+        """Share (M,) of the sector about a bearing that is seen."""
+        angle = bearing * self.sector - seen.yaw
+        off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
+        inside = (0.5 * seen.width - off) / self.sector + 0.5
+        return np.maximum(np.minimum(inside, min(1.0, seen.width / self.sector)), 0.0)
+
+    def _on_symbols(self, x: Column, y: Column, velocity: Vector, rotation: Vector, seen: Seen | None) -> bool:
+        return any(map(is_symbolic, (x, y, *velocity, *rotation, None if seen is None else seen.yaw)))
+
+    def _shifts(self, velocity: Vector, rotation: Vector, inverses: Iterator[Column]) -> Iterator[Column]:
+        (*_, rise), (roll, pitch, turn) = velocity, rotation
+        level = all(map(is_zero, (rise, roll, pitch)))
+        for (cos, sin), inverse in zip(self.directions.tolist(), inverses, strict=True):
+            shift = np.abs((velocity[0] * sin - velocity[1] * cos) * inverse - turn)
+            yield shift if level else hypot(shift, rise * inverse + roll * sin - pitch * cos)
+
+    def _kernel(
+        self,
+        x: Column,
+        y: Column,
+        velocity: Vector,
+        rotation: Vector,
+        nearest: float,
+        seen: Seen | None,
+        *,
+        largest: bool,
+    ) -> FloatArray:
+        from hpop.world.sight._rays import flow
+
+        u, v = (x - self.origin[0]) / self.spacing + PAD, (y - self.origin[1]) / self.spacing + PAD
+        shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, *rotation)))
+        u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity[:2], rotation[2]))
+        tilting = (velocity[2], *rotation[:2])
+        tilt = np.empty((3, 0)) if all(map(is_zero, tilting)) else np.stack([_column(c, shape) for c in tilting])
+        yaw, width = (np.empty(0), 0.0) if seen is None else (_column(seen.yaw, shape), seen.width)
+        out = np.empty(u.shape)
+        layers = self.distances if largest else self.layers(nearest)
+        flow(layers, self.directions, u, v, vx, vy, rate, tilt, yaw, width, nearest, largest, out)
+        return out
+
+
+def as_seen(world: World, heights: Heights) -> World:
+    """Return the world that a camera sees within a range of heights, m: its `clearance` is the distance to surfaces.
+
+    That is exact up to `MARGIN` beyond the extent, where the world ends. Made once a ground and range, and of each kind
+    of world.
+    """
+    ground = world.ground
+
+    def make() -> World:
+        open_ = shapely.box(*ground.bounds).buffer(MARGIN, join_style="mitre")
+        seen = replace(ground, extent=ground.extent if _is_walled(ground, heights) else open_)
+        return replace(world, ground=seen, keep_out=MultiPolygon(), content=Content())
+
+    return ground.derived(("as seen", type(world), ground.layer(heights)), make)
+
+
+def bearings(world: World, z: float, count: int = 16) -> Bearings:
+    """Return the distances along ``count`` bearings at height z, m; computed once a ground and height."""
+    z = real("the height of bearings", z, -MOST, MOST, "a length in m")
+    count = whole("the number of bearings", count, 4)
+
+    ground = world.ground
+
+    def make() -> Bearings:
+        solid, walled = ground.solid((z, z)), _is_walled(ground, (z, z))
+        border = FreeSpace(without(ground.extent, solid) if walled else solid)
+        spacing = _spacing(ground)
+        xs, ys = grid_points(ground.bounds, spacing)
+        limits.hold(DISTANCES, xs.size * ys.size * count * SAMPLE, xs.size * ys.size * (count + 2) * SAMPLE)
+        x, y = (np.ascontiguousarray(c.ravel()) for c in np.meshgrid(xs, ys))
+        angles = 2 * np.pi * np.arange(count) / count
+        directions = np.ascontiguousarray(np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 15))
+        distances = _cast(border.edges.reshape(-1, 4), x, y, directions)
+        distances[border.contains(x, y) != walled] = 0.0
+        padded = np.pad(distances.reshape(ys.size, xs.size, count), ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+        return Bearings(directions, padded, spacing, (float(xs[0]), float(ys[0])))
+
+    return ground.derived(("bearings", ground.layer((z, z)), count), make)
+
+
+def _near_jumps(distances: FloatArray) -> BoolArray:
+    """Whether a distance (H, W, B) is no linear function of the position within two nodes, obstacles' insides aside."""
+    rows, columns, count = distances.shape
+    bends = np.zeros((rows + 4, columns + 4, count), dtype=bool)
+    inside = bends[2:-2, 2:-2]
+    for axis in (0, 1):
+        before, at, after = (np.take(distances, range(k, distances.shape[axis] - 2 + k), axis) for k in (0, 1, 2))
+        bent = (np.abs(before - 2 * at + after) > LINEAR) & (np.minimum(np.minimum(before, at), after) > 0.0)
+        (inside[1:-1] if axis == 0 else inside[:, 1:-1])[...] |= bent
+    spread = np.logical_or.reduce([bends[k : k + rows] for k in range(5)])
+    near: BoolArray = np.logical_or.reduce([spread[:, k : k + columns] for k in range(5)])
+    return near
+
+
+def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArray) -> FloatArray:
+    """Distances (M, B), m, to the first edge along each direction."""
+    out = np.full((x.size, len(directions)), REACH)
+    if len(edges):
+        from hpop.world.sight._rays import cast
+
+        grid = EdgeGrid.build(edges)
+        shape = grid.shape
+        index = (grid.edges, grid.start, grid.members, shape, grid.corner, grid.side)
+        for begin in range(0, x.size, CAST):
+            limits.check(DISTANCES)
+            part = slice(begin, begin + CAST)
+            cast(*index, x[part], y[part], directions, REACH, out[part])
+    return out
+
+
+def _is_walled(ground: Ground, heights: Heights) -> bool:
+    """Whether what lies beyond the extent is obstacle at these heights: it is as high as the raster's cells."""
+    return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
+
+
+def _spacing(ground: Ground) -> float:
+    x0, y0, x1, y1 = ground.bounds
+    return max(ground.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
+
+
+def _column(values: Column, shape: tuple[int, ...]) -> FloatArray:
+    array = np.asarray(values, dtype=np.float64)
+    return np.ascontiguousarray(array) if array.shape == shape else np.broadcast_to(array, shape).copy()

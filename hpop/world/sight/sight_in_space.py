@@ -1,0 +1,94 @@
+"""What a camera sees whose height changes: landmarks behind solids or not, and how open the space round it is.
+
+The same as :mod:`hpop.world.sight.visibility`, which samples fields at one height, for places anywhere: line by line,
+by rays against solids in space, so the borders of shadows and of the view are sharp. The view is the camera's own,
+tilted and rolled as it is. As there, what contains a landmark does not hide it, and floor and ceiling hide nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray
+from hpop.world.content.content import Landmark
+from hpop.world.geometry.rays_in_space import over_sphere, rows, surfaces_of
+from hpop.world.sight.in_view import ALL_ROUND, UP_AND_DOWN
+from hpop.world.sight.visibility import RAYS
+
+if TYPE_CHECKING:
+    from hpop.motions import Pose
+    from hpop.world.world import World
+
+
+def landmarks_unseen(
+    world: World, pose: Pose, size: int, *, near: float, far: float, fov: float, vertical: float
+) -> FloatArray:
+    """1 - the weighted mean (N,) of how well each landmark is seen, as `.visibility.landmarks_unseen`."""
+    landmarks = world.content.landmarks
+    seen, total = np.zeros(size), 0.0
+    for landmark in landmarks:
+        offset = _from_landmark(pose, landmark, size)
+        distance = np.linalg.norm(offset, axis=1)
+        value = _in_front(offset, landmark) * np.clip((far - distance) / (far - near), 0.0, 1.0)
+        value = value * in_view(pose, landmark, size, fov, vertical)
+        asked = np.flatnonzero(value > 0.0)
+        seen[asked] += landmark.weight * value[asked] * _free(world, landmark, offset[asked])
+        total += landmark.weight
+    return np.asarray(np.clip(1.0 - seen / total, 0.0, 1.0))
+
+
+def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float) -> FloatArray:
+    """1 (N,) where a camera in front of a landmark, at most ``far`` m from it, has a free line to it, else 0."""
+    offset = _from_landmark(pose, landmark, size)
+    close = (np.linalg.norm(offset, axis=1) <= far) & (_in_front(offset, landmark) > 0.0)
+    seen = np.zeros(size)
+    seen[close] = _free(world, landmark, offset[close])
+    return seen
+
+
+def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: float) -> FloatArray:
+    """1 (N,) where a landmark is within the angles of view, rad, of the camera's own ahead, left and up, else 0."""
+    offset = -_from_landmark(pose, landmark, size)
+    along, aside, above = (np.sum(offset * rows(axis, size), axis=1) for axis in (pose.ahead, pose.left, pose.up))
+    inside = np.ones(size, dtype=bool)
+    if fov < ALL_ROUND:
+        inside &= np.abs(np.arctan2(aside, along)) <= 0.5 * fov
+    if vertical < UP_AND_DOWN:
+        inside &= np.abs(np.arctan2(above, np.hypot(along, aside))) <= 0.5 * vertical
+    return inside.astype(np.float64)
+
+
+def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
+    """Open share (N,), in [0, 1], of the level disc of ``radius`` m round the camera; see `openness_field`."""
+    directions = over_sphere(RAYS, height=0.0)
+    place = rows((pose.x, pose.y, pose.z), size)
+    distances = surfaces_of(world).first_hits(place, np.broadcast_to(directions, (size, *directions.shape)), radius)
+    return np.asarray(np.mean((distances / radius) ** 2, axis=1))
+
+
+def _from_landmark(pose: Pose, landmark: Landmark, size: int) -> FloatArray:
+    """From a landmark to the camera (N, 3), m."""
+    return rows((pose.x - landmark.x, pose.y - landmark.y, pose.z - landmark.z), size)
+
+
+def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
+    """Cosine (N,), at least 0, between a landmark's front and the camera in the plane; 1 if it has none."""
+    if landmark.facing is None:
+        return np.ones(len(offset))
+    flat = np.hypot(offset[:, 0], offset[:, 1])
+    along = offset[:, 0] * math.cos(landmark.facing) + offset[:, 1] * math.sin(landmark.facing)
+    return np.where(flat > 0, np.clip(along / np.where(flat > 0, flat, 1.0), 0.0, 1.0), 1.0)
+
+
+def _free(world: World, landmark: Landmark, offset: FloatArray) -> FloatArray:
+    """1 (N,) where the line from a landmark to the camera enters no solid, else 0."""
+    distance = np.linalg.norm(offset, axis=1)
+    some = distance > 0.0
+    directions = offset / np.where(some, distance, 1.0)[:, None]
+    places = np.broadcast_to([landmark.x, landmark.y, landmark.z], offset.shape)
+    reach = float(distance.max(initial=0.0)) + 1.0
+    hits = surfaces_of(world).first_hits(places, directions[:, None], reach)[:, 0]
+    return np.where(some & (hits < distance), 0.0, 1.0)
