@@ -69,11 +69,12 @@ class CornersGraph(GraphFamily):
     ) -> BuiltGraph:
         """Search the lattice, then link the corners of its paths."""
         begun = time.perf_counter()
-        lattice = self._lattice(spending.budget)
-        first, until = _first_of(lattice, problem, progress), spending.until_limit()
+        budget, limit = spending.budget, spending.budget.time_limit
+        half = None if limit is None else max(LEAST, 0.5 * limit)  # the rest is for the roadmap
+        first, until = _first_of(self._lattice(budget, half), problem, progress), spending.until_limit()
         if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:
-            budget = replace(spending.budget, time_limit=2 * (problem.read_seconds + until))  # all that is left
-            first = _first_of(self._lattice(budget), problem, progress)
+            all_left = problem.read_seconds + until
+            first = _first_of(self._lattice(budget, all_left), problem, progress)
         if first.status is Status.INTERRUPTED or not first.trajectories:
             raise NotBuilt(_lattice_only(first))
         seconds = time.perf_counter() - begun
@@ -93,11 +94,9 @@ class CornersGraph(GraphFamily):
         stats = {"lattice_points": len(some.trajectories), "lattice_seconds": seconds}
         return BuiltGraph(ends, problem, notes, status=some.status, stats=stats, first=_lattice_only(first))
 
-    def _lattice(self, budget: Budget) -> Planner:
-        """The planner whose paths give the corners; half of the time is left to the roadmap."""
-        limit = None if budget.time_limit is None else max(LEAST, 0.5 * budget.time_limit)
-        memory = budget.max_memory
-        options = {"time_limit": limit, "max_labels": budget.max_labels, "max_memory": memory}
+    def _lattice(self, budget: Budget, time_limit: float | None) -> Planner:
+        """Return the planner whose paths give the corners, with a time limit, s, of its own."""
+        options = {"time_limit": time_limit, "max_labels": budget.max_labels, "max_memory": budget.max_memory}
         return make_planner({"lattice": {"step": self.step, "headings": self.headings, **options}})
 
     def roadmap(
