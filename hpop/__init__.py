@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.base.lazy import on_first_use
-from hpop.base.moved import find_former_names
+from hpop.base.lazy import find_former_names, on_first_use
 
 if TYPE_CHECKING:
     from hpop import drive as drive

@@ -19,7 +19,7 @@ from hpop.problems import solving
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime import following
+from hpop.runtime import status
 from hpop.runtime.status import Progress
 from hpop.scenario import load_scenario
 from tests.rooms import TWO_WALLS
@@ -54,7 +54,7 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 
 def stopped(folder: Path, times: int) -> Stopped:
     """Plan, and press Ctrl-C so many times while costs are re-evaluated."""
-    saved, left, plain, save = list[Front](), [times], following.described, results.save
+    saved, left, plain, save = list[Front](), [times], status.described, results.save
 
     def interrupting(progress: Progress) -> str:
         if progress.stage == "evaluation" and progress.detail and left[0]:
@@ -68,7 +68,7 @@ def stopped(folder: Path, times: int) -> Stopped:
 
     (folder / "room.yaml").write_text(ROOM)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(following, "described", interrupting)
+        patch.setattr(status, "described", interrupting)
         patch.setattr(results, "save", keep)
         result = CliRunner().invoke(main, ["plan", str(folder / "room.yaml"), "--out", str(folder / "out")])
     return Stopped(result, saved, folder / "out")

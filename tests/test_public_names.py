@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import hpop
-from hpop.base.moved import MOVED
+from hpop.base.lazy import MOVED
 
 ROOT = Path(__file__).parents[1]
 NAMES = """

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hpop import World
-from hpop.base.regular_file import open_regular, read_regular
+from hpop.base.files import open_regular, read_regular
 from hpop.errors import MapError, ScenarioError
 from hpop.scenario import load_scenario
 

@@ -15,7 +15,7 @@ from types import ModuleType
 
 import pytest
 
-from hpop.base.moved import MOVED
+from hpop.base.lazy import MOVED
 from tests.test_public_names import PUBLIC
 
 ROOT = Path(__file__).resolve().parents[1]

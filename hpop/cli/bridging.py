@@ -72,8 +72,7 @@ def ros(
     from hpop.ros.interface import Interface
     from hpop.ros.path_server import PathServer
     from hpop.ros.planning import Planning
-    from hpop.runtime.following import progress_bar
-    from hpop.runtime.status import Status
+    from hpop.runtime.status import Status, progress_bar
     from hpop.scenario import load_scenario
 
     user_code.register(imports)

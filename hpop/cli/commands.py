@@ -258,11 +258,11 @@ def _solved(
     that imports serves for the last pictures too.
     """
     from hpop.cli import report
-    from hpop.runtime import following
+    from hpop.runtime import status
 
     fronts: list[Front] = []
     say = report.StageLines()
-    with following.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
+    with status.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()

@@ -43,7 +43,7 @@ def film(
 ) -> None:
     """Make the video, or its frames, or both, of the one row that is asked for, the knee by default; say what it is."""
     from hpop.problems.named_rows import named_rows
-    from hpop.runtime import following
+    from hpop.runtime import status
     from hpop.view import save_frames, save_video
     from hpop.view.ride.scene import Scene
 
@@ -55,6 +55,6 @@ def film(
     for save, target in ((save_video, video), (save_frames, frames)):
         if target is None:
             continue
-        with following.progress_bar() as progress:
+        with status.progress_bar() as progress:
             written = save(problem, front, target, row=row.number, fps=fps, width=width, progress=progress)
         echo(f"written to {written}: {row} as executed, {width} x {width // 2} pixels, {fps:g} frames a second")

@@ -76,7 +76,7 @@ def show(
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
     from hpop.cli import preferred, report, user_code
     from hpop.problems.verify import lost_trajectories, verify
-    from hpop.runtime import following
+    from hpop.runtime import status
     from hpop.runtime.status import Progress
 
     user_code.register(imports)
@@ -90,7 +90,7 @@ def show(
     if preference is not None and len(front):
         preferred.print_preference(preference, more)
     echo("checking costs, ends and collisions")
-    with following.progress_bar() as progress:
+    with status.progress_bar() as progress:
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
     _refuse_faults(path, faults)
     echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
@@ -181,8 +181,8 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     """The front with further criteria reported."""
     from hpop.problems import further
-    from hpop.runtime import following
+    from hpop.runtime import status
     from hpop.runtime.status import Progress
 
-    with following.progress_bar() as progress:
+    with status.progress_bar() as progress:
         return further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))

@@ -125,7 +125,7 @@ def init(
     Writes into a new folder DIR the design, the schedule, the stimuli, a page for each participant, and a copy of the
     front.
     """
-    from hpop.runtime import following
+    from hpop.runtime import status
     from hpop.runtime.status import Progress
     from hpop.study import Design, Protocol
     from hpop.study import folder as folders
@@ -149,7 +149,7 @@ def init(
             language=language,
             seed=seed,
         )
-    with following.progress_bar() as progress:
+    with status.progress_bar() as progress:
         progress(Progress("stimuli and pages"))
         folders.prepare(design, planned, folder, words=words, progress=progress)
     for note in design.notes:
@@ -316,7 +316,7 @@ def _rows(
 
 def _consent(path: Path) -> str:
     """The text of a file."""
-    from hpop.base.regular_file import read_regular
+    from hpop.base.files import read_regular
 
     try:
         return read_regular(path, MOST_CONSENT).decode()

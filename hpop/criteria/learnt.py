@@ -13,8 +13,8 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, NamedTuple, NoReturn
 
 from hpop.base.arrays import Column
+from hpop.base.files import read_regular
 from hpop.base.options import MOST, BesideScenario, real, whole
-from hpop.base.regular_file import read_regular
 from hpop.base.text import printable, shown
 from hpop.criteria.base import Criterion, criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, ModelError

@@ -6,8 +6,7 @@ import os
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
-from hpop.base.atomic import replacing
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular, replacing
 from hpop.base.text import shown
 from hpop.errors import DriveError
 from hpop.frontier.storage import checked_path

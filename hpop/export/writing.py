@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.base.registry import formats as registered
 from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, OwnCodeError

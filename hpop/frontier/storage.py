@@ -17,8 +17,7 @@ from typing import Any, NoReturn, TypedDict, cast
 
 import numpy as np
 
-from hpop.base.atomic import replacing
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular, replacing
 from hpop.base.text import shown
 from hpop.frontier import version_1
 from hpop.frontier.columns import Kinds, numbers, parts, places

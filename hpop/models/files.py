@@ -11,7 +11,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any, TypeGuard
 
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.world.files import place_seen_from, places_found_from, sha256

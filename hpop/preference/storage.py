@@ -15,9 +15,8 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.base.atomic import replacing
+from hpop.base.files import read_regular, replacing
 from hpop.base.options import MOST_SEED
-from hpop.base.regular_file import read_regular
 from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.columns import Kinds, numbers, parts

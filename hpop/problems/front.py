@@ -13,8 +13,8 @@ import numpy as np
 from hpop import frontier
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.base.html import facts_html, picture_html, table_html
 from hpop.base.registry import GROUPS, make_model
+from hpop.base.table import facts_html, picture_html, table_html
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.frontier import FrontError, FrontFileError, storage

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, cast, overload
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.html import facts_html, picture_html
 from hpop.base.options import LEAST, MOST, real
 from hpop.base.registry import completed, make_model
+from hpop.base.table import facts_html, picture_html
 from hpop.base.text import shown
 from hpop.criteria.base import (
     Criterion,
@@ -32,8 +32,7 @@ from hpop.problems.front import Front
 from hpop.problems.sight import notes_on_landmarks
 from hpop.problems.solving import StageCallback
 from hpop.problems.trace import Trace, trace
-from hpop.runtime.following import followed
-from hpop.runtime.status import ProgressCallback
+from hpop.runtime.status import ProgressCallback, followed
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.predictions import bounded, with_people

@@ -26,8 +26,7 @@ from hpop.planners.needs import refuse_unsupported
 from hpop.planners.spending import Limited, Spending
 from hpop.problems.front import Front
 from hpop.problems.sight import notes_on_targets
-from hpop.runtime.following import log
-from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
+from hpop.runtime.status import Budget, Progress, ProgressCallback, Status, log
 from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.trajectories.motion_table import MotionTable
 from hpop.world.files import by_names

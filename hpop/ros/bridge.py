@@ -23,7 +23,7 @@ from hpop.base.text import printable, shown
 from hpop.errors import OptionError
 from hpop.ros import protocol
 from hpop.ros.path_server import PathServer
-from hpop.runtime.following import log
+from hpop.runtime.status import log
 
 MOST_WAITING = 16  # frames that wait to be read
 MOST_A_SECOND = 500  # messages

@@ -18,8 +18,7 @@ from hpop.ros import protocol
 from hpop.ros.messages import Message, PlanarPose, planar_pose
 from hpop.ros.planning import Planning
 from hpop.ros.result import Answer, ErrorCode, Failure, canceled, failed
-from hpop.runtime.following import log
-from hpop.runtime.status import Progress
+from hpop.runtime.status import Progress, log
 
 Send = Callable[[str], None]
 ALIVE = 1.0  # s between two pieces of feedback, at least

@@ -47,7 +47,7 @@ from typing import Any, cast
 import shapely
 from pydantic import BaseModel
 
-from hpop.base.copies import copied
+from hpop.base.arrays import copied
 from hpop.base.options import LEAST, MOST, real
 from hpop.base.registry import criteria, models, planners, readers
 from hpop.base.text import shown

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 import yaml
 
+from hpop.base.files import read_regular
 from hpop.base.options import Degrees
 from hpop.base.registry import make_model
-from hpop.base.regular_file import read_regular
 from hpop.base.text import argument, shown
 from hpop.errors import NOTE, MapError, OptionError, QueryError
 from hpop.planners.programs.free_map import FreeMap

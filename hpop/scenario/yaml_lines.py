@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular
 from hpop.base.text import printable, shown
 from hpop.errors import ScenarioError
 

@@ -8,8 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hpop.base.atomic import replacing
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular, replacing
 from hpop.base.text import printable, shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse, pieces

@@ -14,7 +14,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.base.options import MOST, one_of, real
 from hpop.base.scalars import is_whole
 from hpop.base.text import shown

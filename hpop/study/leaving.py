@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import sweep
+from hpop.base.files import sweep
 from hpop.errors import StudyError
 from hpop.study import report_file
 from hpop.study.analysis import analyse

@@ -18,7 +18,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 import hpop
-from hpop.base.html import table_html
+from hpop.base.table import table_html
 from hpop.base.text import printable
 from hpop.errors import StudyError
 from hpop.study import design_file, report_file

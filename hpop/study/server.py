@@ -22,7 +22,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from hpop.base.regular_file import open_regular
+from hpop.base.files import open_regular
 from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
 from hpop.runtime.page_server import LOCAL, PIECE, PageHandler, PageServer

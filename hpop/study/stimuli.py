@@ -15,14 +15,13 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.base.options import real
 from hpop.base.text import shown
 from hpop.errors import OutputError, StudyError
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.following import followed
-from hpop.runtime.status import Progress, ProgressCallback
+from hpop.runtime.status import Progress, ProgressCallback, followed
 from hpop.study.words import Words, words
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.bodies import links_of, tilted_solids

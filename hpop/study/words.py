@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from string import Formatter
 
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from hpop.base.html import PICTURES
+from hpop.base.table import PICTURES
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.view.canvas import new_figure, png_of

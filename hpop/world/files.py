@@ -9,7 +9,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from hpop.base.regular_file import read_regular
+from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import MapError
 

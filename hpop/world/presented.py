@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from hpop.base.html import facts_html, picture_html
+from hpop.base.table import facts_html, picture_html
 
 if TYPE_CHECKING:
     from hpop.world.world import World

@@ -14,8 +14,7 @@ from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, Column
-from hpop.base.copies import copied
+from hpop.base.arrays import BoolArray, Column, copied
 from hpop.base.math import is_symbolic
 from hpop.base.options import LEAST, MOST, real
 from hpop.base.text import shown

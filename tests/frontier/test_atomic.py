@@ -10,11 +10,11 @@ import threading
 
 import pytest
 
-from hpop.base.atomic import check_replaceable, replacing
+from hpop.base.files import check_replaceable, replacing
 
 WRITES_FOR_EVER = """
 import signal, sys
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 with replacing(sys.argv[1]) as file:
     file.write(b"half")
     file.flush()

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image
 
-from hpop.base.html import PICTURES, facts_html, picture_html, table_html
+from hpop.base.table import PICTURES, facts_html, picture_html, table_html
 from hpop.scenario import load_scenario
 from hpop.view import draw_front
 from hpop.view.notebook import small_map

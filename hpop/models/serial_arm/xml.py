@@ -15,8 +15,8 @@ from xml.parsers import expat
 import numpy as np
 
 from hpop.base.arrays import FloatArray
+from hpop.base.files import read_regular
 from hpop.base.options import MOST
-from hpop.base.regular_file import read_regular
 from hpop.base.text import printable, shown
 from hpop.errors import ModelError
 

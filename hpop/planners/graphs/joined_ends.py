@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.base.copies import copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray
-from hpop.base.copies import copied
+from hpop.base.arrays import BoolArray, IntArray, copied
 from hpop.criteria.base import Criterion, motion_costs
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from hpop import __version__
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import check_replaceable, replacing
+from hpop.base.files import check_replaceable, replacing
 from hpop.base.options import MOST, set_reals
 from hpop.base.text import shown
 from hpop.errors import HpopWarning, OptionError, OutputError

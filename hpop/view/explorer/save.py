@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.errors import OutputError
 from hpop.frontier.choices import Preferring
 from hpop.problems.front import Front

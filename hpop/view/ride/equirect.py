@@ -15,7 +15,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.base.options import real, whole
 from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, QueryError

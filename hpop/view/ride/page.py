@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.base.text import printable
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, OutputError

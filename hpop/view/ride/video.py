@@ -20,15 +20,14 @@ import numpy as np
 
 from hpop import __version__
 from hpop.base.arguments import checked_arguments
-from hpop.base.atomic import replacing
+from hpop.base.files import replacing
 from hpop.base.options import MOST_WORKERS, real, whole
 from hpop.errors import OptionError, OutputError
 from hpop.problems.front import Front
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
-from hpop.runtime.following import followed
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.status import Progress, ProgressCallback
+from hpop.runtime.status import Progress, ProgressCallback, followed
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, panorama, png
 from hpop.view.ride.scene import VERSION
