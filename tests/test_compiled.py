@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import pickle
 import re
+import runpy
 import shutil
 import signal
 import subprocess
@@ -110,6 +112,19 @@ def test_ctrl_c_while_llvm_calls_back_is_neither_lost_nor_leaves_half_a_kernel(m
         with pytest.raises(KeyboardInterrupt):
             made(2)
     assert made(2) == 4
+
+
+@pytest.mark.parametrize("index", [b"no pickle", b"chpop.gone\nBodies\n."], ids=["damaged", "of a module that is gone"])
+def test_an_index_that_cannot_be_read_is_written_anew(tmp_path: Path, index: bytes) -> None:
+    source = tmp_path / "own.py"
+    source.write_text("from hpop.runtime.compiled import kernel\n\n@kernel\ndef doubled(x):\n    return 2 * x\n")
+    assert runpy.run_path(str(source))["doubled"](2) == 4
+    (kept,) = (tmp_path / "__pycache__").glob("*.nbi")
+    kept.write_bytes(pickle.dumps(numba.__version__) + index)
+    assert runpy.run_path(str(source))["doubled"](2) == 4
+    with kept.open("rb") as file:
+        assert pickle.load(file) == numba.__version__
+        assert len(pickle.load(file)) == 2
 
 
 FOUND = """\

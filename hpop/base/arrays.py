@@ -14,6 +14,7 @@ BoolArray = NDArray[np.bool_]  #: A NumPy array of bool.
 #: A column of a batch: a NumPy array of shape (M,), or the CasADi symbols that stand for one.
 Column = Any
 N = TypeVar("N", bound=np.generic)
+T = TypeVar("T")
 
 
 def distinct(values: NDArray[N]) -> NDArray[N]:
@@ -36,9 +37,6 @@ def frozen(array: NDArray[Any]) -> NDArray[Any]:
     return copy
 
 
-T = TypeVar("T")
-
-
 def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
     """Return a copy of a frozen value with other fields; the value itself stays what it is.
 
@@ -52,3 +50,13 @@ def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
     copy = object.__new__(type(value))
     copy.__dict__.update({name: part for name, part in vars(value).items() if name not in without}, **fields)
     return copy
+
+
+def numbered(counts: IntArray) -> tuple[IntArray, IntArray]:
+    """Return, for the elements of groups of some sizes one after another, the group of each and its number in that.
+
+    >>> [column.tolist() for column in numbered(np.array([2, 0, 3]))]
+    [[0, 0, 2, 2, 2], [0, 1, 0, 1, 2]]
+    """
+    group = np.repeat(np.arange(counts.size), counts)
+    return group, np.arange(group.size) - np.repeat(np.cumsum(counts) - counts, counts)

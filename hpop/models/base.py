@@ -19,9 +19,17 @@ from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.execution import rest_to_rest_execution
-from hpop.models.joints import Joint, beyond_stops, largest_change, legs_of_joints, stop_faults
-from hpop.models.laws import Move, Turn
-from hpop.models.legs import turn_move_turn
+from hpop.models.joints import (
+    Joint,
+    Stations,
+    beyond_stops,
+    grid_of_stations,
+    largest_change,
+    legs_of_joints,
+    stop_faults,
+    stops_of,
+)
+from hpop.models.laws import Move, Turn, turn_move_turn
 from hpop.models.rigid import (
     CarriedPose,
     CarriedTwist,
@@ -35,7 +43,6 @@ from hpop.models.rigid import (
     farthest,
     rigid_body,
 )
-from hpop.models.stations import Stations, grid_of_stations, stops_of
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
 

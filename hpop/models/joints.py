@@ -7,14 +7,14 @@ chain, the one on the base first; places are those that parts and bodies have wh
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import smooth_abs
 from hpop.base.options import MOST, one_of, real
 from hpop.errors import ModelError
@@ -134,7 +134,7 @@ def _slid(
 def _turned(
     found: Carried, name: str, at: tuple[float, float], states: States, rates: States | None, changes: States | None
 ) -> Carried:
-    """Rotate about a place: p = a + R d, its rate R d' + w J R d, and so on, with w the rate of the angle."""
+    """Rotate about a point: p = a + R d, its rate R d' + w J R d, and so on, with w the rate of the angle."""
     angle = getattr(states, name)
     cos, sin = np.cos(angle), np.sin(angle)
 
@@ -183,7 +183,7 @@ def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray,
 
 
 def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joints: Sequence[str]) -> list[Leg]:
-    """Return legs of a base, and after them one of each joint by the law of its name; NaN in b leaves it as it is."""
+    """Return the legs of a base, then one leg of each joint by the law of its name; NaN in b keeps a joint."""
     end = States(**{name: getattr(a, name) for name in space.names})
     made = []
     for leg in legs:
@@ -200,7 +200,7 @@ def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joi
 
 
 def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Iterator[str]:
-    """Say which joints are beyond a stop in states (N,), where and by how much at the worst."""
+    """Describe joints that are beyond a stop in states (N,), with the state where each is farthest beyond."""
     for joint, low, high in _stops(space, joints):
         value = getattr(states, joint)
         for stop, beyond in ((low, -1.0), (high, 1.0)):
@@ -212,7 +212,7 @@ def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Ite
 
 
 def beyond_stops(space: StateSpace, joints: Sequence[str], states: States) -> BoolArray:
-    """Whether a joint is beyond a stop in each state (N,)."""
+    """Return whether a joint is beyond a stop in each state (N,)."""
     found = np.zeros(states.size, dtype=bool)
     for joint, low, high in _stops(space, joints):
         value = getattr(states, joint)
@@ -221,7 +221,7 @@ def beyond_stops(space: StateSpace, joints: Sequence[str], states: States) -> Bo
 
 
 def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, float, float]]:
-    """The joints that have stops."""
+    """Return the joints that have stops, with these."""
     for joint in joints:
         if joint not in space.turning:
             column = space.names.index(joint)
@@ -229,7 +229,7 @@ def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, floa
 
 
 def largest_change(joints: Sequence[Joint], start: States, end: States, lever: float) -> tuple[Column, Column]:
-    """Return how far (M,), m and rad, joints carry something at most, no farther than a lever, m, from any axis."""
+    """Return bounds (M,), m and rad, on how far joints carry anything within a lever, m, of their axes."""
     moved: Column = 0.0
     turned: Column = 0.0
     for joint in joints:
@@ -237,3 +237,43 @@ def largest_change(joints: Sequence[Joint], start: States, end: States, lever: f
         moved = moved + (lever * change if joint.along == "round" else change)
         turned = turned + (change if joint.along == "round" else 0.0)
     return moved, turned
+
+
+class Stations(NamedTuple):
+    """States of a model at one position of a lattice, and its motions in place.
+
+    states    (S,)  x and y are 0
+    headings  (S,)  the heading of each, as its place among those of the lattice, along which its moves go
+    motions         tails and heads (E,), stations, of the motions in place by kind
+    """
+
+    states: States
+    headings: IntArray
+    motions: Mapping[str, tuple[IntArray, IntArray]]
+
+
+def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple[Stations, IntArray]:
+    """Return every combination of headings (H,), rad, and joint values, and its number by heading and values.
+
+    "turn" leads from a heading to any other, the law of a joint's name from a value to any other.
+    """
+    shape = (yaw.size, *(values.size for values in joints.values()))
+    heading, *at = (index.ravel() for index in np.indices(shape))
+    zero, number = np.zeros(heading.size), np.arange(heading.size).reshape(shape)
+    columns = {name: values[index] for (name, values), index in zip(joints.items(), at, strict=True)}
+    motions = {kind: _joined(number, axis) for axis, kind in enumerate(("turn", *joints))}
+    return Stations(States(x=zero, y=zero, yaw=yaw[heading], **columns), heading, motions), number
+
+
+def _joined(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
+    """Return tails and heads of motions between any two stations that differ in one axis only."""
+    lines = np.moveaxis(number, axis, -1).reshape(-1, number.shape[axis])
+    a, b = np.nonzero(~np.eye(lines.shape[1], dtype=bool))
+    return lines[:, a].ravel(), lines[:, b].ravel()
+
+
+def stops_of(space: StateSpace, joint: str) -> FloatArray:
+    """Return both stops of a joint and 0, in ascending order; their middle where they leave 0 out."""
+    column = space.names.index(joint)
+    low, high = space.low[column], space.high[column]
+    return np.unique([low, 0.0 if low <= 0.0 <= high else 0.5 * (low + high), high])

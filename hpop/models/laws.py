@@ -9,7 +9,7 @@ Planned (one planning law for all planners, so that costs add up along edges):
 Executed (what the robot does): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn from rest to
 rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to what was planned.
 
-Curves, which are planned as they are executed, are in :mod:`hpop.models.differential_drive.driven`.
+Curves, which are planned as they are executed, are in :mod:`hpop.models.driven`.
 """
 
 from __future__ import annotations
@@ -20,15 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from hpop.base.arrays import Column
-from hpop.base.math import hypot, is_symbolic, smooth_abs
+from hpop.base.math import hypot, is_symbolic, smooth_abs, wrap
 from hpop.models.joints import Joint
-from hpop.motions import LawDefaults, Phase, States
+from hpop.motions import LawDefaults, Leg, Model, Phase, States, StateSpace
 
 TINY = 1e-12  # m or rad: below this a rest-to-rest time has no usable slope
+UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
+ALIGNED = 1e-9  # rad: a turn by less is none
 
 
 def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[Phase, ...]:
-    """Trapezoidal profile from rest to rest: speed up, cruise, slow down; a triangle where the distance is short.
+    """Return the trapezoidal profile from rest to rest; a triangle where the distance is short.
 
     Ramps last min(speed/a, sqrt(d/a)), so the whole lasts d/speed + speed/a, or 2 sqrt(d/a) for d < speed²/a.
     """
@@ -47,7 +49,7 @@ def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[P
 
 
 def standing(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
-    """The phases of a motion in place, and half of the time that stopping and starting lose, s, before and after it."""
+    """Return the phases of a motion in place between two waits that share the loss, s, of stopping and starting."""
     nothing = 0.0 * motion[0].begin
     wait = 0.5 * loss + nothing
     stand = Phase(wait, nothing, nothing, "hold")
@@ -56,7 +58,7 @@ def standing(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
 
 
 def linear(name: str, start: States, end: States, share: Column) -> Column:
-    """State ``name`` where it changes evenly with the share of the motion done."""
+    """Return state ``name`` where it changes evenly with the share of the motion done."""
     begin = getattr(start, name)
     return begin + (getattr(end, name) - begin) * share
 
@@ -143,7 +145,7 @@ class Spin(_InPlace):
 
 @dataclass(frozen=True)
 class JointMove(LawDefaults):
-    """One joint moves from rest to rest while the base stands.
+    """A move of one joint from rest to rest while the base stands.
 
     kind          name of the law
     joint         the state that changes
@@ -164,25 +166,25 @@ class JointMove(LawDefaults):
         return frozenset({self.joint})
 
     def change(self, start: States, end: States) -> Column:
-        """Signed change (M,), rad or m, of the joint."""
+        """Return the signed change (M,), rad or m, of the joint."""
         change: Column = getattr(end, self.joint) - getattr(start, self.joint)
         return change
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """From rest to rest, the base standing."""
+        """Return a profile from rest to rest, the base standing."""
         motion = rest_to_rest(smooth_abs(self.change(start, end)), self.speed, self.acceleration)
         return standing(motion, self.loss) if self.loss else motion
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """State ``name`` where a share of the change is done."""
+        """Return state ``name`` where a share of the change is done."""
         return linear(name, start, end, share)
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
-        """No way of the base."""
+        """Return zero: the base does not move."""
         return 0.0 * start.x
 
     def turned(self, start: States, end: States) -> Column:
-        """No rotation of the base."""
+        """Return zero: the base does not turn."""
         return 0.0 * start.yaw
 
 
@@ -196,3 +198,66 @@ def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
         for kind, lost in ((joint.name, loss), (f"{joint.name}_run", 0.0)):
             laws[kind] = JointMove(kind, joint.name, joint.speed, joint.acceleration, lost)
     return laws
+
+
+def turn_move_turn(space: StateSpace, a: States, b: States, *, turn: str = "turn", move: str = "move") -> list[Leg]:
+    """Return the legs from states a (M,) to b: a turn towards b, a straight move, a turn to its heading.
+
+    ``turn`` and ``move`` are the kinds of the laws by which it turns and moves.
+    """
+    apart = np.hypot(b.x - a.x, b.y - a.y) > UNMOVED
+    arrives = np.where(np.isnan(b.yaw), a.yaw, b.yaw)
+    ahead = np.where(apart, np.arctan2(b.y - a.y, b.x - a.x), arrives)
+    last = np.where(np.isnan(b.yaw), ahead, b.yaw)
+    first, second = (np.where(np.abs(by) > ALIGNED, by, 0.0) for by in (wrap(ahead - a.yaw), wrap(last - ahead)))
+    place = {"x": np.where(apart, b.x, a.x), "y": np.where(apart, b.y, a.y)}
+    own = {name: getattr(a, name) for name in space.names}
+    return [
+        Leg(turn, States(**own | {"yaw": a.yaw + first}), first != 0.0),
+        Leg(move, States(**own | place | {"yaw": a.yaw + first}), apart),
+        Leg(turn, States(**own | place | {"yaw": a.yaw + first + second}), second != 0.0),
+    ]
+
+
+def cruise_speed(base: Model) -> float:
+    """Return the speed, m/s, at which a base in the plane goes straight on for one metre, as it is planned."""
+    move = base.laws.get("move")
+    if isinstance(move, Move):
+        return move.speed
+    begin, end = (States(x=np.full(1, x), y=np.zeros(1), yaw=np.zeros(1)) for x in (0.0, 1.0))
+    lasts = 0.0
+    for leg in base.connect(begin, end):
+        phases = base.laws[leg.kind].phases(begin, leg.end)
+        lasts += float(sum(phase.duration for phase in phases)[0]) if leg.present[0] else 0.0
+        begin = leg.end
+    return 1.0 / lasts
+
+
+@dataclass(frozen=True)
+class Unwind(Turn):
+    """A turn of the base during which the head turns back by the same angle, so that the view stays.
+
+    Both keep one profile, that of the slower: ``turn_rate`` and ``turn_acceleration`` are within the limits of both.
+    """
+
+    loss: float = 0.0
+    kind: str = "unwind"
+
+    varies = frozenset({"yaw", "pan"})
+
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """Return a profile from rest to rest, by the angle of the base."""
+        spin = rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
+        return standing(spin, self.loss) if self.loss else spin
+
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        """Return state ``name`` where a share of the angle is done; the pan turns back as far as the yaw turns on."""
+        return start.pan - (end.yaw - start.yaw) * share if name == "pan" else linear(name, start, end, share)
+
+    def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
+        """Return the derivatives by the share; pan and yaw are exact negatives, so that their sum is zero."""
+        return (start.yaw - end.yaw if name == "pan" else end.yaw - start.yaw), 0.0
+
+    def strays(self, start: States, end: States) -> Column:
+        """Return by how much (M,), rad, the view turns between the given ends."""
+        return smooth_abs((end.yaw - start.yaw) + (end.pan - start.pan))

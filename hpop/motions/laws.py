@@ -214,7 +214,7 @@ class Model(Protocol):
 
     name           in the registry; the name of the class
     field_of_view  (horizontal, vertical) rad, what the camera sees at once; None for all round
-                   (:mod:`hpop.models.field_of_view`)
+                   (:mod:`hpop.models.camera`)
     bodies         method of the states (N,): what of the robot can stand in the way of its camera, and is drawn, as
                    pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
     parts          what collides, in a form of the model's own; ()

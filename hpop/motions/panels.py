@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray, numbered
 from hpop.motions.laws import Phase
 from hpop.runtime import limits
 
@@ -74,9 +74,8 @@ def _nodes(
     motions: Motions, phase: Phase, within: FloatArray, run: slice, panels: IntArray, kinks: tuple[IntArray, IntArray]
 ) -> Iterator[Nodes]:
     """Nodes of a run of motions of so many panels each, cut at kinks, the first of each and the first beyond."""
-    owner = np.repeat(np.arange(run.start, run.stop), panels)
-    panel = np.arange(owner.size) - np.repeat(np.cumsum(panels) - panels, panels)
-    count = np.repeat(panels, panels)
+    motion, panel = numbered(panels)
+    owner, count = motion + run.start, panels[motion]
     whose, at = _kinks_in(motions, phase, run, *kinks)
     if at.size:
         owner, begin = np.concatenate([owner, whose]), np.concatenate([panel / count, at])
@@ -103,8 +102,7 @@ def _kinks_in(
     each = last - first
     if not each.any():
         return np.empty(0, np.int64), np.empty(0)
-    owner = np.repeat(np.arange(each.size), each)
-    number = np.arange(owner.size) - np.repeat(np.cumsum(each) - each, each)
+    owner, number = numbered(each)
     whose = owner + run.start
     since = motions.world.content.kinks[first[owner] + number] - (motions.t0 + elapsed_before(motions, phase))[whose]
     return whose, np.clip((since - before) / np.maximum(phase.duration[whose], JUST), 0.0, 1.0)

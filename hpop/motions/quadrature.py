@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray, numbered
 
 if TYPE_CHECKING:
     from hpop.motions.laws import Phase
@@ -131,10 +131,9 @@ def _blocks(size: int) -> list[slice]:
 
 def _evenly_cut(motions: IntArray, pieces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
     """Owner, begin and width (P,) of so many even pieces of each of some motions; all are multiples of 1/GRAIN."""
-    count = np.repeat(pieces, pieces)
-    piece = np.arange(count.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-    begin, end = (np.round(number / count * GRAIN) / GRAIN for number in (piece, piece + 1))
-    return np.repeat(motions, pieces), begin, end - begin
+    motion, piece = numbered(pieces)
+    begin, end = (np.round(number / pieces[motion] * GRAIN) / GRAIN for number in (piece, piece + 1))
+    return motions[motion], begin, end - begin
 
 
 def _at_nodes(

@@ -204,9 +204,19 @@ class _Kept(_caching.FunctionCache):  # type: ignore[misc]
     def save_overload(self, signature: Any, data: Any) -> None:
         try:
             with _alone(Path(self.cache_path)), interrupts_held():
+                self._remove_unreadable_index()
                 super().save_overload(signature, data)
         except OSError as error:
             _warn_once(f"{self.cache_path}: {error.strerror or error}")
+
+    def _remove_unreadable_index(self) -> None:
+        """Remove an index that is damaged, or names types of modules that an earlier version of hpop had."""
+        try:
+            self._cache_file._load_index()
+        except OSError:
+            raise
+        except Exception:  # unpickling may raise anything
+            Path(self._cache_file._index_path).unlink(missing_ok=True)
 
 
 @contextmanager

@@ -12,8 +12,8 @@ from hpop.base.registry import criteria
 from hpop.base.text import shown
 from hpop.criteria.base import Aggregate, Criterion, Group, Role
 from hpop.errors import ModelError
+from hpop.models.camera import checked_field_of_view
 from hpop.models.collision.parts import Part
-from hpop.models.field_of_view import checked_field_of_view
 from hpop.motions import Model, Motions, States, collision_of
 from hpop.testing.checks import SAME, differ
 from hpop.world import World

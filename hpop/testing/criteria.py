@@ -24,7 +24,7 @@ from hpop.criteria.base import (
     trajectory_costs,
 )
 from hpop.errors import CriterionError
-from hpop.models.differential_drive.driven import driven
+from hpop.models.driven import driven
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings

@@ -6,7 +6,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import whole
-from hpop.models.differential_drive.driven import ahead
+from hpop.models.driven import ahead
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.hold import CLOCK
 from hpop.world import World

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray, numbered
 from hpop.motions import Motions, States
 from hpop.motions.sections import sections
 from hpop.trajectories.history import History
@@ -36,7 +36,7 @@ class Pieces:
     @cached_property
     def owner(self) -> IntArray:
         """Place (n,) of the motion of which each piece is a part."""
-        return np.repeat(np.arange(len(self.trajectory)), self.counts)
+        return numbered(self.counts)[0]
 
     @cached_property
     def kinds(self) -> tuple[str, ...]:
@@ -76,8 +76,8 @@ class Pieces:
     @cached_property
     def _since(self) -> FloatArray:
         """Time (n,), s, from the start of its motion to each piece."""
-        within = np.arange(len(self)) - np.repeat(np.cumsum(self.counts) - self.counts, self.counts)
-        return within * (self.trajectory.durations / self.counts)[self.owner]
+        owner, within = numbered(self.counts)
+        return within * (self.trajectory.durations / self.counts)[owner]
 
     def __repr__(self) -> str:
         return f"<Pieces: {len(self):,} of {self.trajectory!r}>"

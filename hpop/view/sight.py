@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Wedge
 
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
-from hpop.models.field_of_view import field_of_view
+from hpop.models.camera import field_of_view
 from hpop.motions import Model, Pose
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ground import View

@@ -12,7 +12,7 @@ import shapely
 import hpop
 from hpop.criteria import make_criterion, trajectory_cost
 from hpop.errors import OptionError
-from hpop.models.camera_height import rises
+from hpop.models.camera import rises
 from hpop.models.laws import linear, rest_to_rest
 from hpop.motions import StateSpace, integrated
 from hpop.motions.symbolic import SymbolicMotions

@@ -11,7 +11,7 @@ import hpop
 from hpop.base.registry import criteria
 from hpop.criteria import Clearance, Occlusion, motion_costs, trajectory_cost
 from hpop.criteria.robot.singularity import manipulability
-from hpop.models.serial_arm.frames import frames
+from hpop.models.serial_arm.chain import frames
 from hpop.motions import lacking
 from hpop.world.content.content import Landmark
 from tests.jointed import camera_at, jacobian, states_of

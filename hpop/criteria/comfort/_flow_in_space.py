@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.models.field_of_view import FieldOfView
+from hpop.models.camera import FieldOfView
 from hpop.motions import Instants, Rate
 from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows
 from hpop.world.sight.bearings import REACH

@@ -11,8 +11,7 @@ from hpop.base.options import set_reals, set_wholes
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort._flow_in_space import flow_in_space, rays_of_view
 from hpop.errors import CriterionError
-from hpop.models.camera_height import camera_height, rises
-from hpop.models.field_of_view import field_of_view
+from hpop.models.camera import camera_height, field_of_view, rises
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import surfaces_of
 from hpop.world.sight.bearings import Seen, bearings

@@ -11,7 +11,7 @@ from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
-from hpop.models.camera_height import camera_height
+from hpop.models.camera import camera_height
 from hpop.motions import Motions
 from hpop.world.sight.bearings import MARGIN, as_seen
 

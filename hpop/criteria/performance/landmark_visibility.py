@@ -8,8 +8,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera_height import rises
-from hpop.models.field_of_view import checked_fov, field_of_view
+from hpop.models.camera import checked_fov, field_of_view, rises
 from hpop.motions import Motions
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.visibility import landmarks_unseen

@@ -8,7 +8,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera_height import rises
+from hpop.models.camera import rises
 from hpop.motions import Motions, Rate
 from hpop.world.fields.filled import filled
 from hpop.world.geometry.rays_in_space import rows

@@ -8,7 +8,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import LEAST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera_height import rises
+from hpop.models.camera import rises
 from hpop.motions import Motions
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.visibility import openness

@@ -10,8 +10,7 @@ from hpop.base.arrays import BoolArray, Column
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera_height import rises
-from hpop.models.field_of_view import checked_fov, field_of_view
+from hpop.models.camera import checked_fov, field_of_view, rises
 from hpop.trajectories.history import History, Track
 from hpop.world.content.content import Landmark
 from hpop.world.sight import sight_in_space

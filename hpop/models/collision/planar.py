@@ -16,11 +16,12 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray, numbered
+from hpop.base.text import shown
 from hpop.models.collision.parts import Part, joints_of
-from hpop.models.collision.words import reason
 from hpop.motions import Motions, States, is_curve
 from hpop.runtime import limits
+from hpop.world.geometry.shapes import overlaps
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -34,9 +35,35 @@ LEVEL = 0.01  # m: to multiples of this the heights of parts on joints are round
 CURVE_MARGIN = 2e-3  # m: a curve is covered by hulls of outlines so near to each other that they are grown by this
 
 
+def reason(world: World, part: Part, x: float, y: float) -> str:
+    """Say what blocks a part of a robot at a position of its axis and what helps, without the last full stop."""
+    here = shapely.Point(x, y)
+    if not shapely.covers(world.extent, here):
+        x_min, y_min, x_max, y_max = world.bounds
+        spans = f"x {x_min:.2f} to {x_max:.2f} m, y {y_min:.2f} to {y_max:.2f} m"
+        return f"it is outside the map, which spans {spans}. Move it"
+    if shapely.covers(world.closed, here):
+        return "it is in a keep-out zone or in a person who stands there. Move it"
+    if shapely.covers(world.solid(part.z_min, part.z_max), here):
+        return f"it is inside {_name(world, part, here, 0.0) or 'an obstacle'}. Move it"
+    distance = float(world.clearance(np.array([x]), np.array([y]), z=(part.z_min, part.z_max))[0])
+    nearest = _name(world, part, here, distance) or "the nearest obstacle, keep-out zone or map border"
+    return (
+        f"{nearest} is {distance:.3f} m away and the robot reaches {part.reach:.3f} m. Move it, or take a smaller robot"
+    )
+
+
+def _name(world: World, part: Part, here: shapely.Point, distance: float) -> str:
+    """Return the name of the obstacle within a distance (m) at the height of a part, as text; "" without a name."""
+    met = (o for o in world.obstacles if o.name and overlaps(o.heights, (part.z_min, part.z_max)))
+    return next(
+        (f"the obstacle {shown(o.name)}" for o in met if shapely.distance(o.polygon, here) <= distance + 1e-9), ""
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class PlanarCollision:
-    """Tells which states and motions of a robot are free in a world.
+    """Collision test of a robot of upright prisms in a world, for states and whole motions.
 
     parts  upright prisms in the frame of the base
     world
@@ -62,7 +89,7 @@ class PlanarCollision:
         return any(part.on for part in self.parts)
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Whether the circles that the parts sweep about positions (P,) are free: then every yaw and turn is."""
+        """Return whether the circles that the parts sweep about positions (P,) are free: then every yaw and turn is."""
         reaches: dict[FreeSpace, float] = {}  # of the widest part in each: mostly all parts have one in common
         for part in (part.swept for part in self.parts):
             space = self._space(part)
@@ -74,15 +101,15 @@ class PlanarCollision:
         return free
 
     def states_free(self, states: States) -> BoolArray:
-        """Whether the robot is free in each state (N,)."""
+        """Return whether the robot is free in each state (N,)."""
         return self._every_part(lambda part, at: self.part_free(part, states.take(at)), states.size)
 
     def part_free(self, part: Part, states: States) -> BoolArray:
-        """Whether one part of the robot is free in each state (N,)."""
+        """Return whether one part of the robot is free in each state (N,)."""
         return self._outlines_free(part, part.placed(states), part.radius, states)
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether the robot is free all along each motion (M,), ends included."""
+        """Return whether the robot is free all along each motion (M,), ends included."""
         if is_curve(motions.law):
             return self._every_part(lambda part, at: self._curves_free(part, motions, at), len(motions))
         turning, moving = "yaw" in motions.law.varies, bool({"x", "y"} & motions.law.varies)
@@ -98,7 +125,7 @@ class PlanarCollision:
         return self._every_part(free, len(motions))
 
     def why_blocked(self, state: States) -> str:
-        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        """Say what blocks one state and what helps, without the last full stop; empty when it is free."""
         blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)
         if blocked is None:
             return ""
@@ -117,7 +144,7 @@ class PlanarCollision:
         return free
 
     def _outlines_free(self, part: Part, corners: FloatArray, margin: float, *ends: States) -> BoolArray:
-        """Whether hulls of corners (N, c, 2), grown by a margin, are free at the heights of a part between some states.
+        """Return whether hulls of corners (N, c, 2), grown by a margin, are free at the heights of a part.
 
         Heights of carried parts are rounded outwards, so that few are told apart.
         """
@@ -145,8 +172,7 @@ class PlanarCollision:
         slides = [joint.name for joint in part.on if joint.along in ("ahead", "left")]
         turned = sum(np.abs(change[name]) for name in ("yaw", *(joint.name for joint in hinges)))
         pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
-        owner = np.repeat(np.arange(start.size), pieces)
-        piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        owner, piece = numbered(pieces)
         ends = [
             States(**{n: getattr(start, n)[owner] + number / pieces[owner] * change[n][owner] for n in names})
             for number in (piece, piece + 1)
@@ -161,7 +187,7 @@ class PlanarCollision:
         return free
 
     def _hulls_free(self, part: Part, corners: FloatArray, margin: float) -> BoolArray:
-        """Whether the convex hulls of corners (N, c, 2), grown by a margin, are free: cheap tests decide most."""
+        """Return whether convex hulls of corners (N, c, 2), grown by a margin, are free: cheap tests decide most."""
         space = self._space(part)
         centre = corners.mean(axis=1)
         round_it = np.hypot(*(corners - centre[:, None]).transpose(2, 0, 1)).max(axis=1, initial=0.0)
@@ -204,15 +230,14 @@ class PlanarCollision:
         return free
 
     def _turns_free(self, part: Part, start: States, end: States, *, moving: bool) -> BoolArray:
-        """Cover turns, in place or on their way, by hulls of outlines at neighbouring yaws, grown by what is between.
+        """Cover turns, in place or on the move, by hulls of outlines at neighbouring yaws, grown by the bulge between.
 
         In place a point leaves the chord of its arc by no more than the sagitta, r (1 - cos(Δ/2)). On a straight way
         its arc is carried along evenly: it leaves the chord that is gone evenly by no more than r Δ²/8.
         """
         turned = np.abs(end.yaw - start.yaw)
         pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
-        owner = np.repeat(np.arange(start.size), pieces)
-        piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        owner, piece = numbered(pieces)
         corners = []
         begin = {name: getattr(start, name)[owner] for name in ("x", "y", "yaw")}
         steps = {name: ((getattr(end, name) - getattr(start, name)) / pieces)[owner] for name in ("x", "y", "yaw")}
@@ -227,7 +252,7 @@ class PlanarCollision:
         return free
 
     def _curves_free(self, part: Part, motions: Motions, at: BoolArray) -> BoolArray:
-        """Cover curves by hulls of outlines at neighbouring moments, grown by what points of the robot bend between.
+        """Cover curves by hulls of outlines at neighbouring moments, grown by how far points bend between.
 
         A point at distance r from the axis accelerates by no more than |a| + |v ω| + r (|α| + ω²), A, and so leaves the
         chord of its way in a time Δ by no more than A Δ²/8.
@@ -241,8 +266,7 @@ class PlanarCollision:
         gain, bend = (np.abs(getattr(end, n) - getattr(start, n)) * per_second for n in ("speed", "turn_rate"))
         most = gain + speed * turning + part.reach * (bend + turning * turning)
         pieces = np.maximum(1, np.ceil(lasts * np.sqrt(most / (8.0 * CURVE_MARGIN)))).astype(np.int64)
-        owner = np.repeat(np.arange(start.size), pieces)
-        piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        owner, piece = numbered(pieces)
         begin, finish = start.take(owner), end.take(owner)
         corners = []
         for number in (piece, piece + 1):
@@ -257,7 +281,7 @@ class PlanarCollision:
 
 
 def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:
-    """Convex hulls of corners (N, c, 2); of two that differ (``straight``) the line, made in a tenth of the time."""
+    """Return convex hulls of corners (N, c, 2); with ``straight`` the line of two, made in a tenth of the time."""
     size, count, _ = corners.shape
     if count == 2 and straight:
         return np.asarray(shapely.linestrings(corners), dtype=object)

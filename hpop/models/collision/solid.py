@@ -15,9 +15,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models.collision.parts import Part, joints_of
-from hpop.models.collision.words import reason
+from hpop.models.collision.planar import reason
 from hpop.motions import Law, Motions, States, is_curve, slopes
 
 if TYPE_CHECKING:
@@ -162,8 +162,8 @@ def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -
 
 def _dense(law: Law, start: States, end: States, counts: IntArray, names: Sequence[str]) -> tuple[FloatArray, IntArray]:
     """So many rows of states (N, k) along each of some motions (M,), evenly spaced; and their motions (N,)."""
-    owner = np.repeat(np.arange(counts.size), counts)
-    share = (np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)) / (counts - 1)[owner]
+    owner, number = numbered(counts)
+    share = number / (counts - 1)[owner]
     begin, stop = start.take(owner), end.take(owner)
     columns = (
         law.interpolate(name, begin, stop, share) if name in law.varies else getattr(begin, name) for name in names

@@ -6,49 +6,102 @@ other and the base.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part as Prism
-from hpop.models.mobile_arm.carried import PLATFORM
-from hpop.models.serial_arm.collision import ArmCollision
+from hpop.models.differential_drive import DifferentialDrive
+from hpop.models.serial_arm.chain import Chain, Mount, Pair, Part, pair_of
+from hpop.models.serial_arm.collision import ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.motions import Collision, Motions, States
 from hpop.world import World
+from hpop.world.geometry.solids import Cylinder, Hull, Solid
+
+BASE = 3  # joints by which the base moves, and the frame that moves with it
+PLATFORM = "mobile base"  # as messages call it, among the links
+
+
+def carried_chain(base: DifferentialDrive, chain: Chain) -> Chain:
+    """Return the chain of an arm whose frame 0 is a base, placed in the world by x, y and yaw."""
+    space, along, turning = base.space, [base.speed] * 2, base.turn_rate
+    return Chain(
+        names=(*space.names, *chain.names),
+        sliding=np.array([True, True, False, *chain.sliding]),
+        turning=np.array([False, False, True, *chain.turning]),
+        axes=np.concatenate([np.eye(3), chain.axes]),
+        origins=np.concatenate([np.tile(np.eye(4), (BASE, 1, 1)), chain.origins]),
+        low=np.append(space.low, chain.low),
+        high=np.append(space.high, chain.high),
+        speed=np.array([*along, turning, *chain.speed]),
+        acceleration=np.array([*[base.acceleration] * 2, base.turn_acceleration, *chain.acceleration]),
+        mounts={name: Mount(BASE + mount.frame, mount.pose) for name, mount in chain.mounts.items()},
+    )
+
+
+def carried_parts(parts: Sequence[Part], platform: Sequence[Prism]) -> tuple[Part, ...]:
+    """Return the solids of an arm in the frames of the carried chain, and the solids of the base."""
+    return (
+        *(replace(part, frame=BASE + part.frame) for part in parts),
+        *(Part(PLATFORM, BASE, upright(prism)) for prism in platform),
+    )
+
+
+def upright(prism: Prism) -> Solid:
+    """Return a prism of a base as a solid in its frame: a cylinder for one corner, else a hull."""
+    pose, (z_min, z_max) = np.eye(4), (prism.z_min, prism.z_max)
+    if len(prism.corners) == 1:
+        pose[:3, 3] = (*prism.corners[0], 0.5 * (z_min + z_max))
+        return Solid(Cylinder(prism.radius, z_max - z_min), pose, PLATFORM)
+    points: FloatArray = np.array([(*corner, z) for z in (z_min, z_max) for corner in prism.corners])
+    return Solid(Hull(points), pose, PLATFORM)
+
+
+def touching_platform(
+    chain: Chain, parts: Sequence[Part], apart: frozenset[Pair], platform: Sequence[Prism]
+) -> frozenset[Pair]:
+    """Return pairs of a link and the base that touch in each of 10,000 states drawn of an arm: by design.
+
+    Parts and frames are those of the arm's own chain.
+    """
+    links = dict.fromkeys(part.link for part in parts)
+    known = apart | {pair_of(*pair) for pair in combinations(links, 2)}
+    return always_touching(chain, [*parts, *(Part(PLATFORM, 0, upright(prism)) for prism in platform)], known)
 
 
 @dataclass(frozen=True, eq=False)
 class Both:
-    """What is free to the base and to the links."""
+    """Collision test that needs both the base and the links to be free."""
 
     base: Collision
     links: Collision
 
     def states_free(self, states: States) -> BoolArray:
-        """Whether the robot is free in each state (N,)."""
+        """Return whether the robot is free in each state (N,)."""
         free = self.base.states_free(states)
         free[free] = self.links.states_free(states.take(free))
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether the robot is free all along each motion (M,), ends included."""
+        """Return whether the robot is free all along each motion (M,), ends included."""
         free = self.base.motions_free(motions)
         start, end = motions.start.take(free), motions.end.take(free)
         free[free] = self.links.motions_free(Motions(motions.world, motions.model, motions.law, start, end))
         return free
 
     def why_blocked(self, state: States) -> str:
-        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        """Say what blocks one state and what helps, without the last full stop; empty when it is free."""
         return self.base.why_blocked(state) or self.links.why_blocked(state)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Links(ArmCollision):
-    """Links in space; the base is held against these alone."""
+    """Collision test of the links; the base is tested against the links only."""
 
     def _outer_pairs(self) -> Iterator[tuple[int, int]]:
         return ((a, b) for a, b in super()._outer_pairs() if self.parts[a].link != PLATFORM)
@@ -56,7 +109,7 @@ class Links(ArmCollision):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LinksJudge(ArmJudge):
-    """The same by python-fcl."""
+    """Judge of the links by python-fcl; the base is tested against the links only."""
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
@@ -66,7 +119,7 @@ class LinksJudge(ArmJudge):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MobileCollision(Both):
-    """For planning: exact for the base where it goes straight, proved for the links all along.
+    """Collision test for planning: exact for a base on straight moves, proved for the links.
 
     platform  prisms of the base
     world
@@ -78,11 +131,11 @@ class MobileCollision(Both):
 
     @property
     def is_uncompiled(self) -> bool:
-        """Whether the first question takes longer, for kernels that are not compiled yet."""
+        """Whether kernels must be compiled first."""
         return self.links.is_uncompiled
 
     def clearance(self, states: States) -> FloatArray:
-        """Distance (N,), m, of the robot from what stands in the world: a lower bound, by a circle round the base."""
+        """Return the distance (N,), m, of the robot from the world: a lower bound, by a circle round the base."""
         x, y = np.asarray(states.x, float), np.asarray(states.y, float)
         around = [self.world.clearance(x, y, z=(part.z_min, part.z_max)) - part.reach for part in self.platform]
         return np.asarray(np.maximum(0.0, np.min([self.links.clearance(states), *around], axis=0)))

@@ -15,26 +15,30 @@ from hpop.base.options import Angle
 from hpop.base.text import shown
 from hpop.errors import ModelError, QueryError
 from hpop.models.base import model
+from hpop.models.camera import FieldOfView
 from hpop.models.collision.parts import Part as Prism
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
-from hpop.models.differential_drive.model import FIXED, DifferentialDrive, OnBase
+from hpop.models.differential_drive import FIXED, DifferentialDrive, OnBase
 from hpop.models.execution import rest_to_rest_execution
-from hpop.models.field_of_view import FieldOfView
-from hpop.models.legs import turn_move_turn
-from hpop.models.mobile_arm.carried import PLATFORM, carried_chain, carried_parts, touching_platform
-from hpop.models.mobile_arm.collision import Both, Links, LinksJudge, MobileCollision
+from hpop.models.laws import turn_move_turn
+from hpop.models.mobile_arm.collision import (
+    PLATFORM,
+    Both,
+    Links,
+    LinksJudge,
+    MobileCollision,
+    carried_chain,
+    carried_parts,
+    touching_platform,
+)
 from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body
 from hpop.models.serial_arm import SerialArm
-from hpop.models.serial_arm.body import ArmBody
-from hpop.models.serial_arm.chain import Chain, Part
-from hpop.models.serial_arm.frames import frames
+from hpop.models.serial_arm.chain import Chain, Pair, Part, frames, levers
+from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.kinematics import Kinematics
-from hpop.models.serial_arm.levers import levers
-from hpop.models.serial_arm.limits import faults as joint_faults
-from hpop.models.serial_arm.reach import Reach
-from hpop.models.serial_arm.self_collision import SAMPLES
-from hpop.models.serial_arm.srdf import Pair
+from hpop.models.serial_arm.laws import ArmBody, Reach
+from hpop.models.serial_arm.laws import faults as joint_faults
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World

@@ -1,9 +1,15 @@
-"""An arm from its files: URDF, SRDF and meshes, read once, with the hashes by which a saved front knows them."""
+"""An arm from its files: read once, put together, with hashes by which a saved front knows them, and notes on oddities.
+
+SRDFs are written for several variants of a robot, so links and joints that they name need not exist. A misspelt name
+looks the same, so notes mention both.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,21 +17,259 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
-from hpop.errors import ModelError
-from hpop.models.serial_arm.assembly import assembled, parts_of, touching
-from hpop.models.serial_arm.chain import Chain, Mount, Part
-from hpop.models.serial_arm.doubts import pointless, strangers, uncovered, undriven
+from hpop.errors import ModelError, did_you_mean
+from hpop.models.serial_arm.chain import Chain, Mount, Pair, Part, pair_of
 from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
-from hpop.models.serial_arm.srdf import Pair, Semantics, read_srdf
-from hpop.models.serial_arm.urdf import Mesh, read_urdf
+from hpop.models.serial_arm.urdf import Joint, Mesh, Robot, Semantics, read_srdf, read_urdf
 from hpop.world.files import sha256
-from hpop.world.geometry.solids import Hull
+from hpop.world.geometry.solids import Hull, Solid
 
+MOVING = ("revolute", "prismatic", "continuous")
+LONGEST_MIMICRY = 20
+"""Joints that follow one another, at most: longer rows may be rings."""
+Place = tuple[int, FloatArray]
+"""A frame of the chain, and a pose in it."""
+MOST_NAMED = 8
+"""Names that a note lists."""
 Values = tuple[float, ...]
+NO_SRDF = "states have names in an SRDF, and none was given as srdf"
+ROUNDED = 5e-4
+"""rad or m by which a value in a file may pass a limit for lack of decimals: 1.5708 is meant for half of pi."""
+
+
+class Assembly(NamedTuple):
+    """The arm that a URDF and a choice of its tip make.
+
+    chain   the joints that move, with the body "tool"
+    places  where each link is
+    stands  value, rad or m, of each joint that could move, but stands
+    """
+
+    chain: Chain
+    places: Mapping[str, Place]
+    stands: Mapping[str, float]
+
+
+def assembled(
+    robot: Robot, tip: str, base: FloatArray, fixed: Mapping[str, float], acceleration: float | Mapping[str, float]
+) -> Assembly:
+    """Return the chain from the root of a robot to a tip; the root has the pose ``base`` (4, 4) in the world.
+
+    Joints in ``fixed`` stand at a value, those elsewhere than between root and tip at 0 or the limit nearest to it.
+    """
+    given = {"fixed": fixed, "acceleration": acceleration if isinstance(acceleration, Mapping) else {}}
+    for parameter, name in ((parameter, name) for parameter, values in given.items() for name in values):
+        if name not in robot.joints:
+            raise robot.file.error(
+                f"{parameter} gives a value for the joint {shown(name)}, which there is not; its joints are "
+                f"{', '.join(map(shown, robot.joints))}." + did_you_mean(name, robot.joints)
+            )
+    ancestry = robot.ancestry(tip)
+    joints = [joint for joint in ancestry if joint.kind != "fixed" and joint.name not in fixed]
+    for joint in joints:
+        _check_moves(robot, joint)
+    if not joints:
+        raise robot.file.error(f"no joint between {shown(robot.root)} and the tip {shown(tip)} moves")
+    numbers = {joint.name: i for i, joint in enumerate(joints, 1)}
+    stands = _standing(robot, numbers, fixed)
+    places: dict[str, Place] = {robot.root: (0, base)}
+    origins = []
+    for joint in _from_the_root(robot):
+        frame, pose = places[joint.parent]
+        at = pose @ joint.origin
+        if joint.name in numbers:
+            origins.append(at)  # in the order of the chain: from root to tip
+            places[joint.child] = numbers[joint.name], np.eye(4)
+        else:
+            places[joint.child] = frame, at @ displacement(joint, stands.get(joint.name, 0.0))
+    low, high = zip(*(_limits(robot, joint) for joint in joints), strict=True)
+    chain = Chain(
+        names=tuple(joint.name for joint in joints),
+        sliding=np.array([joint.kind == "prismatic" for joint in joints]),
+        turning=np.array([joint.kind == "continuous" for joint in joints]),
+        axes=np.array([joint.axis for joint in joints]),
+        origins=np.array(origins),
+        low=np.array(low),
+        high=np.array(high),
+        speed=np.array([_speed(robot, joint) for joint in joints]),
+        acceleration=np.array([_acceleration(robot, joint, acceleration) for joint in joints]),
+        mounts={"tool": Mount(*places[tip])},
+    )
+    return Assembly(chain, places, stands)
+
+
+def displacement(joint: Joint, value: float) -> FloatArray:
+    """Return the pose (4, 4) of a joint's child at a value, in the joint's frame."""
+    pose = np.eye(4)
+    if joint.kind == "prismatic":
+        pose[:3, 3] = value * joint.axis
+    elif value:
+        x, y, z = joint.axis
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        pose[:3, :3] += math.sin(value) * cross + (1.0 - math.cos(value)) * cross @ cross
+    return pose
+
+
+def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[Mesh], list[Hull]]) -> Iterator[Part]:
+    """Return the solids of the links, each in the frame with which it moves."""
+    for link, geometries in robot.links.items():
+        frame, pose = places[link]
+        for geometry in geometries:
+            shape = geometry.shape
+            for solid in hulls(shape) if isinstance(shape, Mesh) else [shape]:
+                yield Part(link, frame, Solid(solid, pose @ geometry.pose, link))
+
+
+def touching(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
+    """Return pairs of links that touch by design: joined directly or through links without solids, or on one frame."""
+    solid = [link for link, shapes in robot.links.items() if shapes]
+    pairs = {pair_of(a, b) for a, b in combinations(solid, 2) if places[a][0] == places[b][0]}
+    parent = {joint.child: joint.parent for joint in robot.joints.values()}
+    for link in solid:
+        above = parent.get(link)
+        while above is not None:
+            pairs.add(pair_of(link, above))
+            above = None if robot.links[above] else parent.get(above)
+    return frozenset(pairs)
+
+
+def _from_the_root(robot: Robot) -> Iterator[Joint]:
+    """Return all joints, each after the joint of its parent."""
+    below: dict[str, list[Joint]] = {}
+    for joint in robot.joints.values():
+        below.setdefault(joint.parent, []).append(joint)
+    rest = [robot.root]
+    while rest:
+        for joint in below.get(rest.pop(), []):
+            yield joint
+            rest.append(joint.child)
+
+
+def _check_moves(robot: Robot, joint: Joint) -> None:
+    """Raise ModelError for a joint between root and tip that no arm here can have."""
+    way_out = f"if it stands, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
+    if joint.kind not in MOVING:
+        raise robot.file.error(
+            f"joint {shown(joint.name)}, between the root and the tip, is {joint.kind}; an arm's are fixed, "
+            f"{', '.join(MOVING)}: {way_out}"
+        )
+    if joint.mimic is not None:
+        raise robot.file.error(
+            f"joint {shown(joint.name)}, between the root and the tip, mimics {shown(joint.mimic.joint)}; joints of an "
+            f"arm move by themselves: {way_out}"
+        )
+
+
+def _standing(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float]) -> dict[str, float]:
+    """Return the value, rad or m, of every joint that could move but stands; a mimicking joint follows its leader."""
+    stands: dict[str, float] = {}
+
+    def value(joint: Joint, followed: tuple[str, ...] = ()) -> float:
+        if joint.name in fixed:
+            return fixed[joint.name]
+        if joint.mimic is not None:
+            leader = joint.mimic.joint
+            if leader not in robot.joints or leader in moving or len(followed) == LONGEST_MIMICRY:
+                raise robot.file.error(
+                    f"joint {shown(joint.name)} mimics {shown(leader)}, which moves, or is no joint that stands; give "
+                    f"its value in fixed, as {{{joint.name}: 0.0}}"
+                )
+            return joint.mimic.factor * value(robot.joints[leader], (*followed, joint.name)) + joint.mimic.offset
+        if joint.kind == "continuous" or joint.low is None or joint.high is None:
+            return 0.0
+        return min(max(0.0, joint.low), joint.high)
+
+    for joint in robot.joints.values():
+        if joint.name not in moving and joint.kind in MOVING:
+            stands[joint.name] = value(joint)
+    return stands
+
+
+def _limits(robot: Robot, joint: Joint) -> tuple[float, float]:
+    """Return the least and the greatest value; half a turn either way for a joint without limits."""
+    if joint.kind == "continuous":
+        return -math.pi, math.pi
+    if joint.low is None or joint.high is None or joint.low >= joint.high:
+        got = "none" if joint.low is None else f"lower {joint.low:g}, upper {joint.high:g}"
+        raise robot.file.error(
+            f"joint {shown(joint.name)} needs limits, got {got}; add <limit lower=... upper=... velocity=.../>, or "
+            "make a revolute joint without end stops continuous"
+        )
+    return joint.low, joint.high
+
+
+def _speed(robot: Robot, joint: Joint) -> float:
+    if joint.speed is None or not joint.speed > 0:
+        unit = "m/s" if joint.kind == "prismatic" else "rad/s"
+        raise robot.file.error(
+            f'joint {shown(joint.name)} needs a greatest speed; add velocity="..." in {unit} to its <limit>'
+        )
+    return joint.speed
+
+
+def _acceleration(robot: Robot, joint: Joint, given: float | Mapping[str, float]) -> float:
+    if not isinstance(given, Mapping):
+        return given
+    if joint.name not in given:
+        raise robot.file.error(f"acceleration gives no value for joint {shown(joint.name)}; give one for each joint")
+    return given[joint.name]
+
+
+def strangers(robot: Robot, semantics: Semantics) -> Iterator[str]:
+    """Describe links, joints and groups that an SRDF names and neither the URDF nor the SRDF defines."""
+    links = {link for pair in semantics.disabled | semantics.enabled for link in pair} | semantics.lonely
+    if strange := sorted(links - robot.links.keys()):
+        yield _unknown("says which links never collide also of", strange, robot.links)
+    joints = {joint for values in semantics.states.values() for joint in values} - semantics.loose
+    if strange := sorted(joints - robot.joints.keys()):
+        yield _unknown("gives, in states by name, values of the joints", strange, robot.joints)
+    for state, group in sorted(semantics.grouped):
+        if group not in semantics.groups:
+            near = did_you_mean(group, semantics.groups)
+            yield (
+                f"the state {shown(state)} of the SRDF is one of the group {shown(group)}, which the SRDF does not "
+                f"define.{near} It has {_listed(sorted(semantics.groups)) or 'none'}"
+            )
+
+
+def undriven(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
+    """Describe joints between root and tip that the SRDF calls passive, though they are planned for."""
+    if passive := sorted(semantics.passive & {*joints}):
+        yield (
+            f"the SRDF says that the joints {_listed(passive)} are not driven (passive_joint), but the arm moves by "
+            f"them: give where they stand in fixed, as {{{passive[0]}: 0.0}}"
+        )
+
+
+def pointless(robot: Robot) -> Iterator[str]:
+    """Return notes on limits of joints that make no sense and are left out."""
+    yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
+
+
+def uncovered(robot: Robot) -> Iterator[str]:
+    """Describe links without collision geometry: the visible ones, or all where no link has any."""
+    if not any(robot.links.values()):
+        yield "no link of the URDF has <collision> geometry: nothing that the arm does is held against obstacles"
+    elif bare := sorted(robot.bare):
+        yield (
+            f"the links {_listed(bare)} have <visual> but no <collision> geometry in the URDF: they are not held "
+            "against obstacles"
+        )
+
+
+def _unknown(what: str, strange: list[str], known: Iterable[str]) -> str:
+    """Return a note on names that the URDF does not have."""
+    near = "".join(did_you_mean(name, known) for name in strange[:MOST_NAMED])
+    return f"the SRDF {what} {_listed(strange)}, which the URDF does not have: is it another's?{near}"
+
+
+def _listed(names: list[str]) -> str:
+    more = [f"{len(names) - MOST_NAMED:,} more"] if len(names) > MOST_NAMED else []
+    return ", ".join([*map(shown, names[:MOST_NAMED]), *more])
 
 
 class ArmFile(NamedTuple):
-    """What the files of an arm say.
+    """Contents of the files of an arm.
 
     chain    with the bodies "tool" and "camera"
     parts    its solids
@@ -57,7 +301,7 @@ def read_arm(
     fixed: Mapping[str, float],
     acceleration: float | Mapping[str, float],
 ) -> ArmFile:
-    """The arm whose root has the pose ``base`` (4, 4) in the world and whose camera has ``camera`` (4, 4) on the tip.
+    """Read an arm whose root has the pose ``base`` (4, 4) in the world and whose tip carries ``camera`` (4, 4).
 
     Raises ModelError for what is no arm, and for files that are missing or not to be trusted.
     """
@@ -96,7 +340,7 @@ def read_arm(
 
 
 def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
-    """Named states that give every joint of the chain; what is half a thousandth beyond a limit is meant to be at it.
+    """Return named states that give every joint of the chain, with values at most ROUNDED beyond a limit put at it.
 
     Other states beyond limits are refused when they are asked for: MoveIt's own SRDF of the Panda has one.
     """
@@ -111,14 +355,9 @@ def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
 
 
 def _unnamed(chain: Chain, semantics: Semantics) -> dict[str, str]:
-    """What states of an SRDF that are none of the chain lack, in words."""
+    """Describe which joints are missing in the SRDF's states that do not give every joint of the chain."""
     lacking = {
         name: ", ".join(joint for joint in chain.names if joint not in values)
         for name, values in semantics.states.items()
     }
     return {name: f"the SRDF's state of this name lacks {joints}" for name, joints in lacking.items() if joints}
-
-
-NO_SRDF = "states have names in an SRDF, and none was given as srdf"
-ROUNDED = 5e-4
-"""rad or m by which a value in a file may pass a limit for lack of decimals: 1.5708 is meant for half of pi."""

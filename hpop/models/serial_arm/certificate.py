@@ -3,7 +3,7 @@
 On the segment q(s) = start + s Δ, s in [0, 1], no point of a body moves faster than Λ = Σ ρ_k |Δ_k| a unit of s, where
 ρ_k bounds its distance from the axis of joint k (1 for a joint that slides), and of two bodies only the joints between
 them count. So where their distance at s is d, they are apart wherever |s' - s| Λ < d. Distances are lower bounds that
-are proved (:mod:`hpop.models.collision.gjk`): what is called free is.
+are proved (:mod:`hpop.models.serial_arm.gjk`): what is called free is.
 
 An interval is looked at in its middle; what that proves is cut out of it, and the rest looked at later, for those
 pairs alone that are not proved yet. Each look proves some of it, or finds the arm nearer than it may be: all motions
@@ -22,7 +22,7 @@ import math
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.models.collision.gjk import distance
+from hpop.models.serial_arm.gjk import distance
 from hpop.models.serial_arm.scene import Scene
 from hpop.runtime.compiled import kernel, lean
 

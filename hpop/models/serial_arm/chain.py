@@ -1,4 +1,4 @@
-"""The chain of joints from the base of an arm to its tip, and the solid parts that it carries."""
+"""The chain of joints from the base of an arm to its tip: its frames, its solid parts, and how far its bodies move."""
 
 from __future__ import annotations
 
@@ -6,14 +6,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from hpop.base.arrays import BoolArray, FloatArray, frozen
+from hpop.motions import States
 
 if TYPE_CHECKING:
     from hpop.world.geometry.solids import Solid
 
+Pair = tuple[str, str]
+"""Names of two links, in alphabetical order."""
+
+
+def pair_of(a: str, b: str) -> Pair:
+    """Return a pair of link names in alphabetical order."""
+    return (a, b) if a < b else (b, a)
+
 
 class Mount(NamedTuple):
-    """Where a body is on a chain.
+    """Position of a body on a chain.
 
     frame  0, which stands, to n, which moves with joint n
     pose   (4, 4)  in that frame; x ahead, y left, z up
@@ -74,3 +85,54 @@ class Part:
     link: str
     frame: int
     solid: Solid
+
+
+def frames(chain: Chain, states: States) -> list[FloatArray]:
+    """Return the poses (N, 4, 4) of frames 0 to n in each state; numbers only."""
+    found = [np.broadcast_to(np.eye(4), (states.size, 4, 4))]
+    for name, sliding, axis, origin in zip(chain.names, chain.sliding, chain.axes, chain.origins, strict=True):
+        value = np.broadcast_to(getattr(states, name), (states.size,))
+        found.append(found[-1] @ origin @ (_slid if sliding else _turned)(axis, value))
+    return found
+
+
+def _slid(axis: FloatArray, way: FloatArray) -> FloatArray:
+    """Return the poses (N, 4, 4) of slides (N,), m, along an axis."""
+    poses: FloatArray = np.tile(np.eye(4), (way.size, 1, 1))
+    poses[:, :3, 3] = way[:, None] * axis
+    return poses
+
+
+def _turned(axis: FloatArray, angle: FloatArray) -> FloatArray:
+    """Return the poses (N, 4, 4) of rotations (N,), rad, about an axis (Rodrigues)."""
+    x, y, z = axis
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
+    poses: FloatArray = np.tile(np.eye(4), (angle.size, 1, 1))
+    poses[:, :3, :3] += sine * skew + rest * (skew @ skew)
+    return poses
+
+
+def levers(chain: Chain) -> FloatArray:
+    """Return bounds (n,), m, on how far any body moves while a joint changes by one rad or m.
+
+    Of a joint that turns: how far a body can be from its axis, the lengths of all that follows added up; a joint that
+    slides moves what follows as far as itself.
+    """
+    n = len(chain)
+    lengths = np.zeros(n)  # of the step to each joint's frame, slides included
+    for i in range(n):
+        slide = max(abs(chain.low[i]), abs(chain.high[i])) if chain.sliding[i] else 0.0
+        lengths[i] = np.linalg.norm(chain.origins[i][:3, 3]) + slide
+    farthest = max((float(np.linalg.norm(mount.pose[:3, 3])) for mount in chain.mounts.values()), default=0.0)
+    found = np.ones(n)
+    for i in range(n):
+        if chain.sliding[i]:
+            continue
+        steps = [chain.origins[i + 1][:3, 3]] if i + 1 < n else [mount.pose[:3, 3] for mount in chain.mounts.values()]
+        aside = max((float(np.linalg.norm(np.cross(chain.axes[i], step))) for step in steps), default=0.0)
+        if i + 1 < n:
+            slide = lengths[i + 1] - float(np.linalg.norm(chain.origins[i + 1][:3, 3]))
+            aside += slide + lengths[i + 2 :].sum() + farthest
+        found[i] = aside
+    return found

@@ -1,8 +1,8 @@
-"""Collisions of an arm, proved: with what stands in the world, and with itself."""
+"""Collisions of an arm with the world and with itself, proved; and pairs of links that always touch."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations, product
@@ -10,17 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.serial_arm.chain import Chain, Part
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
+from hpop.models.serial_arm.chain import Chain, Pair, Part, pair_of
 from hpop.models.serial_arm.scene import Scene, paired, scene_of, within_reach
 from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
 from hpop.world.geometry.solids import Solid
 
 if TYPE_CHECKING:
     from hpop.world import World
-
-Pair = tuple[str, str]
-"""Names of two links, in alphabetical order."""
 
 NEAR = 1e-3  # m: a motion is blocked only if it comes nearer than this
 KEPT = 5e-4  # m: what is free is no nearer than this anywhere
@@ -30,11 +27,14 @@ BEND = 1e-4  # m: a curve is cut into pieces that leave their chords by no more
 MOST_PIECES = 4096  # of a curve; beyond, its chords are farther from it, which is taken off the distances as well
 CLOSE = 1e-6  # relative: how far clearances may be below the distance
 MISSED = 1e-5  # m: by how much an arm may come nearer along a motion than its least clearance says
+SAMPLES = 10_000
+FEW = 100  # samples that leave most pairs in no doubt
+SEED = 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmCollision:
-    """Tells which states and motions of an arm are free in a world.
+    """Collision test of an arm in a world, for states and whole motions.
 
     chain
     parts  solids that its links carry
@@ -62,7 +62,7 @@ class ArmCollision:
 
     @cached_property
     def _scene(self) -> Scene:
-        """All pairs that may touch and shall not; kept with the world, as models are asked for collisions again."""
+        """All pairs of bodies that must not touch; kept with the world, which outlives the model."""
         return self.world.derived(("arm", self.chain, self.parts, self.apart), self._with_pairs)
 
     def _with_pairs(self) -> Scene:
@@ -71,30 +71,30 @@ class ArmCollision:
         own = [
             (a, b)
             for (a, one), (b, other) in combinations(enumerate(self.parts), 2)
-            if one.frame != other.frame and tuple(sorted((one.link, other.link))) not in self.apart
+            if one.frame != other.frame and pair_of(one.link, other.link) not in self.apart
         ]
         return paired(scene, [*own, *((a, b) for a, b in self._outer_pairs() if inside[a, b])])
 
     def _outer_pairs(self) -> Iterator[tuple[int, int]]:
-        """Parts that move, and what stands in the world."""
+        """Return pairs of a moving part and a solid of the world."""
         size = len(self.parts)
         return ((a, size + b) for a, b in product(range(size), range(len(self._solids))) if self.parts[a].frame)
 
     @cached_property
     def _outer_scene(self) -> Scene:
-        """The same with what is out of reach, without own links: what clearance is of."""
+        """Scene for clearance: also solids out of reach, without pairs of own links."""
         return paired(self._scene, [*self._outer_pairs()])
 
     @property
     def is_uncompiled(self) -> bool:
-        """Whether the first question takes some 20 s more, for kernels that are not compiled yet."""
+        """Whether kernels must be compiled first, which takes some 20 s."""
         from hpop.models.serial_arm.certificate import blocked_by
         from hpop.runtime.compiled import is_kept
 
         return not is_kept(blocked_by)
 
     def states_free(self, states: States) -> BoolArray:
-        """Whether the arm is free in each state (N,)."""
+        """Return whether the arm is free in each state (N,)."""
         rows = self._rows(states)
         free = self._within(rows)
         rows = rows[free]
@@ -102,7 +102,7 @@ class ArmCollision:
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether the arm is free all along each motion (M,), ends included."""
+        """Return whether the arm is free all along each motion (M,), ends included."""
         if is_coupled(motions.law):
             return self._curves_free(motions)
         start, end = self._rows(motions.start), self._rows(motions.end)
@@ -112,7 +112,7 @@ class ArmCollision:
         return free
 
     def clearance(self, states: States) -> FloatArray:
-        """Distance (N,), m, of the arm from what stands in the world: a lower bound, exact to a millionth and 1e-6 m.
+        """Return the distance (N,), m, of the arm from the world: a lower bound, exact to a millionth and 1e-6 m.
 
         Its own links do not count; inf where nothing stands in the world.
         """
@@ -125,11 +125,11 @@ class ArmCollision:
         return np.maximum(0.0, least - ROUNDING)
 
     def least_clearance(self, motions: Motions, most: float) -> FloatArray:
-        """Least clearance (M,), m, along each motion, at most ``most``: right to 0.01 mm, which is proved.
+        """Return the least clearance (M,), m, along each motion, at most ``most``: proved to 0.01 mm.
 
         Of laws that are straight in the space of the joints. A motion and the same back have the very same.
         """
-        from hpop.models.serial_arm.closest import closest
+        from hpop.models.serial_arm.distances import closest
 
         own, which = np.unique(motions.twins, return_inverse=True)
         start, end = self._rows(motions.start.take(own)), self._rows(motions.end.take(own))
@@ -142,8 +142,8 @@ class ArmCollision:
         return np.asarray(np.maximum(0.0, least - ROUNDING)[which])
 
     def separations(self, states: States, within: float) -> Separations:
-        """Of all pairs of solids nearer than so many metres in states (N,), with gradients by the joints."""
-        from hpop.models.serial_arm.separations import near_pairs
+        """Return distances of solids nearer than ``within`` m in states (N,), with gradients by the joints."""
+        from hpop.models.serial_arm.distances import near_pairs
 
         rows, room = self._rows(states), 64 * states.size
         while True:
@@ -155,7 +155,7 @@ class ArmCollision:
             room = found
 
     def why_blocked(self, state: States) -> str:
-        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        """Say what blocks one state and what helps, without the last full stop; empty when it is free."""
         row = self._rows(state)
         if not self._within(row)[0]:
             return self._beyond(row[0])
@@ -171,7 +171,7 @@ class ArmCollision:
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
 
     def _beyond(self, row: FloatArray) -> str:
-        """Which joint is beyond its limits, in words."""
+        """Say which joint is beyond its limits."""
         chain = self.chain
         k = int(np.flatnonzero(~self._each_within(row[None])[0])[0])
         unit = "m" if chain.sliding[k] else "rad"
@@ -183,11 +183,11 @@ class ArmCollision:
     # Rows of joint values
 
     def _rows(self, states: States) -> FloatArray:
-        """Joint values (N, n) of states."""
+        """Return the joint values (N, n) of states."""
         return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
 
     def _each_within(self, rows: FloatArray) -> BoolArray:
-        """Whether each joint is within its limits in each row (N, n)."""
+        """Return whether each joint is within its limits in each row (N, n)."""
         ranged = (rows >= self.chain.low - 1e-9) & (rows <= self.chain.high + 1e-9)
         return np.asarray(ranged | (self.chain.turning & np.isfinite(rows)), np.bool_)
 
@@ -197,7 +197,7 @@ class ArmCollision:
     def _blocking(
         self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
     ) -> IntArray:
-        """The pair that blocks each segment (M,), -1 where it is free."""
+        """Return the pair that blocks each segment (M,), -1 where it is free."""
         from hpop.models.serial_arm.certificate import blocked_by
 
         found = np.full(len(start), -1)
@@ -208,13 +208,12 @@ class ArmCollision:
     # Curves
 
     def _curves_free(self, motions: Motions) -> BoolArray:
-        """Cut each motion into pieces by how far it bends, and look at their chords."""
+        """Cut each motion into pieces by how far it bends, and test their chords."""
         law, start, end = motions.law, motions.start, motions.end
         most = np.max([self._bends(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)], axis=0)
         farthest = np.where(self.chain.sliding, 1.0, self._scene.levers.max(axis=0, initial=0.0))
         pieces = np.ceil(np.sqrt(most @ farthest / (8.0 * BEND))).astype(np.int64).clip(1, MOST_PIECES)
-        owner = np.repeat(np.arange(len(motions)), pieces)
-        piece = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+        owner, piece = numbered(pieces)
         begin, stop, count = start.take(owner), end.take(owner), pieces[owner]
         knots = [piece / count, (piece + 1) / count]
         first, last = (self._on_curve(law, begin, stop, share) for share in knots)
@@ -226,7 +225,7 @@ class ArmCollision:
         return np.asarray(np.bincount(owner, ~free, minlength=len(motions)) == 0)
 
     def _on_curve(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
-        """Joint values (M, n) where a share of each motion is done."""
+        """Return joint values (M, n) at a share of each motion."""
         return self._rows(
             States(
                 **{
@@ -237,7 +236,7 @@ class ArmCollision:
         )
 
     def _bends(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
-        """Absolute second derivatives (M, n) of the joints by the share."""
+        """Return absolute second derivatives (M, n) of the joints by the share."""
         bends = np.zeros((share.size, len(self.chain)))
         for k, name in enumerate(self.chain.names):
             if name in law.varies:
@@ -250,3 +249,30 @@ class ArmCollision:
 
 def _slices(size: int) -> Iterator[slice]:
     return (slice(i, i + AT_ONCE) for i in range(0, size, AT_ONCE))
+
+
+def always_touching(chain: Chain, parts: Sequence[Part], apart: frozenset[Pair]) -> frozenset[Pair]:
+    """Return pairs of links, not in ``apart``, that touch in each of 10,000 states drawn within the joints' limits.
+
+    They would block the arm everywhere. Pairs that touch now and then are real collisions, and those that never did are
+    looked at nonetheless: that proves nothing of other states.
+    """
+    from hpop.models.serial_arm.certificate import blocked_by
+
+    scene = scene_of(chain, parts, ())
+    states = np.random.default_rng(SEED).uniform(chain.low, chain.high, (SAMPLES, len(chain)))
+    links: dict[str, list[int]] = {}
+    for place, part in enumerate(parts):
+        links.setdefault(part.link, []).append(place)
+
+    def touch(one: str, other: str) -> bool:
+        both = paired(scene, [(a, b) for a in links[one] for b in links[other]])
+        for some in (states[:FEW], states):
+            found = np.empty(len(some), np.int64)
+            blocked_by(both, some, some, np.zeros_like(some), KEPT, KEPT, found)
+            if (found < 0).any():
+                return False
+        return True
+
+    pairs = [pair_of(*pair) for pair in combinations(links, 2)]
+    return frozenset(pair for pair in pairs if pair not in apart and touch(*pair))

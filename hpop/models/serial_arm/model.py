@@ -18,21 +18,14 @@ from hpop.base.registry import check_parameters, models
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
-from hpop.models.field_of_view import FieldOfView, checked_field_of_view
+from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.files import is_record, path_of, record, without_places
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
-from hpop.models.serial_arm.body import ArmBody
-from hpop.models.serial_arm.chain import Chain, Part
-from hpop.models.serial_arm.collision import ArmCollision
-from hpop.models.serial_arm.frames import frames
+from hpop.models.serial_arm.chain import Chain, Pair, Part, frames, levers
+from hpop.models.serial_arm.collision import SAMPLES, ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
-from hpop.models.serial_arm.levers import levers
-from hpop.models.serial_arm.limits import JointLaw, doubtful, faults
-from hpop.models.serial_arm.reach import Reach
-from hpop.models.serial_arm.self_collision import SAMPLES, always_touching
-from hpop.models.serial_arm.spline import Spline
-from hpop.models.serial_arm.srdf import Pair
+from hpop.models.serial_arm.laws import ArmBody, JointLaw, Reach, Spline, doubtful, faults
 from hpop.models.serial_arm.xml import pose_of
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory

@@ -1,4 +1,9 @@
-"""An arm among what stands round it, as the arrays that :mod:`hpop.models.serial_arm.certificate` proves with."""
+"""An arm and its surroundings as flat arrays of convex bodies, for kernels of distances and certificates.
+
+A body is a Minkowski sum: the hull of points, a disc and a ball. A sphere is a point and a ball, a cylinder the two
+ends of its axis and a disc, exactly; the disc of a box or a hull has no radius. So one support function serves all
+shapes (:mod:`hpop.models.serial_arm.gjk`).
+"""
 
 from __future__ import annotations
 
@@ -9,9 +14,91 @@ from typing import NamedTuple
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.collision.convex import Bodies, bodies_of
 from hpop.models.serial_arm.chain import Chain, Part
-from hpop.world.geometry.solids import Solid
+from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
+
+
+class Bodies(NamedTuple):
+    """B convex bodies, each in a frame of its own.
+
+    points    (P, 3)     m, those of all bodies, one body's after another's
+    first     (B + 1,)   where those of each body begin
+    disc      (B,)       m, radius of the disc
+    plane     (B, 2, 3)  unit vectors in the plane of the disc, one across the other
+    ball      (B,)       m, radius of the ball
+    centre    (B, 3)     of a sphere round each body
+    reach     (B,)       m, its radius
+    box       (B, 4, 3)  a box round each body: its three axes, rows, and its half sides, m, about the centre
+    """
+
+    points: FloatArray
+    first: IntArray
+    disc: FloatArray
+    plane: FloatArray
+    ball: FloatArray
+    centre: FloatArray
+    reach: FloatArray
+    box: FloatArray
+
+
+class _Body(NamedTuple):
+    points: FloatArray
+    disc: float
+    ball: float
+    box: FloatArray
+    middle: FloatArray
+
+    @property
+    def reach(self) -> float:
+        """Distance of its farthest point from the middle of its box."""
+        if self.disc:  # a cylinder
+            return float(np.hypot(self.box[3, 0], self.box[3, 2]))
+        return float(np.linalg.norm(self.points - self.middle, axis=1).max() + self.ball)
+
+
+def bodies_of(solids: Sequence[Solid]) -> Bodies:
+    """Return the solids as bodies, each in the frame of its pose."""
+    bodies = [_body(solid) for solid in solids]
+    sizes = [len(body.points) for body in bodies]
+    return Bodies(
+        points=np.concatenate([np.zeros((0, 3)), *(body.points for body in bodies)]),
+        first=np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]).astype(np.int64),
+        disc=np.array([body.disc for body in bodies], float),
+        plane=np.array([body.box[:2] for body in bodies], float).reshape(-1, 2, 3),
+        ball=np.array([body.ball for body in bodies], float),
+        centre=np.array([body.middle for body in bodies], float).reshape(-1, 3),
+        reach=np.array([body.reach for body in bodies], float),
+        box=np.array([body.box for body in bodies], float).reshape(-1, 4, 3),
+    )
+
+
+def _body(solid: Solid) -> _Body:
+    """Return one body: its points and the box round it, in axes of the shape, then placed."""
+    points, disc, ball = _parts(solid)
+    rotation, shift = solid.pose[:3, :3], solid.pose[:3, 3]
+    grown = np.array([disc, disc, 0.0]) + ball
+    low, high = points.min(axis=0) - grown, points.max(axis=0) + grown
+    return _Body(
+        points=points @ rotation.T + shift,
+        disc=disc,
+        ball=ball,
+        box=np.vstack([rotation.T, (high - low) / 2]),
+        middle=rotation @ ((low + high) / 2) + shift,
+    )
+
+
+def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
+    """Return points in the shape's own frame, and the radii of disc and ball."""
+    match solid.shape:
+        case Box(size=size):
+            signs = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).reshape(3, 8).T
+            return signs * np.array(size), 0.0, 0.0
+        case Cylinder(radius=radius, length=length):
+            return np.array([[0.0, 0.0, -length / 2], [0.0, 0.0, length / 2]]), radius, 0.0
+        case Sphere(radius=radius):
+            return np.zeros((1, 3)), 0.0, radius
+        case Hull(points=points):
+            return np.asarray(points, float), 0.0, 0.0
 
 
 class Scene(NamedTuple):
@@ -34,7 +121,7 @@ class Scene(NamedTuple):
 
 
 def scene_of(chain: Chain, parts: Sequence[Part], solids: Sequence[Solid]) -> Scene:
-    """Parts of an arm and what stands in the world: bodies in that order, and no pairs yet."""
+    """Return the scene of an arm's parts, then the solids of the world, without pairs."""
     aligned = [np.eye(4), *map(_along_z, chain.axes)]
     origins = np.array(
         [before.T @ origin @ after for before, origin, after in zip(aligned, chain.origins, aligned[1:], strict=False)]
@@ -53,7 +140,7 @@ def scene_of(chain: Chain, parts: Sequence[Part], solids: Sequence[Solid]) -> Sc
 
 
 def paired(scene: Scene, pairs: Sequence[tuple[int, int]]) -> Scene:
-    """The scene with pairs to be looked at, those that move most first; bodies of one frame never come nearer."""
+    """Return the scene with pairs to test, fastest first; bodies of one frame are left out."""
     rows = [sorted(pair, key=lambda b: int(scene.frames[b])) for pair in pairs]
     rows = [row for row in rows if scene.frames[row[0]] != scene.frames[row[1]]]
     rows.sort(key=lambda row: int(scene.frames[row[0]] - scene.frames[row[1]]))
@@ -61,7 +148,7 @@ def paired(scene: Scene, pairs: Sequence[tuple[int, int]]) -> Scene:
 
 
 def within_reach(scene: Scene, chain: Chain, near: float) -> BoolArray:
-    """Whether each body (B, B), its joints within their limits, may come so near, m, to another that never moves."""
+    """Return whether each body (B, B), within the joints' limits, may come within ``near`` m of a standing body."""
     slides = np.where(chain.sliding, np.maximum(np.abs(chain.low), np.abs(chain.high)), 0.0)
     steps = np.append(slides[:1], np.linalg.norm(scene.origins[1:, :, 3], axis=1) + slides[1:])
     lengths = np.append(0.0, np.cumsum(steps))  # lengths[i]: from the origin of the first joint to that of frame i
@@ -72,7 +159,7 @@ def within_reach(scene: Scene, chain: Chain, near: float) -> BoolArray:
 
 
 def _along_z(axis: FloatArray) -> FloatArray:
-    """A rotation (4, 4) that takes z to an axis; nothing for z itself."""
+    """Return a rotation (4, 4) that takes z to an axis; the identity for z itself."""
     if axis[2] == 1.0:
         return np.eye(4)
     other = np.eye(3)[np.argmin(np.abs(axis))]
@@ -83,7 +170,7 @@ def _along_z(axis: FloatArray) -> FloatArray:
 
 
 def _levers(origins: FloatArray, bodies: Bodies, frames: IntArray) -> FloatArray:
-    """Bounds (B, n), m, of the distance of each body's points from each joint's axis; 0 where it does not carry them.
+    """Return bounds (B, n), m, on the distance of a body's points from each joint's axis that carries it, else 0.
 
     The next joint's origin is off the axis by its x and y; from there on lengths are added.
     """

@@ -1,7 +1,8 @@
-"""A robot as a URDF describes it: links with their collision geometry, and the joints between them.
+"""A robot as URDF and SRDF describe it: links, joints, named states, and pairs of links without collision tests.
 
-Only what planning needs is read: of a link its ``collision`` elements, of a joint its type, origin, axis, limits, soft
-limits (``safety_controller``) and whether it mimics another. http://wiki.ros.org/urdf/XML
+Only what planning needs is read. Of a URDF's link these are its ``collision`` elements, of a joint its type, origin,
+axis, limits, soft limits (``safety_controller``) and the joint that it mimics. http://wiki.ros.org/urdf/XML,
+http://wiki.ros.org/srdf
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import LEAST
 from hpop.base.text import printable, shown
 from hpop.errors import did_you_mean
+from hpop.models.serial_arm.chain import Pair, pair_of
 from hpop.models.serial_arm.xml import XmlFile, exact, pose_of
 from hpop.world.geometry.solids import Box, Cylinder, Shape, Sphere
 
@@ -28,7 +30,7 @@ MOST_SHOWN = 12
 
 
 class Mesh(NamedTuple):
-    """A mesh file that a URDF names for a link, and the factors (3,) of its coordinates."""
+    """A mesh file that a URDF names for a link, with the scale (3,) of its coordinates."""
 
     link: str
     name: str
@@ -56,7 +58,7 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """What joins a link to its parent.
+    """A joint between a link and its parent.
 
     kind    one of KINDS
     origin  (4, 4)  its frame, which is the child's at value 0, in that of the parent
@@ -97,7 +99,7 @@ class Robot:
     bare: frozenset[str]
 
     def ancestry(self, tip: str) -> list[Joint]:
-        """The joints from the root to a link, in this order."""
+        """Return the joints from the root to a link, in this order."""
         if tip not in self.links:
             raise self.file.error(
                 f"it has no link {shown(tip)} for the tip.{did_you_mean(tip, self.links)} "
@@ -112,7 +114,7 @@ class Robot:
 
 
 def read_urdf(path: str | os.PathLike[str]) -> Robot:
-    """The robot in a URDF; ModelError for what is none, or cannot be trusted."""
+    """Read a URDF. ModelError for a file that is none, or cannot be trusted."""
     file = XmlFile(path, "URDF", "robot")
     file.refuse_xacro("arm.urdf")
     links, bare = {}, set()
@@ -142,7 +144,7 @@ def read_urdf(path: str | os.PathLike[str]) -> Robot:
 
 
 def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint]) -> str:
-    """The one link without a parent, from which a joint leads to every other."""
+    """Return the one link without a parent, from which joints lead to every other link."""
     above: dict[str, Joint] = {}
     for joint in joints.values():
         if joint.child in above:
@@ -177,7 +179,7 @@ def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint
 
 
 def _circle(above: Mapping[str, Joint], link: str) -> str:
-    """Links in a circle, from parent to child, to which those above a link lead, in words."""
+    """Return the links of a circle above a link, from parent to child, as text."""
     passed: list[str] = []
     while link not in passed:
         passed.append(link)
@@ -244,7 +246,7 @@ def _soft(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | No
 
 
 def _pose(file: XmlFile, what: str, element: Element) -> FloatArray:
-    """Where the origin of an element lies; nothing said is no offset."""
+    """Return the pose of an element's origin; the identity without an origin."""
     origin = element.find("origin")
     if origin is None:
         return np.eye(4)
@@ -283,3 +285,72 @@ def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | Mes
                 raise file.error(f"the scale of {what} must not be 0, got {shown(element.get('scale'))}")
             return Mesh(link, file.name(element, "filename"), scale)
     raise file.error(f"{what} must be a box, cylinder, sphere or mesh, got <{printable(element.tag)[:80]}>")
+
+
+@dataclass(frozen=True, eq=False)
+class Semantics:
+    """Contents of an SRDF.
+
+    states    values of joints, rad or m, by the name of the state; "group/name" where groups differ in a name
+    groups    names of the groups that it defines
+    grouped   the state and the group of each set of values
+    loose     names of joints by which it says that the robot stands in the world: no URDF has those
+    disabled  pairs of links that never collide, or always do, each in alphabetical order
+    passive   joints that it says are not driven
+    lonely    links whose collisions with any other are not looked at, but for the pairs in ``enabled``
+    """
+
+    file: XmlFile
+    states: Mapping[str, Mapping[str, float]]
+    groups: frozenset[str]
+    grouped: frozenset[tuple[str, str]]
+    loose: frozenset[str]
+    passive: frozenset[str]
+    disabled: frozenset[Pair]
+    lonely: frozenset[str]
+    enabled: frozenset[Pair]
+
+    def apart(self, links: list[str]) -> frozenset[Pair]:
+        """Return all pairs among links that need no collision test."""
+        pairs = {pair_of(link, other) for link in self.lonely for other in links if link != other}
+        return (frozenset(pairs) - self.enabled) | self.disabled
+
+
+def read_srdf(path: str | os.PathLike[str]) -> Semantics:
+    """Read an SRDF; ModelError for a file that is none."""
+    file = XmlFile(path, "SRDF", "robot")
+    file.refuse_xacro("arm.srdf")
+    root = file.root
+    if root.find("link") is not None:
+        raise file.error("it is a URDF, for it has links; an SRDF has groups, states by name, and pairs of links")
+    disabled, enabled = (
+        frozenset(pair_of(file.name(pair, "link1"), file.name(pair, "link2")) for pair in root.findall(tag))
+        for tag in ("disable_collisions", "enable_collisions")
+    )
+    lonely = frozenset(file.name(one, "link") for one in root.findall("disable_default_collisions"))
+    groups, loose, passive = (
+        frozenset(map(file.name, root.findall(tag))) for tag in ("group", "virtual_joint", "passive_joint")
+    )
+    grouped = frozenset((file.name(state), file.name(state, "group")) for state in root.findall("group_state"))
+    return Semantics(file, _states(file, root), groups, grouped, loose, passive, disabled, lonely, enabled)
+
+
+def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:
+    """Return joint values by state name; groups that differ in a state keep it under "group/name"."""
+    states: dict[str, dict[str, float]] = {}
+    groups: dict[str, dict[str, dict[str, float]]] = {}
+    for state in root.findall("group_state"):
+        name, group = file.name(state), file.name(state, "group")
+        values = {}
+        for joint in state.findall("joint"):
+            given = joint.get("value") or ""
+            if len(given.split()) == 1:  # a joint of several degrees of freedom is none of a chain
+                what = f"the value of joint {file.name(joint)!r} in the state {name!r}"
+                values[file.name(joint)] = file.number(what, given)
+        groups.setdefault(name, {})[group] = values
+    for name, by_group in groups.items():
+        merged: dict[str, float] = {}
+        agree = all(merged.setdefault(joint, v) == v for values in by_group.values() for joint, v in values.items())
+        named = {name: merged} if agree else {f"{group}/{name}": values for group, values in by_group.items()}
+        states.update(named)
+    return states

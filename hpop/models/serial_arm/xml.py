@@ -31,7 +31,7 @@ NEARLY = 1e-11
 
 
 class XmlFile:
-    """An XML file and what is said of it in messages.
+    """An XML file, and error messages about it.
 
     path  where it is
     data  its bytes
@@ -47,7 +47,7 @@ class XmlFile:
             raise self.error(f"expected <{tag}> as its outermost element, got <{printable(self.root.tag)[:80]}>")
 
     def error(self, said: str) -> ModelError:
-        """An error about this file."""
+        """Return an error about this file."""
         return ModelError(f"{self.what} {shown(str(self.path), 400)}: {said}")
 
     def refuse_xacro(self, expanded: str) -> None:
@@ -59,7 +59,7 @@ class XmlFile:
             )
 
     def name(self, element: Element, attribute: str = "name") -> str:
-        """An attribute that names something."""
+        """Return an attribute that names something."""
         given = element.get(attribute)
         if not given or len(given) > LONGEST_NAME:
             raise self.error(
@@ -68,11 +68,11 @@ class XmlFile:
         return given
 
     def number(self, where: str, given: str | None) -> float:
-        """A number of an attribute, ``where`` says of which."""
+        """Return the number in an attribute, which ``where`` describes."""
         return float(self.numbers(where, given, 1)[0])
 
     def numbers(self, where: str, given: str | None, count: int) -> FloatArray:
-        """Numbers of an attribute, with spaces between them."""
+        """Return the numbers in an attribute, separated by spaces."""
         try:
             values = [float(word) for word in (given or "").split()[: count + 1]]
         except ValueError:
@@ -114,14 +114,14 @@ class XmlFile:
 
 
 def checked_path(path: Any, what: str) -> str:
-    """A path as text; ModelError for what is none."""
+    """Return a path as text; ModelError for anything else."""
     if not isinstance(path, str | os.PathLike) or not isinstance(os.fspath(path), str) or not os.fspath(path):
         raise ModelError(f"the {what} is named by its path, got {shown(path)}")
     return str(os.fspath(path))
 
 
 def file_bytes(path: Path, what: str, most: int) -> bytes:
-    """What is in a regular file of bounded size, or a ModelError."""
+    """Return the bytes of a regular file of bounded size; ModelError if it cannot be read."""
     try:
         data = read_regular(path, most)
     except OSError as error:
@@ -134,7 +134,7 @@ def file_bytes(path: Path, what: str, most: int) -> bytes:
 
 
 def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
-    """A pose (4, 4) from a place, m, and roll, pitch and yaw, rad, about the fixed axes x, y, z in this order.
+    """Return a pose (4, 4) from a position, m, and roll, pitch, yaw, rad, about the fixed axes x, y, z in this order.
 
     What is 0 or ±1 but for decimals that a file left out (1.57079632679) is that: kinematics leave such terms out.
     """
@@ -151,7 +151,7 @@ def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
 
 
 def exact(value: float) -> float:
-    """0, 1 or -1 for what is so near that no pose is off by 1e-10 m; any other number as it is.
+    """Return 0, 1 or -1 for a value so near that no pose is off by 1e-10 m; any other number as it is.
 
     >>> exact(math.cos(1.57079632679)), exact(0.5)
     (0.0, 0.5)

@@ -8,7 +8,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
-from hpop.models.differential_drive.driven import ahead
+from hpop.models.driven import ahead
 from hpop.motions import States
 from hpop.planners.rrt.query import Base, Query, WheelLimits, of_wheels
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
-from hpop.models.differential_drive.driven import NODES, driven
+from hpop.models.driven import NODES, driven
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

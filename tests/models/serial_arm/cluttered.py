@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from hpop.models.serial_arm.chain import Chain, Part
 from hpop.models.serial_arm.collision import ArmCollision
 from hpop.models.serial_arm.judge import ArmJudge
-from hpop.models.serial_arm.reach import Reach
+from hpop.models.serial_arm.laws import Reach
 from hpop.motions import Motions, States
 from hpop.world import World
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere

@@ -8,9 +8,8 @@ import pytest
 import shapely
 
 from hpop.models.serial_arm.chain import Chain, Part
-from hpop.models.serial_arm.collision import KEPT
+from hpop.models.serial_arm.collision import KEPT, always_touching
 from hpop.models.serial_arm.model import SerialArm
-from hpop.models.serial_arm.self_collision import always_touching
 from hpop.world import World
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 from tests.models.serial_arm.cluttered import Cluttered, cluttered

@@ -16,7 +16,7 @@ from hpop.criteria import Clearance, Length, OrientationRetention, Turns
 from hpop.criteria.base import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
-from hpop.models.differential_drive.driven import Drive, ahead
+from hpop.models.driven import Drive, ahead
 from hpop.motions import States
 from hpop.planners import judgement
 from hpop.planners.polylines.polyline import Polyline

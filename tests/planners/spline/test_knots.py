@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hpop.models.serial_arm.spline import Spline
+from hpop.models.serial_arm.laws import Spline
 from hpop.planners.programs.spline.knots import Knots
 
 LAW = Spline(("a", "b"), (2.0, 1.0), (3.0, 4.0))

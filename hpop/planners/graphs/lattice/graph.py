@@ -26,7 +26,7 @@ from hpop.planners.graphs.state_graph import StateGraph, identity
 from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:
-    from hpop.models.stations import Stations
+    from hpop.models.joints import Stations
     from hpop.problems.problem import Problem
 
 REACH = 1.5 + 1e-9  # steps: a start or goal that is none of the lattice's states is joined to those within

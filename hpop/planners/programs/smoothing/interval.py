@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.base.arrays import Column
 from hpop.criteria.base import Criterion
-from hpop.models.differential_drive.driven import Drive, gauss
+from hpop.models.driven import Drive, gauss
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import lift
 from hpop.planners.needs import on_wheels

@@ -13,7 +13,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion, trajectory_costs
 from hpop.criteria.comfort.turns import LEAST_TURN
-from hpop.models.differential_drive.driven import driven
+from hpop.models.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
 from hpop.planners.polylines.polyline import Polyline

@@ -4,7 +4,7 @@ Direct collocation in phases. The turns of a polyline are structure: a phase of 
 zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_PHASE in all) take turns, so that the number
 of turns cannot become less. Each phase has its own free duration and a fixed number of intervals of constant wheel
 accelerations, which follow from the speeds at the nodes; what the robot does in an interval is
-:class:`hpop.models.differential_drive.driven.Drive`, exactly the law by which the trajectory is then evaluated.
+:class:`hpop.models.driven.Drive`, exactly the law by which the trajectory is then evaluated.
 The criteria enter by their own ``cost`` on CasADi symbols.
 """
 
@@ -21,7 +21,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.comfort.turns import LEAST_TURN
-from hpop.models.differential_drive.driven import Drive
+from hpop.models.driven import Drive
 from hpop.motions import States
 from hpop.planners.needs import on_wheels
 from hpop.planners.programs.deadline import Deadline

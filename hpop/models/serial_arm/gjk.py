@@ -1,11 +1,11 @@
 """Distance of two convex bodies, between a lower bound that is proved and an upper one (compiled).
 
-The algorithm of Gilbert, Johnson and Keerthi 1988 (doi 10.1109/56.2083): the point v nearest to the origin in ever
-other simplices of the difference of the bodies. Whatever direction v is, no two points of the bodies are nearer than
-v·w/|v|, where w is the support point of the difference against v: a plane separates them (the duality gap of van den
-Bergen 1999, doi 10.1080/10867651.1999.10487502). So the lower bound holds after any number of steps, from any direction
-to begin with, for degenerate simplices and for round bodies; how well a simplex is handled only decides how soon it is
-close.
+The algorithm of Gilbert, Johnson and Keerthi 1988 (doi 10.1109/56.2083): the point v nearest to the origin in a
+sequence of simplices of the difference of the bodies. Whatever direction v is, no two points of the bodies are nearer
+than v·w/|v|, where w is the support point of the difference against v: a plane separates them (the duality gap of van
+den Bergen 1999, doi 10.1080/10867651.1999.10487502). So the lower bound holds after any number of steps, from any
+first direction, for degenerate simplices and for round bodies. How well a simplex is handled only decides how soon the
+bounds are close.
 
 Deviation from the source: the nearest point of a simplex is found region by region (Ericson 2004, Real-Time Collision
 Detection, 5.1), the projection on a triangle by its normal, which is precise where barycentric coordinates are not.
@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from hpop.base.arrays import FloatArray
-from hpop.models.collision.convex import Bodies
+from hpop.models.serial_arm.scene import Bodies
 from hpop.runtime.compiled import lean
 
 STEPS = 128  # at most; bodies without round parts take some 10
@@ -29,7 +29,7 @@ Nearest = tuple[float, float, float, int]
 
 @lean
 def support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
-    """The point of a body, but for its ball, that is farthest in a direction."""
+    """Return the point of a body, without its ball, that is farthest in a direction."""
     points = bodies.points
     best, at = -math.inf, bodies.first[b]
     for i in range(bodies.first[b], bodies.first[b + 1]):
@@ -52,7 +52,7 @@ def support(bodies: Bodies, b: int, x: float, y: float, z: float) -> Point:
 
 @lean
 def _on_segment(simplex: FloatArray, i: int, j: int) -> Nearest:
-    """The point of a segment that is nearest to the origin, and of which corners it is made: bits of a number."""
+    """Return the point of a segment nearest to the origin, and the corners that span it as bits of a number."""
     ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
     dx, dy, dz = simplex[j, 0] - ax, simplex[j, 1] - ay, simplex[j, 2] - az
     square, along = dx * dx + dy * dy + dz * dz, -(ax * dx + ay * dy + az * dz)
@@ -66,7 +66,7 @@ def _on_segment(simplex: FloatArray, i: int, j: int) -> Nearest:
 
 @lean
 def _on_triangle(simplex: FloatArray, i: int, j: int, k: int) -> Nearest:
-    """The same of a triangle."""
+    """Return the point of a triangle nearest to the origin, and the corners that span it."""
     found: Nearest
     ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
     bx, by, bz = simplex[j, 0], simplex[j, 1], simplex[j, 2]
@@ -102,7 +102,7 @@ def _on_triangle(simplex: FloatArray, i: int, j: int, k: int) -> Nearest:
 
 @lean
 def _is_beyond(simplex: FloatArray, i: int, j: int, k: int, opposite: int) -> bool:
-    """Whether the origin may lie beyond the plane of a face, seen from the corner opposite; if all is flat, it may."""
+    """Return whether the origin may lie beyond the plane of a face, seen from the opposite corner."""
     ax, ay, az = simplex[i, 0], simplex[i, 1], simplex[i, 2]
     ux, uy, uz = simplex[j, 0] - ax, simplex[j, 1] - ay, simplex[j, 2] - az
     vx, vy, vz = simplex[k, 0] - ax, simplex[k, 1] - ay, simplex[k, 2] - az
@@ -117,7 +117,7 @@ def _is_beyond(simplex: FloatArray, i: int, j: int, k: int, opposite: int) -> bo
 
 @lean
 def _on_simplex(simplex: FloatArray, size: int) -> Nearest:
-    """The same of a simplex of some corners; all four are named only where it holds the origin."""
+    """Return the point of a simplex nearest to the origin, and its corners; all four only if it holds the origin."""
     found: Nearest
     if size == 1:
         return simplex[0, 0], simplex[0, 1], simplex[0, 2], 1
@@ -151,7 +151,7 @@ def distance(
     suffices: float,
     gap: float,
 ) -> tuple[float, float]:
-    """Bounds of the distance of two bodies, m: no two points are nearer than the first, two are as near as the second.
+    """Return bounds of the distance of two bodies, m: no two points are nearer than the first, two reach the second.
 
     It ends as soon as the upper bound is below ``near``, the lower one reaches ``enough``, or ``suffices`` where the
     upper one is below ``enough``, or they differ by no more than ``gap``, a share of the upper one; and where numbers

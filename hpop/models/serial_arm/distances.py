@@ -1,17 +1,23 @@
-"""How near an arm comes to what stands round it along motions, to a tolerance that is proved (compiled).
+"""Distances between an arm and its surroundings: least ones along motions, and gradients of near ones (compiled).
 
-On the segment q(s) = start + s Δ, s in [0, 1], let n be a direction that parts a body from an obstacle at a look. The
-points p of the body leave the plane of the obstacle against n by no less than
+**Least distances along motions**, to a proved tolerance. On the segment q(s) = start + s Δ, s in [0, 1], let n be a
+direction that separates a body from an obstacle at a look. At a distance δ of s from the look, the points p of the body
+leave the plane of the obstacle against n by at least
 
-    min over p of n·(p + δ p') - ½ A δ²    a distance δ of s away from the look,
+    min over p of n·(p + δ p') - ½ A δ²
 
-p' = v + ω x p for all at once, so the minimum is a support point of the body in the direction n + δ (n x ω); it is
-concave in δ, hence above the chord between δ = 0 and the end of the interval. A bounds |p''|: the second derivative by
-two joints is no longer than the distance from the axis of the later one. So bounds are of second order, and intervals
-need be no shorter near a least distance than its curvature asks for.
+with p' = v + ω x p for all points at once, so the minimum is a support point of the body in the direction n + δ (n x
+ω). It is concave in δ, hence above the chord between δ = 0 and the end of the interval. A bounds |p''|: the second
+derivative by two joints is no longer than the distance from the axis of the later one. So bounds are of second order,
+and intervals near a least distance need be no shorter than its curvature asks for.
 
-An interval is looked at in its middle; what proves to be farther than the least distance seen, less the tolerance, is
-cut out, and the rest looked at later, for those obstacles alone that are not cut out. The ends are looked at first.
+Each interval is tested in its middle; the ends of the motion are tested first. What proves to be farther than the least
+distance so far, less the tolerance, is cut out. The rest is tested later, for the obstacles that are not cut out.
+
+**Gradients.** A distance is that of :mod:`hpop.models.serial_arm.gjk` to a billionth. Let p be the point of b nearest
+to a, and n the direction from p to the point of a. The distance changes by -n·(∂p/∂q) with a joint that carries b and
+not a. This is its gradient where no other points are as near. Where edges or faces are parallel, it is the gradient of
+one pair of nearest points.
 
 Imported on first use only, because importing numba takes half a second.
 """
@@ -22,18 +28,19 @@ import math
 
 import numpy as np
 
-from hpop.base.arrays import FloatArray
-from hpop.models.collision.gjk import support
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.models.serial_arm.certificate import GAP, POOL, apart_at_least, measured, placed
+from hpop.models.serial_arm.gjk import support
 from hpop.models.serial_arm.scene import Scene
 from hpop.runtime.compiled import kernel, lean
 
-PRECISE = 1e-6  # relative: how far a least distance that is seen may be below what it is
+PRECISE = 1e-6  # relative: how far a least distance along a motion may be below the true one
+NEARLY_EXACT = 1e-9  # relative: the same of distances with gradients
 
 
 @lean
 def _bounds(scene: Scene, b: int, moved: FloatArray, slides: FloatArray) -> tuple[float, float]:
-    """Bounds of how fast the points of a body move, and how fast that changes, a unit of s, given |Δ| (n,).
+    """Return bounds on the speed and acceleration of a body's points a unit of s, given |Δ| (n,).
 
     slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
     """
@@ -56,7 +63,7 @@ def _bounds(scene: Scene, b: int, moved: FloatArray, slides: FloatArray) -> tupl
 
 @lean
 def _twists(scene: Scene, way: FloatArray, poses: FloatArray, twists: FloatArray) -> None:
-    """Twists (n + 1, 6) of the frames a unit of s: velocity at the origin of the world, and rotation."""
+    """Write the twists (n + 1, 6) of the frames a unit of s: velocity at the origin of the world, and rotation."""
     for k in range(way.size):
         for i in range(6):
             twists[k + 1, i] = twists[k, i]
@@ -77,7 +84,7 @@ def _twists(scene: Scene, way: FloatArray, poses: FloatArray, twists: FloatArray
 
 @lean
 def _least_along(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
-    """The least coordinate of a body's points along a vector of the world."""
+    """Return the least coordinate of a body's points along a vector of the world."""
     u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z
     v = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z
     w = pose[0, 2] * x + pose[1, 2] * y + pose[2, 2] * z
@@ -89,7 +96,7 @@ def _least_along(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: 
 
 @lean
 def _cut(above: float, slope: float, change: float) -> float:
-    """How far above + slope δ - ½ change δ² stays above 0, for above >= 0."""
+    """Return how far above + slope δ - ½ change δ² stays above 0, for above >= 0."""
     if change <= 0.0:
         return math.inf if slope >= 0.0 else above / -slope
     root = math.sqrt(slope * slope + 2.0 * change * above)
@@ -108,7 +115,7 @@ def _proved(
     before: float,
     after: float,
 ) -> tuple[float, float]:
-    """How far of s before and after a look, of which so much matters, a plane keeps a pair no nearer than ``floor``.
+    """Return how far of s before and after a look a plane keeps a pair at least ``floor`` apart.
 
     The plane is across a direction (3,) from the second body to the first, which stands.
     """
@@ -235,3 +242,95 @@ def closest(scene: Scene, start: FloatArray, end: FloatArray, most: float, toler
             head += 1
         least[m] = max(0.0, seen)
     return looks
+
+
+@lean
+def _shares(simplex: FloatArray, shares: FloatArray) -> int:
+    """Write the barycentric shares (3,) of the point of a simplex nearest to the origin; return their number.
+
+    0 where the origin is within it. Corners that are not needed are left out already.
+    """
+    size = 0
+    while size < 4 and simplex[size, 3] < math.inf:
+        size += 1
+    ax, ay, az = simplex[0, 0], simplex[0, 1], simplex[0, 2]
+    shares[0] = 1.0
+    if size == 4:
+        return 0
+    if size == 1:
+        return 1
+    ux, uy, uz = simplex[1, 0] - ax, simplex[1, 1] - ay, simplex[1, 2] - az
+    uu, ua = ux * ux + uy * uy + uz * uz, -(ux * ax + uy * ay + uz * az)
+    if size == 2:
+        shares[1] = ua / uu
+        shares[0] = 1.0 - shares[1]
+        return 2
+    vx, vy, vz = simplex[2, 0] - ax, simplex[2, 1] - ay, simplex[2, 2] - az
+    vv, va, uv = vx * vx + vy * vy + vz * vz, -(vx * ax + vy * ay + vz * az), ux * vx + uy * vy + uz * vz
+    square = uu * vv - uv * uv
+    if not square > 0.0:
+        return 0
+    shares[1], shares[2] = (ua * vv - va * uv) / square, (va * uu - ua * uv) / square
+    shares[0] = 1.0 - shares[1] - shares[2]
+    return 3
+
+
+@lean
+def _change(
+    scene: Scene, a: int, b: int, poses: FloatArray, simplex: FloatArray, shares: FloatArray, gradient: FloatArray
+) -> None:
+    """Write the derivative of the distance of two bodies by each joint (n,), from the nearest simplex."""
+    gradient[:] = 0.0
+    nx, ny, nz, px, py, pz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(_shares(simplex, shares)):
+        share = shares[i]
+        nx, ny, nz = nx + share * simplex[i, 0], ny + share * simplex[i, 1], nz + share * simplex[i, 2]
+        px, py, pz = px + share * simplex[i, 3], py + share * simplex[i, 4], pz + share * simplex[i, 5]
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    if length == 0.0:
+        return
+    first, second = poses[scene.frames[a]], poses[scene.frames[b]]
+    x = (first[0, 0] * nx + first[0, 1] * ny + first[0, 2] * nz) / length
+    y = (first[1, 0] * nx + first[1, 1] * ny + first[1, 2] * nz) / length
+    z = (first[2, 0] * nx + first[2, 1] * ny + first[2, 2] * nz) / length
+    qx = second[0, 0] * px + second[0, 1] * py + second[0, 2] * pz + second[0, 3]
+    qy = second[1, 0] * px + second[1, 1] * py + second[1, 2] * pz + second[1, 3]
+    qz = second[2, 0] * px + second[2, 1] * py + second[2, 2] * pz + second[2, 3]
+    for k in range(scene.frames[a], scene.frames[b]):
+        axis = poses[k + 1]
+        ux, uy, uz = axis[0, 2], axis[1, 2], axis[2, 2]
+        if scene.sliding[k]:
+            gradient[k] = -(x * ux + y * uy + z * uz)
+        else:
+            rx, ry, rz = qx - axis[0, 3], qy - axis[1, 3], qz - axis[2, 3]
+            gradient[k] = -(x * (uy * rz - uz * ry) + y * (uz * rx - ux * rz) + z * (ux * ry - uy * rx))
+
+
+@kernel
+def near_pairs(
+    scene: Scene, states: FloatArray, within: float, owner: IntArray, distance: FloatArray, gradient: FloatArray
+) -> int:
+    """Write state, distance and gradient of each pair nearer than ``within`` m in states (N, n).
+
+    Returns how many there are; what does not fit into ``owner`` (R,) is only counted.
+    """
+    count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
+    poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
+    poses[0, 0, 0] = poses[0, 1, 1] = poses[0, 2, 2] = 1.0
+    direction, scratch, shares = np.empty(3), np.empty((7, 6)), np.empty(3)
+    found = 0
+    for i in range(states.shape[0]):
+        placed(scene, states[i], poses, centres)
+        for pair in range(count):
+            a, b = scene.pairs[pair, 0], scene.pairs[pair, 1]
+            if apart_at_least(scene, a, b, poses, centres, within) >= within:
+                continue
+            direction[:] = 0.0
+            apart, _ = measured(scene, pair, poses, centres, direction, scratch, 0.0, within, within, NEARLY_EXACT)
+            if apart >= within:
+                continue
+            if found < owner.size:
+                owner[found], distance[found] = i, apart
+                _change(scene, a, b, poses, scratch[3:], shares, gradient[found])
+            found += 1
+    return found

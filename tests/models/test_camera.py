@@ -8,7 +8,7 @@ import pytest
 from hpop import DifferentialDrive
 from hpop.base.registry import completed, make_model
 from hpop.errors import ModelError
-from hpop.models.field_of_view import field_of_view
+from hpop.models.camera import field_of_view
 from hpop.motions import MODEL_DEFAULTS
 
 

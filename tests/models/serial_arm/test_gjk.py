@@ -9,8 +9,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from hpop.models.collision.convex import bodies_of
-from hpop.models.collision.gjk import distance
+from hpop.models.serial_arm.gjk import distance
+from hpop.models.serial_arm.scene import bodies_of
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 
 HERE = np.eye(4)[:3]

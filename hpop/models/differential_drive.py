@@ -1,4 +1,4 @@
-"""A differential-drive robot that carries a camera on a mast."""
+"""A differential-drive robot that carries a camera on a mast, and motions that it cannot do."""
 
 from __future__ import annotations
 
@@ -10,25 +10,81 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import LEAST, MOST, Angle, one_of, real, set_reals
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
+from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.collision.parts import Part, convex_parts
-from hpop.models.differential_drive.driven import Drive
-from hpop.models.differential_drive.faults import doubtful, faults
-from hpop.models.field_of_view import FieldOfView, checked_field_of_view
+from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import Mount
-from hpop.motions import Law, States, StateSpace
+from hpop.motions import Law, States, StateSpace, is_curve, laws_of
 from hpop.trajectories.trajectory import Trajectory
 
+CLOSE = 1e-5  # m or rad: two states written in decimals are the same
+STEPS = 100  # in which a curve is looked at
+FASTER = 1e-3  # share by which a wheel may exceed its limits
 MAST_RADIUS = 0.05  # m
 BODY_HEIGHT = 0.4  # m
 LONGEST = 20.0  # m: what is larger is given in another unit
-FIXED, UNWOUND = "fixed", "unwound"  # views: of a camera that looks where the base does, or always the same way
 SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: what is slower does not move
+
+
+def doubtful(law: Law, start: States, end: States) -> BoolArray:
+    """Return which motions (M,) slide sideways or go back; curves count as doubtful, they need a closer look."""
+    if is_curve(law):
+        return np.ones(start.size, dtype=bool)
+    if not {"x", "y"} <= law.varies:
+        return np.zeros(start.size, dtype=bool)
+    dx, dy, ahead, left = end.x - start.x, end.y - start.y, np.cos(start.yaw), np.sin(start.yaw)
+    astray: BoolArray = (np.abs(dy * ahead - dx * left) > CLOSE) | (dx * ahead + dy * left < -CLOSE)
+    return astray
+
+
+def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
+    """Describe motions that slide sideways or go back, and motions whose wheels are faster than the model's."""
+    states, wrong = trajectory.states, np.zeros(len(trajectory), dtype=bool)
+    kinds = np.array(trajectory.kinds, dtype=object)
+    curved = np.zeros(len(trajectory), dtype=bool)
+    for kind in dict.fromkeys(trajectory.kinds):
+        of_law, law = np.flatnonzero(kinds == kind), laws_of(trajectory.model)[kind]
+        if is_curve(law):
+            curved[of_law] = True
+        else:
+            wrong[of_law] = doubtful(law, states.take(of_law), states.take(of_law + 1))
+    if wrong.any():
+        first = int(np.argmax(wrong))
+        yield f"does not go ahead in motion {first}, a {trajectory.kinds[first]}"
+    yield from _of_curves(model, trajectory, np.flatnonzero(curved))
+
+
+def _of_curves(model: DifferentialDrive, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
+    """Describe faults of curves, found by differences of positions and headings over hundredths of each motion."""
+    lasts = trajectory.durations[curved]
+    times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
+    s = trajectory.at(times.ravel())
+    x, y, yaw = (np.reshape(column, times.shape) for column in (s.x, s.y, s.yaw))
+    dx, dy, turned, heading = np.diff(x), np.diff(y), np.diff(yaw), 0.5 * (yaw[:, 1:] + yaw[:, :-1])
+    ahead, side = dx * np.cos(heading) + dy * np.sin(heading), dy * np.cos(heading) - dx * np.sin(heading)
+    wheels = np.stack([ahead + sign * 0.5 * model.wheel_base * turned for sign in (-1.0, 1.0)])  # (2, c, STEPS), m
+    fastest = np.abs(wheels).max(axis=(0, 2), initial=0.0) * STEPS
+    hardest = np.abs(np.diff(wheels)).max(axis=(0, 2), initial=0.0) * STEPS**2
+    for wrong, fault in (
+        ((np.abs(side) > CLOSE).any(axis=1) | (ahead < -CLOSE).any(axis=1), "does not go ahead"),
+        (fastest > model.wheel_speed * lasts * (1 + FASTER) + CLOSE, "drives faster than its wheels can turn"),
+        (
+            hardest > model.wheel_acceleration * lasts**2 * (1 + FASTER) + CLOSE,
+            "speeds up or turns harder than its wheels can",
+        ),
+    ):
+        if wrong.any():
+            i = curved[np.argmax(wrong)]
+            yield f"{fault} in motion {i}, a {trajectory.kinds[i]}"
+
+
+FIXED, UNWOUND = "fixed", "unwound"  # views: of a camera that looks where the base does, or always the same way
 
 
 class WheelTrack(NamedTuple):
@@ -62,7 +118,7 @@ class OnBase:
         return float(self.base.wheel_acceleration)
 
     def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
-        """Speeds and accelerations of the base's wheels."""
+        """Return speeds and accelerations of the base's wheels."""
         found: WheelTrack = self.base.wheels(trajectory, times)
         return found
 
@@ -123,12 +179,12 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for: also a heading, and wheels ``wheel_base`` apart."""
+        """What criteria and planners can ask for, a heading and wheels ``wheel_base`` apart included."""
         return super().provides | {"heading", "wheels"}
 
     @cached_property
     def space(self) -> StateSpace:
-        """Where it is and how it is turned; apart by how far it moves in the time of a turn at its turn rate."""
+        """Position and heading; a radian is as far apart as the robot moves while it turns by one."""
         return plane_space(self.speed / self.turn_rate)
 
     @cached_property
@@ -165,13 +221,13 @@ class DifferentialDrive(PlanarModel):
 
     @cached_property
     def body_parts(self) -> tuple[Part, ...]:
-        """Those of the body on the floor."""
+        """Collision geometry of the body on the floor."""
         if self.footprint is None:
             return (Part(((0.0, 0.0),), float(self.radius), 0.0, self.body_height),)
         return convex_parts(self.footprint, 0.0, self.body_height)
 
     def wheels(self, trajectory: Trajectory, times: FloatArray) -> WheelTrack:
-        """Wheel speeds v ± ω b/2 and accelerations along a trajectory; ask it of an execution.
+        """Return wheel speeds v ± ω b/2 and accelerations along a trajectory; use it on an execution.
 
         Planned motions change speed at once, so only an execution has accelerations everywhere.
         """
@@ -188,16 +244,16 @@ class DifferentialDrive(PlanarModel):
         )
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able parameters; a fixed view is left out, as it was before there was another."""
+        """Return JSON-able parameters. A fixed view is left out, as in fronts saved before there were other views."""
         own = super().describe()[self.name]
         return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
+        """Describe motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
         yield from faults(self, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Motions (M,) that do not go ahead, and curves."""
+        """Return which motions (M,) do not go ahead; curves count as doubtful."""
         return doubtful(law, start, end)
 
 

@@ -10,30 +10,133 @@ from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, Column, FloatArray
-from hpop.base.math import hypot, smooth_abs
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
+from hpop.base.math import hypot, smooth_abs, wrap
 from hpop.base.options import MOST, Angle, real, set_reals
 from hpop.base.registry import completed
 from hpop.base.text import shown
-from hpop.errors import ModelError
+from hpop.errors import ModelError, OptionError
 from hpop.models.base import PlanarModel, model
+from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.collision.parts import Part
-from hpop.models.differential_drive.model import FIXED, SLOWEST, DifferentialDrive, OnBase
-from hpop.models.field_of_view import FieldOfView, checked_field_of_view
-from hpop.models.joints import legs_of_joints, stop_faults
-from hpop.models.laws import JointMove, Turn
-from hpop.models.legs import cruise_speed
-from hpop.models.pan_tilt.head import HeadPose, HeadTwist, HeadTwistRate
-from hpop.models.pan_tilt.laws import Unwind
-from hpop.models.pan_tilt.stations import stations
-from hpop.models.rigid import Mount
-from hpop.models.stations import Stations
-from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, is_curve
+from hpop.models.differential_drive import FIXED, SLOWEST, DifferentialDrive, OnBase
+from hpop.models.joints import Stations, grid_of_stations, legs_of_joints, stop_faults, stops_of
+from hpop.models.laws import JointMove, Turn, Unwind, cruise_speed
+from hpop.models.rigid import Mount, RigidPose, RigidTwist, RigidTwistRate
+from hpop.motions import (
+    MODEL_DEFAULTS,
+    Body,
+    Law,
+    Leg,
+    Model,
+    Motions,
+    Pose,
+    States,
+    StateSpace,
+    Twist,
+    Vector,
+    is_curve,
+)
 from hpop.trajectories.trajectory import Trajectory
 
+ALIKE = 1e-9  # rad: two angles that differ by less are one
+COARSEST = math.radians(90.0)  # between neighbouring pans
+FINER = math.radians(45.0)
 ALL_ROUND: Literal["all round"] = "all round"  # a pan without end stops
 FARTHEST_TURNED = 4.0 * math.pi  # rad: no cable is wound further
 CARRIES = frozenset({"plane", "rigid", "base", "camera"})  # what a base provides that can carry a head
+
+
+@dataclass(frozen=True)
+class HeadPose(RigidPose):
+    """Pose of a camera at the point where the axes of the head meet, turned by yaw, pan and tilt."""
+
+    @property
+    def yaw(self) -> Column:
+        return self.states.yaw + self.states.pan
+
+    @property
+    def pitch(self) -> Column:
+        return self.states.tilt
+
+    @property
+    def ahead(self) -> Vector:
+        level = np.cos(self.pitch)
+        return level * np.cos(self.yaw), level * np.sin(self.yaw), np.sin(self.pitch)
+
+    @property
+    def up(self) -> Vector:
+        rise = np.sin(self.pitch)
+        return -rise * np.cos(self.yaw), -rise * np.sin(self.yaw), np.cos(self.pitch)
+
+
+@dataclass(frozen=True)
+class HeadTwist(RigidTwist):
+    """Twist of the camera: it moves with the base, turns about the vertical, and tilts up about its right.
+
+    With ψ = yaw + pan its right is (sin ψ, -cos ψ, 0), always level.
+    """
+
+    @property
+    def rotation(self) -> Vector:
+        yaw, tilt_rate = self.states.yaw + self.states.pan, self.rates.tilt
+        return tilt_rate * np.sin(yaw), -tilt_rate * np.cos(yaw), self.rates.yaw + self.rates.pan
+
+
+@dataclass(frozen=True)
+class HeadTwistRate(RigidTwistRate):
+    """Derivative of the twist of the camera; yaw and pan carry the axis of the tilt round."""
+
+    @property
+    def rotation(self) -> Vector:
+        yaw, turn_rate = self.states.yaw + self.states.pan, self.rates.yaw + self.rates.pan
+        cos, sin, carried, change = np.cos(yaw), np.sin(yaw), self.rates.tilt * turn_rate, self.changes.tilt
+        return change * sin + carried * cos, carried * sin - change * cos, self.changes.yaw + self.changes.pan
+
+
+def stations(space: StateSpace, yaw: FloatArray) -> Stations:
+    """Return every pan and tilt at each heading (H,), joined by "pan", "tilt", "turn" and "unwind".
+
+    Raises OptionError for headings that no pan can turn back, and for stops without a pan between them.
+    """
+    pans = _pans(space, yaw)
+    found, number = grid_of_stations(yaw, {"pan": pans, "tilt": stops_of(space, "tilt")})
+    return found._replace(motions={**found.motions, "unwind": _unwound(number, space, yaw, pans)})
+
+
+def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
+    """Return pans (P,), rad, in ascending order, as far apart as turning back between two headings needs."""
+    turns = yaw - yaw[0]
+    step = next((step for step in (COARSEST, FINER) if (np.abs(_off(turns, step)) < ALIKE).all()), None)
+    if step is None:
+        raise OptionError(
+            f"{yaw.size} headings are no multiples of 45 degrees apart, so no pan of a lattice turns the head back as "
+            "the base turns; take 4 or 8 headings"
+        )
+    column = space.names.index("pan")
+    low, high = space.low[column], space.high[column]
+    first = math.ceil(low / step - ALIKE) + ("pan" in space.turning)  # all round, half a turn is there once
+    pans = step * np.arange(first, math.floor(high / step + ALIKE) + 1, dtype=np.float64)
+    if not pans.size:
+        raise OptionError(
+            f"no multiple of {math.degrees(step):g} degrees is between the pan's stops at {low:.6g} and {high:.6g} rad"
+            ", and a lattice has no other pans; let the stops be farther apart"
+        )
+    return pans
+
+
+def _off(angles: FloatArray, step: float) -> FloatArray:
+    """Return how far (N,), rad, angles are from a multiple of a step."""
+    return np.asarray(angles - step * np.round(angles / step))
+
+
+def _unwound(number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return tails and heads of turns during which the head turns back, where the pan for that exists."""
+    turn = wrap(yaw[None, :] - yaw[:, None])  # (H, H), half a turn counter-clockwise
+    view = turn[:, :, None, None] + pans[None, None, None, :] - pans[None, None, :, None]  # (H, H, P, P)
+    stays = np.abs(wrap(view) if "pan" in space.turning else view) < ALIKE
+    a, b, p, q = np.nonzero(stays & (turn != 0.0)[:, :, None, None])
+    return number[a, p].ravel(), number[b, q].ravel()
 
 
 @model("pan_tilt")
@@ -79,23 +182,23 @@ class PanTilt(OnBase, PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for: all that the base has, but for its being rigid; and joints."""
+        """All that the base provides except "rigid", and joints."""
         return super().provides | {"joints"} | (self.base.provides & {"heading", "wheels"})
 
     @cached_property
     def _turn(self) -> Turn | None:
-        """How the base turns in place, if it does."""
+        """Law by which the base turns in place; None if it has none."""
         law = self.base.laws.get("turn")
         return law if isinstance(law, Turn) else None
 
     @property
     def executed(self) -> Mapping[str, str]:  # type: ignore[override]  # of its base
-        """Those of the base, and of the head."""
+        """Executed laws of the base and of the head."""
         return {**self.base.executed, "pan": "swivel", "tilt": "nod", "unwind": "counterspin"}
 
     @cached_property
     def space(self) -> StateSpace:
-        """The base's states and those of the head, apart by how far the base moves in the time in which they change."""
+        """States of the base and of the head, as far apart as the base moves while they change."""
         plane, turns, speed = self.base.space, self.pan == ALL_ROUND, cruise_speed(self.base)
         pan = (-math.pi, math.pi) if self.pan == ALL_ROUND else self.pan
         return StateSpace(
@@ -109,7 +212,7 @@ class PanTilt(OnBase, PlanarModel):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Those of the base but for curves, which know no head; and those of the head."""
+        """Laws of the base except curves, which do not move a head, and laws of the head."""
         loss = self._turn.loss if self._turn else 0.0
         pan, tilt = (self.pan_rate, self.pan_acceleration), (self.tilt_rate, self.tilt_acceleration)
         turn = self._turn
@@ -131,7 +234,7 @@ class PanTilt(OnBase, PlanarModel):
 
     @property
     def mounts(self) -> Mapping[str, Mount]:
-        """The base, and where the axes of the head meet."""
+        """The base, and the point where the axes of the head meet."""
         return self.base.mounts
 
     @property
@@ -140,23 +243,23 @@ class PanTilt(OnBase, PlanarModel):
         return self.base.parts
 
     def pose(self, body: str, states: States) -> Pose:
-        """Pose of the base, or of the camera."""
+        """Return the pose of the base or of the camera."""
         return HeadPose(self._mount(body), states) if body == "camera" else super().pose(body, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """How fast it moves and turns."""
+        """Return the twist of the base or of the camera."""
         if body != "camera":
             return super().twist(body, states, rates)
         return HeadTwist(self._mount(body), states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """How fast that changes."""
+        """Return the derivative of that twist."""
         if body != "camera":
             return super().twist_rate(body, states, rates, changes)
         return HeadTwistRate(self._mount(body), states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """What the base or the camera does in each of the motions, in closed form; a tilt is no turn."""
+        """Return what the base or the camera does in each motion, in closed form; a tilt does not count as a turn."""
         body, law = super().body(name, motions), motions.law
         if name != "camera" or not isinstance(law, JointMove | Unwind):
             return body
@@ -171,30 +274,30 @@ class PanTilt(OnBase, PlanarModel):
         )
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """How far (M,), m and rad, neither the base nor the camera moves or turns farther."""
+        """Return bounds (M,), m and rad, on how far the base and the camera move and turn."""
         farthest, turned = super().extent(motions)
         return farthest, np.maximum(turned, hypot(*_view_change(motions)))
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """What the base does, the head as it is; then the head pans, then it tilts."""
+        """Return the legs of the base with the head at rest, then a pan, then a tilt."""
         return legs_of_joints(self.space, self.base.connect(a, b), a, b, self.joints)
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """Pans at the multiples of 45 degrees within the stops and three tilts at each heading (H,), rad."""
+        """Return pans at multiples of 45 degrees within the stops and three tilts at each heading (H,), rad."""
         return stations(self.space, yaw)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """What the base cannot do, and a head beyond its end stops."""
+        """Describe what the base cannot do, and a head beyond its end stops."""
         yield from self.base.faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Motions (M,) of the base that are doubtful, and those that begin or end with the head beyond a stop."""
+        """Return motions (M,) that are doubtful for the base, or begin or end with the head beyond a stop."""
         return self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
 
 
 def _view_change(motions: Motions) -> tuple[Column, Column]:
-    """Signed angles (M,), rad, by which the camera turns about the vertical, and up."""
+    """Return signed angles (M,), rad, by which the camera turns about the vertical, and up."""
     law, start, end = motions.law, motions.start, motions.end
     still = 0.0 * start.yaw
     if isinstance(law, JointMove):
@@ -219,7 +322,7 @@ def _check_base(base: Any) -> None:
 
 
 def _stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[float, float]:
-    """End stops, checked."""
+    """Return checked end stops."""
     try:
         low, high = given
     except (TypeError, ValueError):
