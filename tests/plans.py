@@ -16,7 +16,7 @@ from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
 from hpop.apart import child
-from hpop.world.readers import reading_apart
+from hpop.world import files
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 
@@ -82,7 +82,7 @@ def bag(
 def read_here() -> Iterator[None]:
     """Files of others are read in this process, as in that which is otherwise started: half a second less for each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reading_apart, "_said", lambda asked, data, path: child.said(asked, data))
+        patch.setattr(files, "_said", lambda asked, data, path: child.said(asked, data))
         yield
 
 

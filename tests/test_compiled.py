@@ -31,7 +31,7 @@ import importlib, sys
 for name in sys.argv[1:]:
     importlib.import_module(name)
 import numpy as np
-from hpop.world.fields._spline import spline
+from hpop.world.fields._kernels import spline
 out, one, half = np.zeros(1), np.ones(1, np.int64), np.full(1, 0.5)
 spline(np.ones((4, 4)), one, one, half, half, out)
 print(out.round(9).tolist(), "coverage" in sys.modules)

@@ -20,7 +20,7 @@ from hpop.models.execution import needed_about
 from hpop.motions import States
 from hpop.world import Person, World
 from hpop.world.content.content import Content
-from hpop.world.content.yielding import taken_to_stop, yielding
+from hpop.world.content.predictions import taken_to_stop, yielding
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem

@@ -20,7 +20,7 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
     CasADi by itself takes products of mapped functions for dense: the Hessian of a polyline of 12 segments then costs
     twice the time.
 
-    quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.looks`
+    quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.symbols`
     """
     import casadi
 

@@ -21,7 +21,7 @@ from hpop.problems.problem import Problem
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
-from hpop.world.content.yielding import with_stops
+from hpop.world.content.predictions import with_stops
 
 SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
 CLOSE = 1e-5  # m or rad: two states written in decimals are the same

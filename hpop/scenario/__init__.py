@@ -83,7 +83,7 @@ from hpop.scenario.yaml_lines import Document, Place
 from hpop.world import World
 from hpop.world.content.content import Content, Landmark, Zone
 from hpop.world.content.predictions import bounded
-from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.shapes import check_coordinates
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.readers import geojson_content

@@ -13,7 +13,8 @@ from hpop.errors import MapError
 from hpop.scenario.faults import Faults, entries
 from hpop.scenario.schema import FutureEntry, PersonEntry, TrackEntry, WaypointsEntry
 from hpop.scenario.yaml_lines import Place
-from hpop.world.content.people import Future, Person
+from hpop.world.content.futures import Future
+from hpop.world.content.people import Person
 from hpop.world.tracks import Track, read_tracks
 
 BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "waypoints"})

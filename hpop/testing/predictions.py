@@ -13,7 +13,8 @@ from hpop.errors import CriterionError
 from hpop.motions import HOLD, Motions
 from hpop.testing.checks import Check, differ, fault_of
 from hpop.world import World
-from hpop.world.content.people import Future, Person
+from hpop.world.content.futures import Future
+from hpop.world.content.people import Person
 from hpop.world.tracks import Track
 
 TOLERANCE = 2e-3  # relative: panels of integrals end at other times, where people turn at other times

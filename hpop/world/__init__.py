@@ -1,6 +1,7 @@
 """The workspace, its fields, and the readers of maps."""
 
-from hpop.world.content.people import Future, Person
+from hpop.world.content.futures import Future
+from hpop.world.content.people import Person
 from hpop.world.fields.field import Field
 from hpop.world.geometry.shapes import Obstacle, Raster
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at

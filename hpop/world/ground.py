@@ -1,28 +1,150 @@
-"""What is solid in a workspace, and all that follows from it alone: it stays as it is while people come and go."""
+"""Ground of a workspace: everything solid, the extent, and a cache of the values derived from them.
+
+A ground stays as it is while people come and go, so worlds that differ in their content share it and its cache.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
+from itertools import count
+from threading import RLock
 from typing import Any, NamedTuple, TypeVar
+from weakref import WeakSet
 
 import shapely
-from shapely.geometry import MultiPolygon
+from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.text import shown
 from hpop.errors import MapError, OptionError
 from hpop.world.bodies import solid_bodies
-from hpop.world.cache import Cache
-from hpop.world.extent import check_area, check_size, extent_of
 from hpop.world.fields.field import Field
 from hpop.world.fields.sampling import sample_clearance, sample_obstruction
-from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.planar import FreeSpace, without
-from hpop.world.geometry.shapes import Obstacle, Raster, check_prisms, overlaps
+from hpop.world.geometry.shapes import LARGEST, Obstacle, Raster, check_coordinates, check_prisms, overlaps
 from hpop.world.geometry.solids import Solid, check_solids, not_upright
+
+LIMIT = 2_000_000_000
+"""Bytes that a world keeps of what was derived from it."""
+
+
+class Cache:
+    """Cache of values by key, bounded in bytes: the least recently used values go first, never the newest.
+
+    A cache ``beside`` another one shares its limit and its lock, but belongs to its own world. So values that many
+    worlds derive from one ground are kept once, and all these worlds together keep no more than one limit.
+
+    >>> cache = Cache(limit=40)
+    >>> for name in ("a", "b", "a", "c"):
+    ...     _ = cache.get(name, lambda: (shapely.Point(0, 0),))
+    >>> [cache.find(name) is not None for name in "abc"]
+    [True, False, True]
+    """
+
+    def __init__(self, limit: int | None = None, *, beside: Cache | None = None) -> None:
+        budget = _Budget(LIMIT if limit is None else limit) if beside is None else beside._budget
+        self._budget: _Budget = budget
+        self._values: dict[Hashable, tuple[int, Any]] = {}  # when it was used last, and the value
+        self._budget.caches.add(self)
+
+    @property
+    def size(self) -> int:
+        """Return the bytes of the values."""
+        return sum(nbytes(value) for _, value in self._values.values())
+
+    def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """Return the value of a key; one thread makes it while others wait. ``make`` may ask for other keys."""
+        with self._budget.lock:
+            found = self.find(key)
+            if found is None:
+                found = make()
+                self.keep(key, found)
+            return found
+
+    def find(self, key: Hashable) -> Any:
+        """Return the value of a key, or None."""
+        with self._budget.lock:
+            if key not in self._values:
+                return None
+            _, value = self._values[key]
+            self._values[key] = next(self._budget.uses), value
+            return value
+
+    def keep(self, key: Hashable, value: Any) -> None:
+        """Keep a value, and drop older values beyond the limit."""
+        with self._budget.lock:
+            self._values[key] = next(self._budget.uses), value
+            self._budget.drop()
+
+
+class _Budget:
+    """Limit, lock and use counter that caches beside each other share."""
+
+    def __init__(self, limit: int) -> None:
+        self.limit, self.lock, self.uses = limit, RLock(), count()
+        self.caches: WeakSet[Cache] = WeakSet()
+
+    def drop(self) -> None:
+        """Drop the least recently used values until the rest is within the limit."""
+        kept = [
+            (used, key, nbytes(value), cache) for cache in self.caches for key, (used, value) in cache._values.items()
+        ]
+        total = sum(size for _, _, size, _ in kept)
+        for _, key, size, cache in sorted(kept, key=lambda item: item[0])[:-1]:
+            if total <= self.limit:
+                break
+            if size:
+                total -= size
+                del cache._values[key]
+
+
+def nbytes(value: Any) -> int:
+    """Return the bytes of the arrays and coordinates in a value, its attributes and its items."""
+    if isinstance(value, BaseGeometry):
+        return 16 * int(shapely.get_num_coordinates(value))
+    size = getattr(value, "nbytes", None)
+    if isinstance(size, int):
+        return size
+    if isinstance(value, tuple | list):
+        return sum(map(nbytes, value))
+    if isinstance(value, dict):
+        return sum(map(nbytes, value.values()))
+    if type(value).__module__.startswith("hpop."):
+        return sum(map(nbytes, vars(value).values()))
+    return 0
+
+
+def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeometry:
+    """Return the rectangle of an image, or the bounding box of obstacles, m."""
+    if raster is not None:
+        return raster.rectangle()
+    if obstacles:
+        return shapely.box(*shapely.total_bounds([o.polygon for o in obstacles]))
+    raise MapError("a world without obstacles needs an extent, the area in which the robot must stay.")
+
+
+def check_area(name: str, area: BaseGeometry) -> None:
+    """Raise MapError unless an area is made of valid polygons."""
+    if not isinstance(area, Polygon | MultiPolygon):
+        raise MapError(f"{name} must be a valid shapely Polygon or MultiPolygon; got {shown(area)}.")
+    check_coordinates(area, name)
+    check_joinable([area], name)
+    if not area.is_valid:
+        raise MapError(f"{name} is no valid polygon: {shapely.is_valid_reason(area)}.")
+
+
+def check_size(extent: BaseGeometry) -> None:
+    """Raise MapError for a world that is larger than any building."""
+    x_min, y_min, x_max, y_max = extent.bounds
+    if max(x_max - x_min, y_max - y_min) > LARGEST:
+        raise MapError(
+            f"the world is {x_max - x_min:.3g} x {y_max - y_min:.3g} m; expected metres, at most {LARGEST:,.0f} across."
+        )
+
 
 WHOLE = (-math.inf, math.inf)
 CELL = 0.1
@@ -33,7 +155,7 @@ Heights = tuple[float, float]
 
 
 class Layer(NamedTuple):
-    """What is solid somewhere in a range of heights; geometry is kept by it, as ranges that meet the same are one.
+    """Obstacles within a range of heights; ranges that meet the same obstacles share one geometry.
 
     prisms  places of the obstacles
     cells   whether the raster's cells are
@@ -46,7 +168,7 @@ class Layer(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Ground:
-    """Obstacles, and where a robot must stay, in metres: a world without its content.
+    """Obstacles, and the extent where a robot must stay, in metres: a world without its content.
 
     obstacles            upright prisms; those round the solids are the last of them
     raster               occupancy cells, or None
@@ -57,7 +179,7 @@ class Ground:
     solids               boxes, cylinders, spheres and hulls in space; those whose prisms are among ``obstacles`` too
     path                 the file that all this was read from, or None
 
-    Values derived from these are computed when first needed, kept (:mod:`hpop.world.cache`), and not pickled. They
+    Values derived from these are computed when first needed, kept (:mod:`hpop.world.ground`), and not pickled. They
     serve every world on this ground: another content does not make them anew.
     """
 
@@ -91,7 +213,7 @@ class Ground:
         object.__setattr__(self, "extent", extent)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle the fields without what was derived from them."""
+        """Return the fields without the values derived from them."""
         return {key: value for key, value in self.__dict__.items() if key != "cache"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -99,18 +221,18 @@ class Ground:
         self.__dict__.update(state, cache=Cache())
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """What ``make`` gives, kept with the ground by a key that says all on which it depends besides."""
+        """Return the value of ``make``, kept with the ground by a key that states all other inputs."""
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max) of the extent, m."""
+        """Return (x_min, y_min, x_max, y_max) of the extent, m."""
         x0, y0, x1, y1 = shapely.bounds(self.extent)
         return float(x0), float(y0), float(x1), float(y1)
 
     @property
     def cell(self) -> float:
-        """Longest panel (m) for quadrature along a motion, about the spacing of the fields."""
+        """Return the longest panel (m) for quadrature along a motion, about the spacing of the fields."""
         if self.raster is not None:
             return min(self.raster.resolution, 2 * CELL)
         x0, y0, x1, y1 = self.bounds
@@ -118,14 +240,14 @@ class Ground:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What a robot in the plane meets otherwise than it is, in words."""
+        """Return notes on solids that a robot in the plane meets as larger ones."""
         return not_upright(self.solids)
 
     # What is solid
 
     @property
     def bodies(self) -> tuple[Solid, ...]:
-        """All that is solid, as convex solids: the given ones, pieces of prisms that were given as such, and cells.
+        """Return everything solid as convex solids: the given ones, pieces of prisms, and cells.
 
         Prisms and cells without a lower or upper end are cut 10 m below or above the floor (z = 0), or that far from
         the end that they have. Raises MapError where there are more than 5,000.
@@ -134,12 +256,12 @@ class Ground:
 
     @property
     def has_heights(self) -> bool:
-        """Whether any obstacle has a height range, so that what a camera sees depends on its height."""
+        """Return whether any obstacle has a height range, so that the view depends on the camera's height."""
         ranges = [o.heights for o in self.obstacles] + ([self.raster.heights] if self.raster else [])
         return any(r != WHOLE for r in ranges)
 
     def layer(self, z: Heights) -> Layer:
-        """Which obstacles, and whether the raster, overlap the open range of heights, m."""
+        """Return which obstacles, and whether the raster, overlap the open range of heights, m."""
         low, high = float(z[0]), float(z[1])
         if not low <= high:
             raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {shown(z)}.")
@@ -147,7 +269,7 @@ class Ground:
         return Layer(prisms, self.raster is not None and overlaps(self.raster.heights, (low, high)))
 
     def raster_solid(self) -> BaseGeometry:
-        """Union (m) of the occupied cells, whatever their heights; empty without a raster.
+        """Return the union (m) of the occupied cells at all heights; empty without a raster.
 
         Raises MapError, with the file that they were read from, where their outlines have too many corners.
         """
@@ -163,7 +285,7 @@ class Ground:
         return self.derived(("raster",), make)
 
     def solid(self, z: Heights = WHOLE) -> BaseGeometry:
-        """Union (m) of all obstacles whose heights overlap the open range."""
+        """Return the union (m) of all obstacles whose heights overlap the open range."""
         layer = self.layer(z)
 
         def make() -> BaseGeometry:
@@ -175,22 +297,22 @@ class Ground:
         return self.derived(("solid", layer), make)
 
     def obstruction_field(self, radius: float, z: float) -> Field:
-        """Obstructed fraction of a ball of ``radius`` (m) at height ``z`` (m); see `World.obstruction_field`."""
+        """Return the obstructed fraction of a ball of ``radius`` (m) at height ``z`` (m), as a field."""
         z = z if self.has_heights else 0.0
         return self.derived(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 
     # How far the robot is from it
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without what is solid, its border indexed for exact distances."""
+        """Return the extent without obstacles, its border indexed for exact distances."""
         return self.derived(("free", self.layer(z)), lambda: FreeSpace(without(self.extent, self.solid(z))))
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        """Signed distance (m) to the border of the free space, sampled; see `World.clearance_field`."""
+        """Return the signed distance (m) to the border of the free space, sampled; see `World.clearance_field`."""
         return self.derived(("clearance", self.layer(z)), lambda: self.sampled_clearance(self.free_space(z), z))
 
     def sampled_clearance(self, free: FreeSpace, z: Heights) -> Field:
-        """Sample the signed distance to the border of a free space at these heights, whatever else may block it.
+        """Sample the signed distance to the border of a free space at these heights, with other blocked areas.
 
         The last one sampled is kept: where people have moved, only the samples near to them are others.
         """
@@ -208,6 +330,6 @@ class Ground:
 
 
 def union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Union, m; one alone is not computed again, which in a building takes a tenth of a second."""
+    """Return the union of geometries, m; a single one is returned as it is, which saves a tenth of a second."""
     filled = [geometry for geometry in geometries if not geometry.is_empty]
     return filled[0] if len(filled) == 1 else shapely.union_all(filled)

@@ -17,21 +17,19 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, copied
 from hpop.base.math import is_symbolic
 from hpop.base.options import LEAST, MOST, real
+from hpop.base.table import facts_html, picture_html
 from hpop.base.text import shown
 from hpop.errors import MapError, OptionError
 from hpop.world.bodies import closed_bodies
-from hpop.world.cache import Cache
 from hpop.world.content.content import Content, Landmark, Person, Zone
-from hpop.world.extent import check_area
 from hpop.world.fields.field import Field
 from hpop.world.fields.sampling import obstructed
 from hpop.world.from_files import FromFiles
-from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.planar import FreeSpace, without
 from hpop.world.geometry.shapes import Obstacle, Raster, check_heights, prisms_of
 from hpop.world.geometry.solids import MARGIN, Solid, check_solids
-from hpop.world.ground import WHOLE, Ground, Heights, union
-from hpop.world.presented import Presented
+from hpop.world.ground import WHOLE, Cache, Ground, Heights, check_area, union
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -42,7 +40,7 @@ W = TypeVar("W", bound="World")
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class World(FromFiles, Presented):
+class World(FromFiles):
     """A ground and what is on it, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
     ground    obstacles, and the extent where the robot must stay: all that is solid
@@ -51,7 +49,7 @@ class World(FromFiles, Presented):
     content   people, landmarks and zones; see `with_content`
     source    how to build the same world again, see `describe`
 
-    Values derived from these are computed when first needed, kept (:mod:`hpop.world.cache`), and not pickled. What
+    Values derived from these are computed when first needed, kept (:mod:`hpop.world.ground`), and not pickled. What
     follows from the ground alone is kept with the ground, so other people in the same building cost none of it.
     """
 
@@ -75,6 +73,17 @@ class World(FromFiles, Presented):
         if not all(area.is_empty for area in areas):
             check_joinable([*(o.polygon for o in self.obstacles), self.extent, *areas], "the world")
         object.__setattr__(self, "cache", Cache(beside=self.ground.cache))
+
+    def __repr__(self) -> str:
+        from hpop.world.description import summary  # it builds worlds
+
+        return summary(self)
+
+    def _repr_html_(self) -> str:
+        from hpop.world.description import facts  # it builds worlds
+
+        notes = [(f"note {number}", note) for number, note in enumerate(self.notes, 1)]
+        return facts_html([*facts(self).items(), *notes]) + picture_html(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """Pickle the fields without what was derived from them."""

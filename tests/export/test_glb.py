@@ -18,7 +18,7 @@ from hpop.export import write
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride import surfaces
 from hpop.world.content.content import Person
-from hpop.world.content.people import Future
+from hpop.world.content.futures import Future
 from hpop.world.tracks.track import Track
 from tests.export.given import DRIVE, ODD, POSES, problem, robots, through
 from tests.export.readers import GLTF, accessor

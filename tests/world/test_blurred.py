@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import ncx2
 
 from hpop.motions.symbolic import lift
-from hpop.world.fields.blurred import Blurred
+from hpop.world.content.proxemics import Blurred
 
 WIDTH = 0.8  # m, of a Gaussian
 DISTANCES = np.array([0.0, 0.1, 0.3, 0.8, 1.7, 3.0, 5.0])

@@ -11,8 +11,8 @@ from hpop import World
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
 from hpop.world.content.content import Zone
-from hpop.world.geometry import crossings
-from hpop.world.geometry.crossings import check_joinable, check_mendable, check_widenable
+from hpop.world.geometry import outlines
+from hpop.world.geometry.outlines import check_joinable, check_mendable, check_widenable
 from hpop.world.readers import geojson_content
 
 SECONDS = 5.0  # of the processor; GEOS takes 22 for what the first test gives
@@ -87,9 +87,9 @@ def test_crossings_are_counted_as_shapely_counts_them(monkeypatch):
     first, second = shapely.STRtree(lines).query(lines, predicate="crosses")
     count = np.count_nonzero(first < second)
     assert count > 100
-    monkeypatch.setattr(crossings, "MOST_MENDED", count)
+    monkeypatch.setattr(outlines, "MOST_MENDED", count)
     check_mendable(ring, "ring")
-    monkeypatch.setattr(crossings, "MOST_MENDED", count - 1)
+    monkeypatch.setattr(outlines, "MOST_MENDED", count - 1)
     with pytest.raises(MapError, match=f"crosses itself at least {count:,} times"):
         check_mendable(ring, "ring")
 
@@ -126,7 +126,7 @@ def test_two_combs_across_each_other_are_refused_wherever_they_come_from(tmp_pat
 
 
 def test_segments_that_all_lie_across_each_other_are_refused_before_they_are_tested_for_crossings(monkeypatch):
-    monkeypatch.setattr(crossings, "MOST_PAIRS", 1_000_000)
+    monkeypatch.setattr(outlines, "MOST_PAIRS", 1_000_000)
     count = 2000
     number = np.arange(count)
     slanting = np.column_stack([number * 1e-6 + number % 2, number % 2])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hpop.world.geometry.edge_grid import EdgeGrid
+from hpop.world.geometry.planar import EdgeGrid
 
 
 @pytest.mark.parametrize("count", [1, 2, 9, 200])

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.world.geometry.edge_tree import LEAF, EdgeTree
+from hpop.world.geometry.planar import LEAF, EdgeTree
 
 
 def brute(edges, x, y):

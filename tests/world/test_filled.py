@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from hpop.world import World
-from hpop.world.fields import filled as module
-from hpop.world.fields.filled import Filled, filled
+from hpop.world.fields import obstruction as module
+from hpop.world.fields.obstruction import Filled, filled
 from hpop.world.geometry.rays_in_space import Surfaces
 from hpop.world.geometry.solids import Box, Cylinder, Solid, Sphere, pose_at
 

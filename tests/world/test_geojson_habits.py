@@ -12,8 +12,8 @@ from geographiclib.geodesic import Geodesic
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
 from hpop.world import World
-from hpop.world.readers import crs as systems
 from hpop.world.readers import geojson_content
+from hpop.world.readers import placement as systems
 
 CORNER = (9.18, 48.78)
 RADIUS = 6378137.0

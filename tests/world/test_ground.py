@@ -14,9 +14,9 @@ import hpop
 from hpop.planners.lattice import Lattice
 from hpop.runtime import limits
 from hpop.world import Ground, World
-from hpop.world.cache import Cache
 from hpop.world.content.content import Landmark, Person, Zone
 from hpop.world.geometry.planar import FreeSpace
+from hpop.world.ground import Cache
 from hpop.world.sight.visibility import openness_field
 
 MUSEUM = Path(hpop.__file__).parents[1] / "examples" / "museum.geojson"

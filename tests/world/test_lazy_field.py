@@ -11,8 +11,7 @@ import shapely
 import hpop
 from hpop.base.arrays import FloatArray
 from hpop.planners.programs.nlp import SparseField
-from hpop.world.fields.field import Field
-from hpop.world.fields.lazy_field import BLOCK, LazyField
+from hpop.world.fields.field import BLOCK, Field, LazyField
 
 XS, YS, SPACING = 3.0 + 0.5 * np.arange(150.0), -2.0 + 0.5 * np.arange(101.0), 0.5
 Sample = Callable[[FloatArray, FloatArray], FloatArray]
@@ -103,7 +102,7 @@ def test_a_large_world_of_polygons_samples_obstruction_where_it_is_asked_for() -
 def test_however_much_is_asked_for_a_few_blocks_are_sampled_at_once(
     whole: Field, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hpop.world.fields.lazy_field.AT_ONCE", 3)
+    monkeypatch.setattr("hpop.world.fields.field.AT_ONCE", 3)
     sizes: list[int] = []
 
     def sample(x: FloatArray, y: FloatArray) -> FloatArray:

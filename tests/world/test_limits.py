@@ -14,8 +14,8 @@ from hpop.criteria.others import zone_fields
 from hpop.planners.lattice import Lattice
 from hpop.runtime import limits
 from hpop.world import Field, World
-from hpop.world.cache import nbytes
 from hpop.world.content.content import Landmark, Zone
+from hpop.world.ground import nbytes
 from hpop.world.sight import visibility
 from hpop.world.sight.bearings import bearings
 from hpop.world.sight.visibility import landmarks_unseen, openness_field

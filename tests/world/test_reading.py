@@ -106,9 +106,8 @@ READ: dict[str, Callable[[Path], list[object]]] = {
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     for module, size in (
-        ("geojson_text", SIDE),
-        ("geojson_shapes", SIDE),
-        ("picture", 5 * SIDE),
+        ("geojson_document", SIDE),
+        ("image", 5 * SIDE),
         ("movingai", 5 * SIDE),
     ):
         monkeypatch.setattr(f"hpop.world.readers.{module}.BLOCK", size)

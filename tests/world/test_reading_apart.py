@@ -11,8 +11,7 @@ import pytest
 from hpop.apart.answer import Answer, Refused, refusal, unpacked
 from hpop.errors import MapError
 from hpop.runtime import limits
-from hpop.world import World
-from hpop.world.readers import reading_apart
+from hpop.world import World, files
 from hpop.world.readers.readers import reader_of
 from tests.plans import bag, dxf, grid, pdf, stream
 
@@ -35,7 +34,7 @@ def test_each_format_is_read_in_another_process(tmp_path, monkeypatch):
 
 
 def test_a_bomb_is_refused_within_its_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr(reading_apart, "MEMORY", 300_000_000)
+    monkeypatch.setattr(files, "MEMORY", 300_000_000)
     packer = zlib.compressobj(1, wbits=-15)
     part = packer.compress(bytes(1_000_000)) + packer.flush(zlib.Z_FULL_FLUSH)
     packed = b"\x78\x01" + 300 * part + packer.flush()  # 300 MB in .3 MB; its end is not reached
@@ -46,7 +45,7 @@ def test_a_bomb_is_refused_within_its_memory(tmp_path, monkeypatch):
 
 
 def test_what_takes_too_long_is_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(reading_apart, "SECONDS", 1)
+    monkeypatch.setattr(files, "SECONDS", 1)
     path = tmp_path / "plan.pdf"
     path.write_bytes(pdf(b"".join(b"%d 0 m %d 300 l S\n" % (i % 400, i % 399) for i in range(100_000))))
     with pytest.raises(MapError, match="more than 1 processor seconds to read"):

@@ -14,7 +14,7 @@ from hpop.errors import OptionError
 from hpop.motions.symbolic import lift
 from hpop.world import Ground, World
 from hpop.world.content.content import Landmark
-from hpop.world.sight.in_view import bearing
+from hpop.world.sight.bearings import bearing
 from hpop.world.sight.visibility import (
     _grid,
     landmark_field,

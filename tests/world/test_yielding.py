@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpop.world import Future, Person, Track
-from hpop.world.content.yielding import yielding
+from hpop.world.content.predictions import yielding
 
 REACH = 0.3
 ORIGIN = (0.0, 0.0)

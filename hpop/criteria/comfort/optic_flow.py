@@ -14,8 +14,7 @@ from hpop.errors import CriterionError
 from hpop.models.camera import camera_height, field_of_view, rises
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import surfaces_of
-from hpop.world.sight.bearings import Seen, bearings
-from hpop.world.sight.in_view import ALL_ROUND
+from hpop.world.sight.bearings import ALL_ROUND, Seen, bearings
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,8 @@ from hpop.criteria.base import criterion
 from hpop.criteria.others.robot import check_one_future
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
-from hpop.world.content.checked import named_as
 from hpop.world.content.content import Person
+from hpop.world.content.futures import named_as
 from hpop.world.content.proxemics import any_moves, position
 
 CHORDS = 8  # straight pieces that stand for a curve

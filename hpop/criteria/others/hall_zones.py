@@ -16,8 +16,7 @@ from hpop.criteria.others.robot import checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person
-from hpop.world.content.proxemics import HALL, expected, offset
-from hpop.world.fields.blurred import Blurred
+from hpop.world.content.proxemics import HALL, Blurred, expected, offset
 
 
 @criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("base", "people"))

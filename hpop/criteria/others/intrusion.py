@@ -17,8 +17,7 @@ from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions
 from hpop.motions.instants import Rate
 from hpop.world.content.content import Person
-from hpop.world.content.proxemics import HALL, expected, offset
-from hpop.world.fields.blurred import Blurred
+from hpop.world.content.proxemics import HALL, Blurred, expected, offset
 
 
 @criterion("worst_intrusion", group="O", unit="1", aggregate="max", requires=("base", "people"), quantum=1e-3)

@@ -8,8 +8,8 @@ from hpop.base.arrays import Column
 from hpop.base.options import MOST, real
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
-from hpop.world.content.checked import named_as
 from hpop.world.content.content import Person
+from hpop.world.content.futures import named_as
 from hpop.world.content.proxemics import any_moves
 
 

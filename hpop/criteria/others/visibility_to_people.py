@@ -15,8 +15,7 @@ from hpop.criteria.others.robot import clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person
-from hpop.world.content.proxemics import HALL, expected, in_frame
-from hpop.world.fields.blurred import Blurred
+from hpop.world.content.proxemics import HALL, Blurred, expected, in_frame
 
 
 @criterion("visibility_to_people", group="O", unit="s", aggregate="sum", requires=("base", "people"))

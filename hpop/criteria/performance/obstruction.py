@@ -10,7 +10,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.models.camera import rises
 from hpop.motions import Motions, Rate
-from hpop.world.fields.filled import filled
+from hpop.world.fields.obstruction import filled
 from hpop.world.geometry.rays_in_space import rows
 
 SMALLEST = 0.1  # m: the obstruction is sampled four times a radius, on a map of any size

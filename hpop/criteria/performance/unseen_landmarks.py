@@ -14,7 +14,7 @@ from hpop.models.camera import checked_fov, field_of_view, rises
 from hpop.trajectories.history import History, Track
 from hpop.world.content.content import Landmark
 from hpop.world.sight import sight_in_space
-from hpop.world.sight.in_view import in_view
+from hpop.world.sight.bearings import in_view
 from hpop.world.sight.visibility import sees
 
 STEP = 0.05  # s between the moments at which the viewer looks

@@ -18,7 +18,7 @@ from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import lift, sparse_lookup
 from hpop.world import World
 from hpop.world.fields.field import Field, Places
-from hpop.world.fields.looks import quadratics
+from hpop.world.fields.symbols import Quadratics
 from hpop.world.ground import WHOLE, Heights
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ class SparseField(Field):
             return super().at(places)
         size, lookups = places.u.numel(), self.__dict__["_lookups"]
         if size not in lookups:  # kept: CasADi holds no reference to what it calls in Python
-            callback = quadratics(self._field, size)
+            callback = Quadratics(self._field, size)
             lookups[size] = sparse_lookup(callback, size), callback
         return lift(lookups[size][0](places.points).T, places.shape)
 

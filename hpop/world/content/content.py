@@ -23,9 +23,9 @@ from hpop.base.options import LEAST
 from hpop.base.scalars import is_whole, python_value
 from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.world.content.checked import check_radians, named_as, set_numbers
+from hpop.world.content.futures import check_radians, named_as, set_numbers
 from hpop.world.content.people import Person, described_person, person_from
-from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.shapes import check_coordinates
 
 __all__ = ["Content", "Landmark", "Person", "Zone"]

@@ -7,10 +7,10 @@ prediction may be uncertain (a normal distribution about the place, the same in 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -20,60 +20,24 @@ from hpop.base.math import smooth_step
 from hpop.base.options import LEAST, one_of
 from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.world.content.checked import check_radians, named_as, number, pair, set_numbers
-from hpop.world.tracks.track import FASTEST, Track
+from hpop.world.content.futures import (
+    STANDS,
+    Afterwards,
+    Future,
+    check_radians,
+    check_track,
+    checked_futures,
+    checked_velocity,
+    heading_along,
+    named_as,
+    number,
+    set_numbers,
+)
+from hpop.world.tracks.track import Track
 
-Afterwards = Literal["gone", "stays"]
-STANDS = (0.0, 0.0)
 SAME_PLACE = 1e-3  # m, by which a person's place may differ from where the track has it
 WIDEST = 2.0
 """m, of a person's radius: with what they push or carry; more is given in another unit."""
-SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
-
-
-@checked_arguments
-@dataclass(frozen=True)
-class Future:
-    """One of several things that a person may do.
-
-    weight      above 0; those of a person's futures are divided by their sum
-    velocity    (x, y) m/s
-    track       in the place of a velocity
-    until       s   when this future ends; None as the person's
-    x, y        m   where it begins without a track; None where the person is
-    yaw, afterwards, spread, growth  as the person's, where None
-    """
-
-    weight: float
-    velocity: tuple[float, float] = STANDS
-    track: Track | None = None
-    until: float | None = None
-    afterwards: Afterwards | None = None
-    spread: float | None = None
-    growth: float | None = None
-    x: float | None = None
-    y: float | None = None
-    yaw: float | None = None
-
-    def __post_init__(self) -> None:
-        what = "a future"
-        object.__setattr__(self, "weight", number(what, "weight", self.weight, LEAST**2))
-        object.__setattr__(self, "velocity", _checked_velocity(what, self.velocity))
-        if self.track is not None:
-            _check_track(what, self.track, self.velocity)
-        for name in ("x", "y", "yaw", "until", "spread", "growth"):
-            if getattr(self, name) is not None:
-                least = None if name in ("x", "y", "yaw") else 0.0
-                object.__setattr__(self, name, number(what, name, getattr(self, name), least))
-        check_radians(what, "yaw", self.yaw or 0.0)
-        if self.afterwards is not None:
-            one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
-
-    @classmethod
-    def of(cls, weight: float, person: Person) -> Future:
-        """What a person without futures will do, as one of several things that may be."""
-        names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
-        return cls(weight, **{name: getattr(person, name) for name in names})
 
 
 @checked_arguments
@@ -113,10 +77,10 @@ class Person:
 
     def __post_init__(self) -> None:
         what = named_as("person", self.name)
-        object.__setattr__(self, "velocity", _checked_velocity(what, self.velocity))
+        object.__setattr__(self, "velocity", checked_velocity(what, self.velocity))
         looks_ahead = self.yaw is None
         if looks_ahead:
-            object.__setattr__(self, "yaw", _along(self.velocity))
+            object.__setattr__(self, "yaw", heading_along(self.velocity))
         set_numbers(self, what, "x", "y", "yaw", "radius")
         check_radians(what, "yaw", self.yaw)
         if not self.radius >= LEAST:
@@ -128,7 +92,7 @@ class Person:
         one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
         if self.track is not None:
             self._set_track(what, self.track)
-        object.__setattr__(self, "futures", _checked_futures(what, self.futures, looks_ahead))
+        object.__setattr__(self, "futures", checked_futures(what, self.futures, looks_ahead))
         for future in self.futures:
             self._check_begin(what, future)
         if self.futures and (self.track is not None or self.velocity != STANDS):
@@ -136,7 +100,7 @@ class Person:
 
     def _set_track(self, what: str, track: Track) -> None:
         """Check the track against the person's place, and let the prediction end with it."""
-        _check_track(what, track, self.velocity)
+        check_track(what, track, self.velocity)
         x, y = (float(place) for place in track.at(0.0))
         if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
             raise MapError(
@@ -377,40 +341,3 @@ def _plain(value: Any) -> Any:
 
 
 _DEFAULTS = {field.name: field.default for field in fields(Person)}
-
-
-def _check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
-    if not isinstance(track, Track):
-        raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
-    if velocity != STANDS:
-        raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
-
-
-def _checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
-    """A velocity, m/s; of who is slower than anything that is told apart, such as what a tracker makes of rest, 0."""
-    velocity = pair(what, "velocity", given, "m/s")
-    speed = math.hypot(*velocity)
-    if speed > FASTEST:
-        raise MapError(
-            f"{what} has a velocity of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Velocities are in "
-            "m/s: check the unit."
-        )
-    return velocity if speed >= LEAST else STANDS
-
-
-def _along(velocity: tuple[float, float]) -> float:
-    """Heading in which a velocity leads, rad; 0 of who stands."""
-    return math.atan2(velocity[1], velocity[0]) if velocity != STANDS else 0.0
-
-
-def _checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
-    """Futures whose weights sum to 1; of a person who looks ahead, each says where that is."""
-    futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
-    if futures is None or not all(isinstance(future, Future) for future in futures):
-        raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")
-    if looks_ahead:
-        futures = tuple(replace(f, yaw=_along(f.velocity)) if f.yaw is None else f for f in futures)
-    total = math.fsum(future.weight for future in futures)
-    if not futures or abs(total - 1.0) <= SAME_SUM:
-        return futures
-    return tuple(replace(future, weight=future.weight / total) for future in futures)

@@ -1,4 +1,4 @@
-"""A scalar field over the plane: one array of B-spline coefficients, for numbers and for CasADi symbols.
+"""Scalar fields over the plane: one array of B-spline coefficients, for numbers and for CasADi symbols.
 
 ``f(u, v) = sum_ij C[i, j] B(v - i) B(u - j)`` with the cubic cardinal B-spline B and (u, v) the position in
 grid steps. The grid values themselves are the coefficients (no prefilter), so the field is a local weighted
@@ -6,29 +6,33 @@ mean of its samples: it stays within their range, is exactly constant where the 
 and is twice continuously differentiable. The price is a slight smoothing, ``h^2/6 * laplacian(f)`` for a
 smooth f sampled at spacing h, and at most ``sqrt(2/3) h Lip(f)`` for any Lipschitz f (the squared spread of
 the weights is h^2/3 an axis). Beyond the grid the field keeps the value of the nearest point of its border.
+
+A lazy field samples a block only when a point in it is read. So a first answer in a large building pays for a small
+part of the building.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import RLock
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.base.symbols import lift
-from hpop.world.fields.looks import look
 from hpop.world.geometry.shapes import rotate
 
 PAD = 2
 
 
 class Places(NamedTuple):
-    """Symbolic points in the steps of a grid, none outside of it.
+    """Symbolic points in grid steps, all inside the grid.
 
     u, v    (M, 1) each
     points  (2, M)  both, for MX; None for SX
@@ -44,7 +48,7 @@ class Places(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Samples on a uniform grid, seen as a cubic B-spline.
+    """Scalar field: samples on a uniform grid, as a cubic B-spline.
 
     values   (H, W)        samples; row 0 at the lowest y of the field's frame
     spacing  float         m     distance of neighbouring samples
@@ -73,21 +77,21 @@ class Field:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the samples."""
+        """Return the bytes of the samples."""
         coefficients: FloatArray = self.__dict__["_coefficients"]
         return coefficients.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle the samples only; the compiled CasADi function is built again when asked for."""
+        """Return the samples only; the CasADi function is built again on first use."""
         return {"values": self.values, "spacing": self.spacing, "origin": self.origin}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore from the samples."""
+        """Restore the field from its samples."""
         self.__dict__.update(state)
         self.__post_init__()
 
     def __call__(self, x: Column, y: Column) -> Column:
-        """Values at world points; x and y are (M,) arrays (broadcast) in metres, or CasADi columns."""
+        """Return the values at world points; x and y are (M,) arrays (broadcast) in metres, or CasADi columns."""
         if is_symbolic(x) or is_symbolic(y):
             return self.at(self.places(x, y))
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
@@ -96,13 +100,13 @@ class Field:
 
     @property
     def coefficients(self) -> FloatArray:
-        """The padded samples (H + 2 PAD, W + 2 PAD), by which places are counted in grid steps."""
+        """Return the padded samples (H + 2 PAD, W + 2 PAD), in which grid steps are counted."""
         padded: FloatArray = self.__dict__["_coefficients"]
         return padded
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""
-        from hpop.world.fields._spline import quadratics
+        """Return the partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""
+        from hpop.world.fields._kernels import quadratics
 
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         u, v = (np.ravel(at) for at in self._grid(x, y))
@@ -116,7 +120,7 @@ class Field:
         return slopes
 
     def _grid(self, x: Any, y: Any) -> tuple[Any, Any]:
-        """World points in grid steps of the padded coefficients."""
+        """Convert world points to grid steps of the padded coefficients."""
         u, v = rotate(x - self.origin[0], y - self.origin[1], -self.origin[2])
         return u / self.spacing + PAD, v / self.spacing + PAD
 
@@ -131,11 +135,11 @@ class Field:
         return out.reshape(shape)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """The padded samples, of which those that points (M,) in grid steps take are there."""
+        """Return the padded samples, at least those that points (M,) in grid steps need."""
         return self.coefficients
 
     def places(self, x: Column, y: Column) -> Places:
-        """Where CasADi columns of points lie in this grid; all fields on one grid can be read there."""
+        """Return CasADi columns of points in grid steps; all fields on one grid can be read there."""
         import casadi
 
         u, v = self._grid(x, y)
@@ -148,9 +152,11 @@ class Field:
         return Places(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
 
     def at(self, places: Places) -> Any:
-        """Values at places in this grid, on CasADi symbols."""
+        """Return the values at places in this grid, as CasADi symbols."""
         u, v, points, size = places
         if points is None:
+            from hpop.world.fields.symbols import look  # CasADi, an optional program's library, takes time to import
+
             return lift(look(self, u, v), size)
         function = self.__dict__.get("_function")
         if function is None:
@@ -160,7 +166,7 @@ class Field:
         return lift(values, size)
 
     def _build(self) -> Any:
-        """Give the same coefficients to a CasADi B-spline with uniform knots (3 ms at 160 x 160)."""
+        """Build a CasADi B-spline with the same coefficients and uniform knots (3 ms at 160 x 160)."""
         import casadi
 
         rows, columns = self.coefficients.shape
@@ -170,7 +176,7 @@ class Field:
 
 
 def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """The sample (M,) before places along an axis of so many, and the part of a step from there; see `spline`."""
+    """Return the sample (M,) before places along an axis of ``count`` samples, and the part of a step beyond it."""
     at = np.minimum(np.maximum(at, 1.0), count - 2.0)
     before = np.fmin(at, count - 3.0).astype(np.int64)  # of NaN too
     return before, at - before
@@ -178,17 +184,200 @@ def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
 
 @lru_cache(maxsize=1)
 def _kernel() -> Any:
-    """Compile, or load from the cache, the NumPy side: the value at each point."""
-    from hpop.world.fields._spline import spline
+    """Return the compiled spline, imported on first use: numba takes half a second to import."""
+    from hpop.world.fields._kernels import spline
 
     return spline
 
 
 def grid_points(bounds: tuple[float, float, float, float], spacing: float) -> tuple[FloatArray, FloatArray]:
-    """Sample positions (xs, ys), m, that cover ``bounds`` and one more step all round."""
+    """Return sample positions (xs, ys), m, that cover ``bounds`` and one more step on every side."""
     x0, y0, x1, y1 = bounds
     columns = math.ceil((x1 - x0) / spacing) + 3
     rows = math.ceil((y1 - y0) / spacing) + 3
     steps = (np.arange(count, dtype=np.float64) - 1.0 for count in (columns, rows))
     xs, ys = (np.asarray(low + spacing * step) for low, step in zip((x0, y0), steps, strict=True))
     return xs, ys
+
+
+BLOCK = 32  # nodes along a side of a block
+AT_ONCE = 256  # blocks that are sampled together
+
+
+class LazyField(Field):
+    """Field whose samples are computed block by block, when a point in a block is first read.
+
+    Values are those of the field sampled as a whole. Who takes ``values``, or pickles it gets all.
+
+    >>> asked = []
+    >>> def sample(x, y):
+    ...     asked.append(x.size)
+    ...     return np.full(x.shape, 0.5)
+    >>> field = LazyField(np.arange(900.0), np.arange(900.0), 1.0, sample)
+    >>> field(np.array([450.0]), np.array([450.0])), asked[0] < 2000
+    (array([0.5]), True)
+    """
+
+    def __init__(
+        self,
+        xs: FloatArray,
+        ys: FloatArray,
+        spacing: float,
+        sample: Callable[[FloatArray, FloatArray], FloatArray],
+        within: tuple[float, float] = (0.0, 1.0),
+    ) -> None:
+        """Set up an empty field; (ys, xs) are node positions, m, and ``sample`` returns the values (N,) at nodes.
+
+        ``within`` are a lower and an upper bound of all values.
+        """
+        whole = np.zeros((ys.size + 2 * PAD, xs.size + 2 * PAD))
+        shown = whole.view()
+        shown.setflags(write=False)
+        self.__dict__.update(
+            spacing=float(spacing),
+            origin=(float(xs[0]), float(ys[0]), 0.0),
+            _range=within,
+            _whole=whole,
+            _coefficients=shown,
+            _axes=(xs, ys),
+            _sample=sample,
+            _done=np.zeros((ys.size, xs.size), dtype=bool),
+            _lock=RLock(),
+            _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
+        )
+
+    @property
+    def values(self) -> FloatArray:
+        """Compute and return all samples (H, W)."""
+        return self.coefficients[PAD:-PAD, PAD:-PAD]
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """Compute and return all samples, with the border repeated."""
+        self._fill(np.ones_like(self.__dict__["_asked"]))
+        return super().coefficients
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle all samples, as a `Field`."""
+        return Field, (self.values, self.spacing, self.origin)
+
+    def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
+        """Sample the blocks that the spline reads at points in grid steps."""
+        asked: Any = self.__dict__["_asked"]
+        if not asked.all():
+            rows, columns = self.__dict__["_coefficients"].shape
+            # As the spline clamps; fmin and fmax turn NaN into a number.
+            j, i = (
+                np.fmax(np.fmin(at, count - 3.0), 1.0).astype(np.int64) // BLOCK
+                for at, count in ((u, columns), (v, rows))
+            )
+            wanted = np.zeros_like(asked)
+            wanted[i, j] = True
+            self._fill(wanted)
+        return super().coefficients
+
+    def _fill(self, wanted: Any) -> None:
+        """Sample the wanted blocks (of coefficients) that are missing; one thread at a time."""
+        with self.__dict__["_lock"]:
+            self._filled(wanted)
+
+    def _filled(self, wanted: Any) -> None:
+        wanted = wanted & ~self.__dict__["_asked"]
+        blocks = np.argwhere(wanted)
+        for begin in range(0, len(blocks), AT_ONCE):
+            self._sampled(blocks[begin : begin + AT_ONCE])
+
+    def _sampled(self, blocks: IntArray) -> None:
+        """Sample the missing nodes of some blocks (B, 2), sorted by row."""
+        asked, whole = (self.__dict__[name] for name in ("_asked", "_whole"))
+        corners = blocks * BLOCK - PAD
+        first = max(int(corners[0, 0]) - 1, 0)
+        done: BoolArray = self.__dict__["_done"][first : int(corners[-1, 0]) + BLOCK + 2]
+        todo = np.zeros_like(done)
+        for i, j in (corners - [first, 0]).tolist():
+            # A point takes the coefficients from one before its own to two after it.
+            todo[max(i - 1, 0) : i + BLOCK + 2, max(j - 1, 0) : j + BLOCK + 2] = True
+        todo &= ~done
+        rows, columns = np.nonzero(todo)
+        rows += first
+        xs, ys = self.__dict__["_axes"]
+        inside = whole[PAD:-PAD, PAD:-PAD]
+        inside[rows, columns] = self.__dict__["_sample"](xs[columns], ys[rows])
+        done |= todo
+        _repeat_border(whole)
+        asked[blocks[:, 0], blocks[:, 1]] = True  # last: neither Ctrl-C nor another thread finds a half of a block
+
+
+class TiledField(LazyField):
+    """Lazy field whose nodes are sampled in tiles of a given size, such as those of a transform.
+
+    >>> tiles = []
+    >>> def sample(rows, columns):
+    ...     tiles.append((rows.start, columns.start))
+    ...     return np.full((rows.stop - rows.start, columns.stop - columns.start), 0.5)
+    >>> field = TiledField((900, 700), 1.0, (0.0, 0.0, 0.0), 200, sample)
+    >>> field(np.array([450.0]), np.array([90.0])), tiles
+    (array([0.5]), [(0, 400)])
+    """
+
+    def __init__(
+        self,
+        shape: tuple[int, int],
+        spacing: float,
+        origin: tuple[float, float, float],
+        side: int,
+        sample: Callable[[slice, slice], FloatArray],
+    ) -> None:
+        """Set up an empty field; ``sample`` returns the values of a tile of at most side x side nodes."""
+        whole = np.zeros((shape[0] + 2 * PAD, shape[1] + 2 * PAD))
+        shown = whole.view()
+        shown.setflags(write=False)
+        self.__dict__.update(
+            spacing=float(spacing),
+            origin=origin,
+            _range=(0.0, 1.0),
+            _whole=whole,
+            _coefficients=shown,
+            _side=side,
+            _sample=sample,
+            _made=np.zeros([-(-size // side) for size in shape], dtype=bool),
+            _lock=RLock(),
+            _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
+        )
+
+    def _filled(self, wanted: Any) -> None:
+        asked, made, side, whole = (self.__dict__[name] for name in ("_asked", "_made", "_side", "_whole"))
+        wanted = wanted & ~asked
+        if not wanted.any():
+            return
+        inside = whole[PAD:-PAD, PAD:-PAD]
+        # A point takes the coefficients from one before its own to two after it.
+        first = np.argwhere(wanted) * BLOCK - PAD - 1
+        tiles = {
+            (int(i), int(j))
+            for low, high in zip(
+                _tile(first, side, made.shape), _tile(first + BLOCK + 2, side, made.shape), strict=True
+            )
+            for i in range(low[0], high[0] + 1)
+            for j in range(low[1], high[1] + 1)
+        }
+        for i, j in sorted(tiles):
+            if not made[i, j]:
+                rows, columns = (
+                    slice(k * side, min((k + 1) * side, size)) for k, size in zip((i, j), inside.shape, strict=True)
+                )
+                inside[rows, columns] = self.__dict__["_sample"](rows, columns)
+                made[i, j] = True
+        _repeat_border(whole)
+        asked |= wanted
+
+
+def _tile(nodes: IntArray, side: int, shape: tuple[int, ...]) -> IntArray:
+    """Return the tiles (N, 2) of nodes; nodes beyond the grid count to the nearest tile."""
+    return np.clip(nodes // side, 0, np.array(shape) - 1)
+
+
+def _repeat_border(whole: FloatArray) -> None:
+    """Copy the border of the samples into their padding."""
+    whole[PAD:-PAD, :PAD], whole[PAD:-PAD, -PAD:] = whole[PAD:-PAD, PAD : PAD + 1], whole[PAD:-PAD, -PAD - 1 : -PAD]
+    whole[:PAD], whole[-PAD:] = whole[PAD], whole[-PAD - 1]

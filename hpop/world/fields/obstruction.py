@@ -1,15 +1,17 @@
 """Obstruction phi: which fraction of a ball round the camera is inside obstacles.
 
-``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` (Becerra et al. 2020). Two ways to compute it: for
-polygons in closed form, for cells as a convolution of the occupancy with the closed form of one cell. Both
-are exact up to rounding; they differ by how the obstacles are described.
+``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` (Becerra et al. 2020). There are three ways to compute it:
+for polygons in closed form, for cells as a convolution of the occupancy with the closed form of one cell, and for
+solids in space by rays. The first two are exact up to rounding.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
+from threading import RLock
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -19,7 +21,11 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.runtime import limits
+from hpop.world.geometry.rays_in_space import Surfaces, surfaces_of
 from hpop.world.geometry.shapes import Obstacle, Raster, overlaps
+
+if TYPE_CHECKING:
+    from hpop.world.world import World
 
 NOISE = 1e-9
 """Rounding of the FFT: values below are 0."""
@@ -61,11 +67,11 @@ class RasterBalls:
 
     @property
     def side(self) -> int:
-        """Nodes along a tile."""
+        """Return the nodes along a tile."""
         return self._tile - self._overlap
 
     def values(self, rows: slice, columns: slice) -> FloatArray:
-        """Fractions, in [0, 1], in a tile that begins at a multiple of its side."""
+        """Return the fractions, in [0, 1], in a tile that begins at a multiple of its side."""
         height, width = rows.stop - rows.start, columns.stop - columns.start
         cells = self._cells(rows, columns)
         product = self._transform * np.fft.rfft2(cells, (self._tile, self._tile))
@@ -74,7 +80,7 @@ class RasterBalls:
         return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
 
     def _cells(self, rows: slice, columns: slice) -> FloatArray:
-        """Occupancy of the cells that a tile's balls reach, the border round the image among them."""
+        """Return the occupancy of the cells that a tile's balls reach, with the border round the image."""
         cells, border = self._raster.cells, self._border
         spans = [
             (part.start - border, min(part.start + self._tile - border, size + border))
@@ -91,7 +97,7 @@ class RasterBalls:
 def raster_obstruction(
     raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
 ) -> FloatArray:
-    """Obstructed fraction (H + 2 pad, W + 2 pad) at every cell centre; see :class:`RasterBalls`."""
+    """Return the obstructed fraction (H + 2 pad, W + 2 pad) at every cell centre; see :class:`RasterBalls`."""
     balls = RasterBalls(raster, radius, camera_z, outside_is_obstacle, pad=pad)
     out = np.empty(balls.shape)
     for row in range(0, out.shape[0], balls.side):
@@ -105,7 +111,7 @@ def raster_obstruction(
 
 
 def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: Column, radius: float) -> FloatArray:
-    """Obstructed fraction of the ball round each camera position, in closed form.
+    """Return the obstructed fraction of the ball round each camera position, in closed form.
 
     The volume over a polygon is a signed sum over its edges of elementary integrals of the ball's column
     height (derived for this project, checked against Monte Carlo). Overlapping obstacles count once: touching
@@ -138,8 +144,8 @@ def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: 
 def prism_obstruction(
     parts: Sequence[BaseGeometry], heights: FloatArray, x: Column, y: Column, z: Column, radius: float
 ) -> FloatArray:
-    """`polygon_obstruction` of disjoint prisms, as :func:`disjoint_prisms` gives them."""
-    from hpop.world.fields._ball import ball_volumes
+    """Return `polygon_obstruction` of disjoint prisms, as :func:`disjoint_prisms` gives them."""
+    from hpop.world.fields._kernels import ball_volumes
 
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
     x, y, z = (np.ravel(c) for c in np.broadcast_arrays(*columns))
@@ -178,7 +184,7 @@ def disjoint_prisms(obstacles: Sequence[Obstacle]) -> tuple[list[BaseGeometry], 
 
 
 def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
-    """Group the indices of the polygons by who touches whom."""
+    """Group the indices of polygons that touch, directly or through others."""
     if not polygons:
         return []
     tree, shapes = shapely.STRtree(polygons), np.asarray(polygons, dtype=object)
@@ -209,7 +215,7 @@ def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntAr
 
 
 def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
-    """Edges (E, 4) of the geometries' rings, m, and where each geometry's edges begin (S + 1,)."""
+    """Return edges (E, 4) of the geometries' rings, m, and where each geometry's edges begin (S + 1,)."""
     parts, owner = shapely.get_parts(np.asarray(geometries, dtype=object), return_index=True)
     area = shapely.area(parts) > 0
     rings, part = shapely.get_rings(shapely.orient_polygons(parts[area]), return_index=True)
@@ -218,3 +224,79 @@ def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
     edges = np.concatenate([points[:-1][same], points[1:][same]], axis=1)
     slab = owner[area][part[ring[:-1][same]]]
     return edges, np.searchsorted(slab, np.arange(len(geometries) + 1)).astype(np.int64)
+
+
+PER_RADIUS = 10  # nodes
+RAYS = 1000  # of each node, over the ball: an edge or a corner is met to a thousandth or two
+MOST = 1 << 22  # nodes that are kept, 64 MB
+SIDE = 1 << 20  # nodes on either side of the middle, of what a key has room for
+STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
+AROUND = np.array([*product(range(-1, 3), repeat=3)], np.int64) @ STRIDES  # nodes by which a cell is interpolated
+CUBICS = 0.5 * np.array([[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]])
+
+
+class Filled:
+    """Share of the ball of ``radius`` m round a place that bodies fill.
+
+    The share changes slowly, by no more than 3/4 where its centre moves by the radius. So rays measure it at the nodes
+    of a grid, a tenth of the radius apart, and cubics without kinks (Catmull and Rom 1974) interpolate it. A node is
+    computed once, when a place near it is first read; its value does not depend on the order of reading.
+
+    >>> from hpop.world.geometry.solids import Box, Solid, pose_at
+    >>> wall = Solid(Box((9.0, 99.0, 99.0)), pose_at((5.5, 0.0, 0.0)))  # its face is 1 m away
+    >>> Filled(Surfaces.of([wall]), 2.0)(np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).round(2)  # 5/32, 0
+    array([0.16, 0.  ])
+    """
+
+    def __init__(self, surfaces: Surfaces, radius: float) -> None:
+        self._surfaces, self._radius, self._spacing = surfaces, radius, radius / PER_RADIUS
+        self._middle = surfaces.rounds[:, :3].mean(axis=0) if len(surfaces) else np.zeros(3)
+        self._keys, self._values = np.empty(0, np.int64), np.empty(0)
+        self._lock = RLock()
+
+    @property
+    def nbytes(self) -> int:
+        """Return the bytes of the nodes computed so far."""
+        return self._keys.nbytes + self._values.nbytes
+
+    def __call__(self, places: FloatArray) -> FloatArray:
+        """Return the shares (N,), in [0, 1], round places (N, 3), m."""
+        if not len(self._surfaces):
+            return np.zeros(len(places))
+        scaled = np.clip((places - self._middle) / self._spacing, 4.0 - SIDE, SIDE - 4.0)
+        corner = np.floor(scaled)
+        cells, which = np.unique((corner.astype(np.int64) + SIDE) @ STRIDES, return_inverse=True)
+        share = self._at(cells[:, None] + AROUND).reshape(-1, 4, 4, 4)[which]  # (N, 4, 4, 4)
+        powers = (scaled - corner)[..., None] ** np.arange(4)
+        for weights in np.einsum("nik,kj->inj", powers, CUBICS)[::-1]:
+            share = np.einsum("n...j,nj->n...", share, weights)
+        return np.clip(share, 0.0, 1.0)
+
+    def _at(self, nodes: IntArray) -> FloatArray:
+        """Return the shares at nodes; one thread computes missing nodes while others wait."""
+        some, which = np.unique(nodes, return_inverse=True)
+        with self._lock:
+            place = np.minimum(np.searchsorted(self._keys, some), max(0, self._keys.size - 1))
+            new = some[self._keys[place] != some] if self._keys.size else some
+            if new.size:
+                made = self._surfaces.filled(self._places(new), self._radius, RAYS)
+                if self._keys.size + new.size > MOST:
+                    known = np.isin(self._keys, some, assume_unique=True)
+                    self._keys, self._values = self._keys[known], self._values[known]
+                keys, values = np.append(self._keys, new), np.append(self._values, made)
+                order = np.argsort(keys, kind="stable")
+                self._keys, self._values = keys[order], values[order]
+                place = np.searchsorted(self._keys, some)
+            found: FloatArray = self._values[place][which.reshape(nodes.shape)]
+        return found
+
+    def _places(self, nodes: IntArray) -> FloatArray:
+        """Return the positions (N, 3), m, of nodes."""
+        numbers = np.stack([nodes >> 42, nodes >> 21 & 2 * SIDE - 1, nodes & 2 * SIDE - 1], axis=1) - SIDE
+        return self._middle + self._spacing * numbers
+
+
+def filled(world: World, radius: float) -> Filled:
+    """Return the share that a world's solids fill of balls of ``radius`` m; kept with the ground."""
+    ground = world.ground
+    return ground.derived(("filled balls", radius), lambda: Filled(surfaces_of(world), radius))

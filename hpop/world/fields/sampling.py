@@ -1,4 +1,4 @@
-"""Fill the fields of a world, obstruction and clearance at the nodes of a grid, and read those of several heights."""
+"""Sample the fields of a world, obstruction and clearance, on a grid, and read fields of several heights."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ from hpop.base.arrays import BoolArray, Column, FloatArray, distinct
 from hpop.base.math import is_symbolic
 from hpop.errors import OptionError
 from hpop.runtime import limits
-from hpop.world.fields.field import Field, grid_points
-from hpop.world.fields.lazy_field import LazyField, TiledField
+from hpop.world.fields.field import Field, LazyField, TiledField, grid_points
 from hpop.world.fields.obstruction import RasterBalls, disjoint_prisms, prism_obstruction
-from hpop.world.geometry.edge_tree import EdgeTree
-from hpop.world.geometry.planar import FreeSpace, edges_of_one
+from hpop.world.geometry.planar import EdgeTree, FreeSpace, edges_of_one
 from hpop.world.geometry.shapes import Obstacle, Raster
 
 if TYPE_CHECKING:
@@ -75,7 +73,7 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
 
 
 def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
-    """Blocks of nodes (ys, xs) of which one may be nearer to some edges (E, 4), m, than its clearance (H, W), m."""
+    """Return which blocks of nodes (ys, xs) may lie nearer to edges (E, 4), m, than their clearance (H, W), m."""
     rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
     if not len(edges):
         return np.zeros((rows.size, columns.size), dtype=bool)
@@ -95,7 +93,7 @@ def sample_obstruction(ground: Ground, radius: float, z: float) -> Field:
 
 
 def obstructed(world: World, pose: Pose, radius: float) -> Column:
-    """Obstruction (M,) at the heights of the poses, a field for each; see `World.obstruction`."""
+    """Return the obstruction (M,) at the heights of the poses, a field for each; see `World.obstruction`."""
     x, y = pose.x, pose.y
     if not world.has_heights:
         return world.obstruction_field(radius)(x, y)
@@ -166,7 +164,7 @@ def _sample_raster(ground: Ground, raster: Raster, radius: float, z: float) -> F
 
 
 def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
-    """Return what an obstacle adds to the raster: a volume that both fill counts once."""
+    """Return the volume that an obstacle adds to the raster; volume filled by both counts once."""
     bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
     if bottom >= top:
         return [obstacle]
@@ -182,6 +180,6 @@ def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Ob
 
 
 def _prisms(geometry: BaseGeometry, z_min: float = -math.inf, z_max: float = math.inf) -> list[Obstacle]:
-    """Obstacles from the polygons of a geometry; lines and points that an overlay leaves have no volume."""
+    """Return obstacles from the polygons of a geometry; lines and points that an overlay leaves have no volume."""
     parts = shapely.get_parts(geometry)
     return [Obstacle(part, z_min, z_max) for part in parts if part.area > 0]

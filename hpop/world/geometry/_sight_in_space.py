@@ -8,7 +8,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
-from hpop.world.geometry._rays_in_space import PARALLEL, TOUCH, bundle, in_bundle, inside, within_reach
+from hpop.world.geometry._kernels import PARALLEL, TOUCH, bundle, in_bundle, inside, within_reach
 
 BOX = 3  # planes of a box, at most, before which a place outside it is
 

@@ -1,10 +1,15 @@
-"""Outlines of occupied cells: where solid meets free, and nothing else, is looked at.
+"""Outlines of cells and polygons: traced where solid meets free, and their crossings counted before GEOS sees them.
 
-GEOS joins squares in a time that grows faster than their number, and cannot be stopped meanwhile: 800 x 800 cells of
-noise take a minute. Their borders are known, so it is only asked which rings they make: 13 microseconds a corner.
+GEOS cannot be interrupted, and its time grows fast with the input. It joins squares in a time that grows faster than
+their number (800 x 800 cells of noise take a minute), so here only the borders of the cells become rings. It mends an
+outline in a time that grows with the square of its crossings and more, and tests one in a time that grows with the
+pairs of segments whose boxes overlap. These are counted here with NumPy, exactly but for rounding, up to a bound.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import shapely
@@ -12,7 +17,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import MapError
 from hpop.runtime import limits
 
@@ -21,7 +26,7 @@ MOST_CORNERS = 500_000
 
 
 def outlined(cells: BoolArray) -> BaseGeometry:
-    """Union of unit squares, one for each cell (H, W) that is True, exact; a corner wherever an outline turns.
+    """Return the exact union of unit squares, one for each True cell (H, W); a corner wherever an outline turns.
 
     Raises MapError where there are more than `MOST_CORNERS`.
     """
@@ -51,16 +56,134 @@ def outlined(cells: BoolArray) -> BaseGeometry:
 
 
 def _borders(x: IntArray, y: IntArray, leave: BoolArray) -> IntArray:
-    """Straight borders (n, 2, 2) from corners to the next ones in their row or column, which the corners follow."""
+    """Return straight borders (n, 2, 2), from each corner to the next one in its row or column."""
     first = np.flatnonzero(leave[y, x])
     points = np.stack([x, y], axis=1)
     return np.stack([points[first], points[first + 1]], axis=1)
 
 
 def _lowest(rings: NDArray[np.object_]) -> IntArray:
-    """The lowest point (n, 2) of each ring, of several the leftmost: the cell above to the right lies within."""
+    """Return the lowest point (n, 2) of each ring, the leftmost of several: the cell above to the right is inside."""
     points, ring = shapely.get_coordinates(rings, return_index=True)
     order = np.lexsort((points[:, 0], points[:, 1], ring))
     first = order[np.flatnonzero(np.append(True, np.diff(ring) > 0))]
     lowest: IntArray = points[first].astype(np.int64)
     return lowest
+
+
+MOST_MENDED = 1_000
+"""Crossings of an outline that is mended."""
+MOST_SQUARES = 5 * MOST_MENDED**2
+"""Sum of the squared numbers of crossings of all outlines of a file that are mended: some seconds."""
+MOST_JOINED = 100_000
+"""Crossings of outlines that are joined."""
+MOST_NEAR = 200_000
+"""Pairs of segments of a line that are so near to each other that their strips overlap."""
+MOST_PAIRS = 20_000_000
+"""Pairs of segments whose boxes overlap."""
+AT_ONCE = 1_000_000
+"""Pairs of segments that are looked at together, about."""
+
+
+def check_mendable(outline: BaseGeometry, what: str) -> int:
+    """Return how often an outline crosses itself.
+
+    Raises MapError where that is more than `MOST_MENDED` times, or the outline lies on itself again and again.
+    """
+    segments = _segments([outline])
+    found = _bound(what, "crosses itself", MOST_MENDED, (_crossings(*pair) for pair in _pairs(segments, what)))
+    touching = (_crossings(*pair, touching=True) for pair in _pairs(segments, what))
+    _bound(what, "touches itself", MOST_JOINED + 10 * len(segments), touching)  # neighbours do
+    return found
+
+
+def check_mendable_together(crossings: Sequence[int], what: str) -> None:
+    """Refuse outlines that cross themselves at most `MOST_MENDED` times each, but take too long together."""
+    if sum(count * count for count in crossings) > MOST_SQUARES:
+        raise MapError(
+            f"{what}: {len(crossings):,} of its outlines cross themselves {sum(crossings):,} times in all, up to "
+            f"{max(crossings):,} times each; expected a floor plan. Simplify them, or leave them out."
+        )
+
+
+def check_each_joinable(outlines: NDArray[np.object_], names: Sequence[object]) -> None:
+    """Refuse outlines any of which crosses itself more than `MOST_JOINED` times."""
+    for i in np.flatnonzero(_may_cross(shapely.get_num_coordinates(outlines))).tolist():
+        check_joinable([outlines[i]], str(names[i]))
+
+
+def check_joinable(outlines: Sequence[BaseGeometry], what: str) -> None:
+    """Refuse outlines whose segments cross more than `MOST_JOINED` times."""
+    if _may_cross(shapely.get_num_coordinates(outlines).sum()):
+        crossings = (_crossings(*pair) for pair in _pairs(_segments(outlines), what))
+        _bound(what, "has outlines that cross", MOST_JOINED, crossings)
+
+
+def check_widenable(line: BaseGeometry, distance: float, what: str) -> None:
+    """Refuse a line that comes so near to itself that a strip along it, as wide as twice the distance, is useless."""
+    near = (len(first) for first, _ in _pairs(_segments([line]), what, margin=distance))
+    _bound(what, "comes near to itself", MOST_NEAR, near)
+
+
+def _may_cross(count: Any) -> Any:
+    """Return whether outlines of ``count`` points can cross more than `MOST_JOINED` times."""
+    return count * count > 2 * MOST_JOINED
+
+
+def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> int:
+    """Add up counts; raise MapError as soon as the sum is above ``most``."""
+    found = 0
+    for count in counts:
+        found += count
+        if found > most:
+            raise MapError(
+                f"{what} {does} at least {found:,} times; expected a floor plan, at most {most:,} times. Simplify it, "
+                "or leave it out."
+            )
+    return found
+
+
+def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield pairs of segments (m, 2, 2) whose boxes, grown by a margin, overlap; each pair once, in large batches."""
+    corners = np.concatenate([segments.min(axis=1) - margin, segments.max(axis=1) + margin], axis=1)
+    boxes = np.atleast_1d(shapely.box(*corners.T))
+    tree = shapely.STRtree(boxes)
+    begin, step, looked = 0, 64, 0
+    while begin < len(segments):
+        limits.check("crossings of outlines were counted")
+        first, second = tree.query(boxes[begin : begin + step])
+        later = second > first + begin
+        looked += int(np.count_nonzero(later))
+        if looked > MOST_PAIRS:
+            raise MapError(
+                f"{what} has {len(segments):,} segments that lie across one another; expected a floor plan. Simplify "
+                "it, or leave it out."
+            )
+        yield segments[first[later] + begin], segments[second[later]]
+        begin += step
+        step = max(1, min(2 * step, step * AT_ONCE // max(1, first.size)))
+
+
+def _segments(outlines: Sequence[BaseGeometry]) -> FloatArray:
+    """Return the ends (n, 2, 2) of the segments of all lines and rings, without segments of no length."""
+    parts = shapely.get_parts(outlines)
+    polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
+    lines = np.concatenate([parts[~polygons], shapely.get_rings(parts[polygons])])
+    points, line = shapely.get_coordinates(lines, return_index=True)
+    pairs = np.stack([points[:-1], points[1:]], axis=1)
+    return np.asarray(pairs[(line[:-1] == line[1:]) & (pairs[:, 0] != pairs[:, 1]).any(axis=1)])
+
+
+def _crossings(first: FloatArray, second: FloatArray, *, touching: bool = False) -> int:
+    """Count the pairs of segments (m, 2, 2) with overlapping boxes that cross, or also touch."""
+    for _ in range(2):
+        apart = _side(first, second[:, 0]) * _side(first, second[:, 1])
+        meet = apart <= 0 if touching else apart < 0
+        first, second = second[meet], first[meet]
+    return len(first)
+
+
+def _side(segments: FloatArray, points: FloatArray) -> FloatArray:
+    """Return on which side of the lines through segments the points lie: -1, 0 or 1 (m,)."""
+    u, v = segments[:, 1] - segments[:, 0], points - segments[:, 0]
+    return np.asarray(np.sign(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))

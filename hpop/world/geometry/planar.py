@@ -1,11 +1,13 @@
-"""Distances in the plane: how far points and segments are from the border of a free region, exactly.
+"""Distances in the plane: edges in trees and grids, and how far points and segments are from a free region's border.
 
 The free region is the extent without everything blocked; its border therefore holds the obstacles' outlines,
-the keep-out zones' and the extent's own. A tree of boxes answers for points, another one for other shapes.
+the keep-out zones' and the extent's own. A tree of boxes answers for points, another one for other shapes; rays visit
+the buckets of a grid. All distances are exact.
 """
 
 from __future__ import annotations
 
+import math
 import threading
 from dataclasses import dataclass, field
 from weakref import WeakKeyDictionary
@@ -15,8 +17,85 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import BoolArray, FloatArray
-from hpop.world.geometry.edge_tree import EdgeTree
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
+
+LEAF = 4  # pieces of edges in a leaf
+ROUNDING = 8  # units in the last place by which boxes are wider: none is passed over for its rounding
+BITS = 16  # of each coordinate, by which pieces are put in order
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeTree:
+    """Edges in a binary tree of boxes; the children of node i are 2 i + 1 and 2 i + 2.
+
+    The time for a point grows with the logarithm of the number of edges, and at most with its square root: in the
+    middle of a circle of many edges all are about equally near.
+
+    edges    (E, 4)     m   x0, y0, x1, y1; at least one
+    members  (L, LEAF)      the edges in each leaf, some of them again to fill it; L is a power of two
+    boxes    (2 L - 1, 4)   m   x_min, y_min, x_max, y_max of each node; the last L are the leaves
+    """
+
+    edges: FloatArray
+    members: IntArray
+    boxes: FloatArray
+
+    @classmethod
+    def build(cls, edges: FloatArray) -> EdgeTree:
+        """Build a tree of edges (E, 4), m. Long edges are cut, so that boxes are small."""
+        edge, pieces = _pieces(edges)
+        middle = 0.5 * (pieces[:, :2] + pieces[:, 2:])
+        order = np.argsort(_curve(middle), kind="stable")
+        leaves = 1 << max(0, math.ceil(order.size / LEAF) - 1).bit_length()
+        filled = np.minimum(np.arange(leaves * LEAF), order.size - 1)
+        members = edge[order[filled]].reshape(leaves, LEAF)
+        low, high = (
+            reach(pieces[:, :2], pieces[:, 2:])[order[filled]].reshape(leaves, LEAF, 2)
+            for reach in (np.minimum, np.maximum)
+        )
+        slack = ROUNDING * np.spacing(np.abs(edges).max())
+        boxes = np.empty((2 * leaves - 1, 4))
+        boxes[leaves - 1 :] = np.concatenate([low.min(axis=1) - slack, high.max(axis=1) + slack], axis=1)
+        while leaves > 1:
+            leaves //= 2
+            below = boxes[2 * leaves - 1 : 4 * leaves - 1].reshape(leaves, 2, 4)
+            boxes[leaves - 1 : 2 * leaves - 1] = np.concatenate(
+                [below[:, :, :2].min(axis=1), below[:, :, 2:].max(axis=1)], axis=1
+            )
+        return cls(edges, members, boxes)
+
+    def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the distance (M,), m, of points to the nearest edge."""
+        from hpop.world.geometry._kernels import nearest
+
+        out, levels = np.empty(x.shape), len(self.members).bit_length() + 1
+        nearest(self.edges, self.members, self.boxes, np.empty(2 * levels, np.int64), np.empty(2 * levels), x, y, out)
+        return out
+
+
+def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Cut long edges; return the edge (P,) of each piece and its ends (P, 4), m."""
+    size = edges.reshape(-1, 2).max(axis=0) - edges.reshape(-1, 2).min(axis=0)
+    most = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() * 2.0 / len(edges), 1e-9)
+    slanting = (edges[:, :2] != edges[:, 2:]).all(axis=1)  # what is parallel to an axis fills its box
+    length = np.where(slanting, np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1]), 0.0)
+    count = np.maximum(1, np.ceil(length / most)).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), count)
+    number = np.arange(edge.size) - np.repeat(np.cumsum(count) - count, count)
+    begin, end = (share[:, None] / count[edge][:, None] for share in (number, number + 1))
+    first, last = edges[edge, :2], edges[edge, 2:]
+    return edge, np.concatenate([first + begin * (last - first), first + end * (last - first)], axis=1)
+
+
+def _curve(points: FloatArray) -> IntArray:
+    """Return the places (P,) of points on a Morton curve through the square that holds them."""
+    low = points.min(axis=0)
+    side = max(float((points.max(axis=0) - low).max()), 1e-9)
+    cells = np.minimum((points - low) / side * 2**BITS, 2**BITS - 1).astype(np.int64)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        cells = (cells | (cells << shift)) & mask
+    return np.asarray(cells[:, 0] | (cells[:, 1] << 1))
+
 
 TOLERANCE = 1e-9
 """Metres by which a segment may miss its margin."""
@@ -25,7 +104,7 @@ GRID = 2.0**-43
 
 
 def without(region: BaseGeometry, blocked: BaseGeometry) -> BaseGeometry:
-    """A region without what is blocked, m.
+    """Return a region without a blocked part, m.
 
     GEOS may lose whole polygons, and not say so, where edges all but coincide, as those of cells on a map that is
     turned: seen once in a thousand small maps, and never on a grid.
@@ -39,7 +118,7 @@ def without(region: BaseGeometry, blocked: BaseGeometry) -> BaseGeometry:
 
 @dataclass(frozen=True, eq=False)
 class FreeSpace:
-    """A free region (polygon or multipolygon, m) and the edges of its border."""
+    """Free region (polygon or multipolygon, m) and the edges of its border."""
 
     region: BaseGeometry
     edges: FloatArray = field(init=False)  # (E, 2, 2) m
@@ -62,28 +141,28 @@ class FreeSpace:
         object.__setattr__(self, "_tree", shapely.STRtree(lines))
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance (m) to the nearest edge of the border, inside and outside alike; inf without a border."""
+        """Return the distance (m) to the nearest edge of the border, from either side; inf without a border."""
         if not len(self.edges):
             return np.full(x.shape, np.inf)
         return self._nearest.distance(x, y)
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Whether points are strictly inside the free region."""
+        """Return whether points are strictly inside the free region."""
         return shapely.contains_xy(self.region, x, y)
 
     def clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Distance (m) to the border for points inside, 0 for all others; NaN for NaN."""
+        """Return the distance (m) to the border for points inside, 0 for all others; NaN for NaN."""
         result = np.where(np.isnan(x) | np.isnan(y), np.nan, 0.0)
         inside = self.contains(x, y)
         result[inside] = self.distance(x[inside], y[inside])
         return result
 
     def signed_clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """`clearance` for points inside, minus the distance to the free region for all others."""
+        """Return `clearance` for points inside, minus the distance to the free region for all others."""
         return np.where(self.contains(x, y), 1.0, -1.0) * self.distance(x, y)
 
     def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
-        """Whether segments lie in the free region, at least ``margin`` (>= 0, m) from its border.
+        """Return whether segments lie in the free region, at least ``margin`` (>= 0, m) from its border.
 
         Cheap tests decide most: free if the midpoint's clearance exceeds margin + half the length, not free
         if an end is closer than the margin. The rest asks the tree of edges for anything within the margin.
@@ -99,7 +178,7 @@ class FreeSpace:
         return free
 
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Whether shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
+        """Return whether shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
         if margin <= TOLERANCE:
             return np.asarray(shapely.covers(_own(self), shapes), dtype=bool)
         # A border out of reach leaves a shape all inside or all outside: one of its points tells.
@@ -109,7 +188,7 @@ class FreeSpace:
 
 
 class _Copies(threading.local):
-    """Prepared copies of regions, of one thread."""
+    """Prepared copies of regions, one set per thread."""
 
     def __init__(self) -> None:
         self.regions: WeakKeyDictionary[FreeSpace, BaseGeometry] = WeakKeyDictionary()
@@ -119,7 +198,7 @@ _COPIES = _Copies()
 
 
 def _own(space: FreeSpace) -> BaseGeometry:
-    """The region, prepared for this thread alone.
+    """Return the region, prepared for this thread alone.
 
     A prepared geometry keeps state while its edges are asked: two threads that do so corrupt memory (libgeos/geos#825).
     """
@@ -131,9 +210,9 @@ def _own(space: FreeSpace) -> BaseGeometry:
 
 
 def edges_of_one(one: FreeSpace, other: FreeSpace) -> FloatArray:
-    """Edges (E, 4), m, that the border of one of two free spaces has, and that of the other has not.
+    """Return the edges (E, 4), m, that belong to the border of one of two free spaces only.
 
-    An edge has a direction, by which the free region is on its right: between the same points it may have two.
+    An edge is directed, with the free region on its right: two edges may join the same points.
     """
     edges = np.concatenate([one.edges, other.edges]).reshape(-1, 4)
     distinct, count = np.unique(edges, axis=0, return_counts=True)
@@ -145,3 +224,49 @@ def _first_point(shapes: NDArray[np.object_]) -> tuple[FloatArray, FloatArray]:
     points, owner = shapely.get_coordinates(shapes, return_index=True)
     first = np.searchsorted(owner, np.arange(len(shapes)))
     return points[first, 0], points[first, 1]
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeGrid:
+    """Edges in the square buckets of a grid that they cross; a ray visits one bucket after another.
+
+    edges    (E, 4)    m   x0, y0, x1, y1; at least one
+    corner   (x, y)    m   lower-left corner of bucket [0, 0]
+    side     float     m   of a bucket
+    start    (R C + 1,)    the edges of bucket [i, j] are members[start[i C + j]:start[i C + j + 1]]
+    members  (K,)
+    shape    (R, C)
+    """
+
+    edges: FloatArray
+    corner: tuple[float, float]
+    side: float
+    start: IntArray
+    members: IntArray
+    shape: tuple[int, int]
+
+    @classmethod
+    def build(cls, edges: FloatArray) -> EdgeGrid:
+        """Build a grid of edges (E, 4), m, with about two edges in a bucket."""
+        corner = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
+        size = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0) - corner
+        least = size.max() * max(2.0 / len(edges), 1.0 / 2000.0)  # of what is flat: one row of buckets, no area
+        side = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), least, 1e-9)
+        columns, rows = np.floor(size / side).astype(np.int64) + 1
+        bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
+        start = np.searchsorted(bucket, np.arange(rows * columns + 1))
+        return cls(edges, (float(corner[0]), float(corner[1])), side, start, member, (int(rows), int(columns)))
+
+
+def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
+    """Return sorted pairs (bucket, edge): long edges are cut, and a piece lies where its bounding box does."""
+    length = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
+    pieces = np.maximum(1, np.ceil(length / side)).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), pieces)
+    number = np.arange(edge.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    step = (edges[edge, 2:] - edges[edge, :2]) / pieces[edge, None]
+    ends = edges[edge, :2] + step * number[:, None]
+    cells = np.floor((np.stack([ends, ends + step]) - corner) / side).astype(np.int64)  # (2, P, 2)
+    cells = np.clip(cells, 0, np.array(shape[::-1]) - 1)
+    buckets = [cells[i, :, 1] * shape[1] + cells[j, :, 0] for i in (0, 1) for j in (0, 1)]
+    return np.divmod(distinct(np.concatenate(buckets) * len(edges) + np.tile(edge, 4)), len(edges))

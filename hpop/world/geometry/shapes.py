@@ -18,8 +18,7 @@ from hpop.base.arrays import BoolArray, Column, FloatArray, frozen
 from hpop.base.options import FARTHEST, MOST, real
 from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.world.geometry.crossings import check_joinable
-from hpop.world.geometry.outlines import outlined
+from hpop.world.geometry.outlines import check_joinable, outlined
 from hpop.world.geometry.solids import Solid
 
 MAX_CELLS = 100_000_000

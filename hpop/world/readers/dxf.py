@@ -9,12 +9,10 @@ import numpy as np
 
 from hpop.apart.answer import Answer
 from hpop.errors import MapError
-from hpop.world.files import file_source, read_bytes
+from hpop.world.files import extract, file_source, read_bytes
 from hpop.world.readers import drawing
-from hpop.world.readers.doors import DoorArcs
-from hpop.world.readers.drawing import WALL_WIDTH
+from hpop.world.readers.drawing import WALL_WIDTH, DoorArcs
 from hpop.world.readers.placement import Placement
-from hpop.world.readers.reading_apart import extract
 from hpop.world.world import World
 
 MOST_BYTES = 100_000_000
@@ -71,7 +69,7 @@ def read(
     ------
     MapError
         If the file is missing or no drawing, says no units, has no lines or not the layers asked for, or takes more
-        time or memory than `hpop.world.readers.reading_apart` allows.
+        time or memory than `hpop.world.files` allows.
     """
     asked = drawing.options(wall_width, layers, inside, door_arcs)
     Placement(1.0 if scale is None else scale, origin)  # checked before the file is read

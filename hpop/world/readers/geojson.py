@@ -15,18 +15,34 @@ from hpop.base.options import one_of
 from hpop.base.text import counted, shown
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes
-from hpop.world.geometry.crossings import check_joinable
+from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.shapes import Obstacle, check_heights
 from hpop.world.ground import WHOLE, Ground, Heights
-from hpop.world.readers import crs as systems
-from hpop.world.readers.choosing import chosen_features, notes_of_levels
-from hpop.world.readers.features import Feature, FeatureNotes
-from hpop.world.readers.geojson_shapes import LINES, POINTS, POLYGONS, left_out, placed, shaped
-from hpop.world.readers.geojson_text import Document, read_document
+from hpop.world.readers import placement as systems
+from hpop.world.readers.features import Choice, Feature, FeatureNotes, chosen_features, length, notes_of_levels
+from hpop.world.readers.geojson_document import (
+    LINES,
+    POINTS,
+    POLYGONS,
+    Document,
+    left_out,
+    placed,
+    read_document,
+    shaped,
+)
 from hpop.world.readers.placement import Placement, Units
-from hpop.world.readers.rooms import SOLID, WALL_WIDTH, Door, Room, is_door, kind_of, touching, walled
-from hpop.world.readers.tags import Choice, length
-from hpop.world.readers.walls import check_width, walls
+from hpop.world.readers.rooms import (
+    SOLID,
+    WALL_WIDTH,
+    Door,
+    Room,
+    check_width,
+    is_door,
+    kind_of,
+    touching,
+    walled,
+    walls,
+)
 from hpop.world.world import World
 
 Meaning = Literal["obstacles", "free", "outline", "rooms"]

@@ -17,15 +17,21 @@ from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world.content.content import Content, Landmark, Zone
 from hpop.world.files import read_bytes
-from hpop.world.geometry.crossings import check_widenable
+from hpop.world.geometry.outlines import check_widenable
 from hpop.world.geometry.shapes import check_positive
-from hpop.world.readers import crs as systems
-from hpop.world.readers.choosing import chosen_features, notes_of_levels
-from hpop.world.readers.features import Feature, FeatureNotes
-from hpop.world.readers.geojson_shapes import LINES, POINTS, POLYGONS, WORDS, placed, shaped
-from hpop.world.readers.geojson_text import read_document
+from hpop.world.readers import placement as systems
+from hpop.world.readers.features import (
+    Choice,
+    Feature,
+    FeatureNotes,
+    chosen_features,
+    length,
+    notes_of_levels,
+    number,
+    truth,
+)
+from hpop.world.readers.geojson_document import LINES, POINTS, POLYGONS, WORDS, placed, read_document, shaped
 from hpop.world.readers.placement import MOST_DEGREES, Placement, Units
-from hpop.world.readers.tags import Choice, length, number, truth
 
 FLOW_WIDTH = 3.0
 """Width of the way along a flow, m."""

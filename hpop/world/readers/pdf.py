@@ -8,13 +8,11 @@ from pathlib import Path
 
 from hpop.base.options import whole
 from hpop.errors import MapError
-from hpop.world.files import file_source, read_bytes
+from hpop.world.files import extract, file_source, read_bytes
 from hpop.world.geometry.shapes import check_positive
 from hpop.world.readers import drawing
-from hpop.world.readers.doors import DoorArcs
-from hpop.world.readers.drawing import WALL_WIDTH
+from hpop.world.readers.drawing import WALL_WIDTH, DoorArcs
 from hpop.world.readers.placement import Placement
-from hpop.world.readers.reading_apart import extract
 from hpop.world.world import World
 
 MOST_BYTES = 100_000_000
@@ -65,7 +63,7 @@ def read(
     ------
     MapError
         If the file is missing or no PDF, has no such page, no lines or not the layers asked for, or takes more time or
-        memory than `hpop.world.readers.reading_apart` allows.
+        memory than `hpop.world.files` allows.
     """
     asked = drawing.options(wall_width, layers, inside, door_arcs)
     page = whole("page", page, 1, MOST_PAGES, error=MapError)

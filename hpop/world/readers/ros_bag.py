@@ -8,10 +8,9 @@ from pathlib import Path
 
 from hpop.base.text import shown
 from hpop.errors import MapError
-from hpop.world.files import named
+from hpop.world.files import extract, named
 from hpop.world.geometry.shapes import Raster, check_heights, check_span
 from hpop.world.ground import WHOLE, Ground, Heights
-from hpop.world.readers.reading_apart import extract
 from hpop.world.world import World
 
 OCCUPIED, FREE = 65, 19

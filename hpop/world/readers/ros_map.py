@@ -20,7 +20,7 @@ from hpop.errors import MapError
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml
 from hpop.world.geometry.shapes import Raster, check_heights, check_pose, check_positive, check_span
 from hpop.world.ground import WHOLE, Ground, Heights
-from hpop.world.readers.picture import read_image
+from hpop.world.readers.image import read_image
 from hpop.world.world import World
 
 KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")

@@ -1,4 +1,4 @@
-"""What a camera sees round it: the distance to the nearest surface, along each bearing and in all.
+"""Camera surroundings: distances to the nearest surface along bearings, optic flow, and bearings of things in view.
 
 Surfaces are the outlines of obstacles that overlap a height range, and the border of the extent where the outside
 counts as obstacle. Keep-out zones, other borders and people are no surfaces: the camera sees through them.
@@ -16,17 +16,17 @@ import shapely
 from shapely.geometry import MultiPolygon
 
 from hpop.base.arrays import BoolArray, Column, FloatArray
-from hpop.base.math import SMOOTHING, hypot, is_symbolic, is_zero
+from hpop.base.math import SMOOTHING, hypot, is_symbolic, is_zero, smooth_abs, smooth_step
 from hpop.base.options import MOST, real, whole
 from hpop.runtime import limits
-from hpop.world.content.content import Content
+from hpop.world.content.content import Content, Landmark
 from hpop.world.fields.field import PAD, Field, grid_points
-from hpop.world.geometry.edge_grid import EdgeGrid
-from hpop.world.geometry.planar import FreeSpace, without
+from hpop.world.geometry.planar import EdgeGrid, FreeSpace, without
 from hpop.world.ground import Ground, Heights
 from hpop.world.world import World
 
 if TYPE_CHECKING:
+    from hpop.motions import Pose
     from hpop.motions.states import Vector
 
 REACH = 20.0
@@ -47,7 +47,7 @@ LINEAR = 1e-6
 
 
 class Seen(NamedTuple):
-    """Bearings that a camera has in view: ``width`` rad about its yaw (M,), rad."""
+    """Bearings in a camera's view: ``width`` rad about its yaw (M,), rad."""
 
     yaw: Column
     width: float
@@ -55,7 +55,7 @@ class Seen(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Bearings:
-    """Distance to the nearest surface along world bearings, on a grid, seen as cubic B-splines (see `Field`).
+    """Distances to the nearest surface along world bearings, on a grid, as cubic B-splines (see `Field`).
 
     directions  (B, 2)     (cos, sin) of bearing 2 pi b / B, from the x axis
     distances   (H, W, B)  m   row 0 at the lowest y, padded as in `Field`; at most `REACH`, 0 inside an obstacle
@@ -78,11 +78,11 @@ class Bearings:
     _layers: dict[float, FloatArray] = field(default_factory=dict, repr=False)
 
     def distance(self, bearing: int, x: Column, y: Column) -> Column:
-        """Distance (M,), m, along bearing number ``bearing``; arrays or CasADi columns."""
+        """Return the distance (M,), m, along bearing number ``bearing``, for arrays or CasADi columns."""
         return self._distances(bearing)(x, y)
 
     def layers(self, nearest: float) -> FloatArray:
-        """Coefficients (H, W, 3 B) of three splines a bearing, computed once for each ``nearest``, m.
+        """Return the coefficients (H, W, 3 B) of three splines a bearing, computed once for each ``nearest``, m.
 
         The distance; its inverse, 1/m, of at least ``nearest``; and the share, 1 wherever a jump is among the sixteen
         nodes of a spline, of the spline of the inverse against the inverse of the spline.
@@ -95,7 +95,7 @@ class Bearings:
         return self._layers[nearest]
 
     def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
-        """Inverse (M,), 1/m, of the distance, at least ``nearest`` m, along a bearing; arrays or CasADi columns."""
+        """Return the inverse (M,), 1/m, of the distance along a bearing, with the distance at least ``nearest`` m."""
         layers, count = self.layers(nearest), len(self.directions)
         plain = 1.0 / np.maximum(read(self._distances(bearing)), nearest)
         if not layers[..., 2 * count + bearing].any():
@@ -107,9 +107,9 @@ class Bearings:
         return plain + share * (blurred - plain)
 
     def _reader(self, x: Column, y: Column) -> Callable[[Field], Column]:
-        """What reads a field on this grid at points; where these are MX, their places are written down once.
+        """Return a function that reads fields on this grid at points; for MX it converts the points once.
 
-        On SX each field has its own: programs are known to converge with derivatives that add up in that order.
+        For SX each field converts them: programs are known to converge with derivatives that add up in that order.
         """
         if is_symbolic(x) or is_symbolic(y):
             places = self._distances(0).places(x, y)
@@ -128,7 +128,7 @@ class Bearings:
     def mean_flow(
         self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
     ) -> Column:
-        """Mean (M,), rad/s, over the bearings of the speed at which what is seen there moves on a sphere.
+        """Return the mean (M,), rad/s, over the bearings of the speed at which surfaces move on the view sphere.
 
         A camera that moves with ``velocity`` m/s and turns at ``rotation`` rad/s, world frame, sees a surface at
         distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by
@@ -148,7 +148,7 @@ class Bearings:
     def peak_flow(
         self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
     ) -> Column:
-        """Largest (M,), rad/s, where `mean_flow` gives the mean.
+        """Return the largest (M,), rad/s, of the speeds of which `mean_flow` returns the mean.
 
         Of the splines of the distances: what a jump blurs lasts too short for either to show its peak. Of bearings any
         part of which is seen; on symbols a bearing at the edge of the view comes in within SMOOTHING.
@@ -168,11 +168,11 @@ class Bearings:
 
     @property
     def sector(self) -> float:
-        """Angle between two bearings, rad."""
+        """Return the angle between two bearings, rad."""
         return 2.0 * math.pi / len(self.directions)
 
     def _share(self, bearing: int, seen: Seen) -> Column:
-        """Share (M,) of the sector about a bearing that is seen."""
+        """Return the seen share (M,) of the sector about a bearing."""
         angle = bearing * self.sector - seen.yaw
         off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
         inside = (0.5 * seen.width - off) / self.sector + 0.5
@@ -199,7 +199,7 @@ class Bearings:
         *,
         largest: bool,
     ) -> FloatArray:
-        from hpop.world.sight._rays import flow
+        from hpop.world.sight._kernels import flow
 
         u, v = (x - self.origin[0]) / self.spacing + PAD, (y - self.origin[1]) / self.spacing + PAD
         shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, *rotation)))
@@ -214,10 +214,10 @@ class Bearings:
 
 
 def as_seen(world: World, heights: Heights) -> World:
-    """Return the world that a camera sees within a range of heights, m: its `clearance` is the distance to surfaces.
+    """Return the world as a camera sees it within a range of heights, m: its `clearance` is the distance to surfaces.
 
-    That is exact up to `MARGIN` beyond the extent, where the world ends. Made once a ground and range, and of each kind
-    of world.
+    That is exact up to `MARGIN` beyond the extent, where this world ends. It is computed once for each ground, range
+    and class of world.
     """
     ground = world.ground
 
@@ -230,7 +230,7 @@ def as_seen(world: World, heights: Heights) -> World:
 
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
-    """Return the distances along ``count`` bearings at height z, m; computed once a ground and height."""
+    """Return the distances along ``count`` bearings at height z, m; computed once for each ground and height."""
     z = real("the height of bearings", z, -MOST, MOST, "a length in m")
     count = whole("the number of bearings", count, 4)
 
@@ -254,7 +254,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
-    """Whether a distance (H, W, B) is no linear function of the position within two nodes, obstacles' insides aside."""
+    """Return where a distance (H, W, B) is not linear within two nodes, except inside obstacles."""
     rows, columns, count = distances.shape
     bends = np.zeros((rows + 4, columns + 4, count), dtype=bool)
     inside = bends[2:-2, 2:-2]
@@ -268,10 +268,10 @@ def _near_jumps(distances: FloatArray) -> BoolArray:
 
 
 def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArray) -> FloatArray:
-    """Distances (M, B), m, to the first edge along each direction."""
+    """Return the distances (M, B), m, to the first edge along each direction."""
     out = np.full((x.size, len(directions)), REACH)
     if len(edges):
-        from hpop.world.sight._rays import cast
+        from hpop.world.sight._kernels import cast
 
         grid = EdgeGrid.build(edges)
         shape = grid.shape
@@ -284,7 +284,7 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
 
 
 def _is_walled(ground: Ground, heights: Heights) -> bool:
-    """Whether what lies beyond the extent is obstacle at these heights: it is as high as the raster's cells."""
+    """Return whether the outside of the extent is obstacle at these heights: it is as high as the raster's cells."""
     return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
 
 
@@ -296,3 +296,40 @@ def _spacing(ground: Ground) -> float:
 def _column(values: Column, shape: tuple[int, ...]) -> FloatArray:
     array = np.asarray(values, dtype=np.float64)
     return np.ascontiguousarray(array) if array.shape == shape else np.broadcast_to(array, shape).copy()
+
+
+ALL_ROUND = 2 * math.pi - 1e-3
+"""Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
+BEHIND = -2.0
+"""Cosine of half an angle of view that is all round: none is less, whatever the rounding."""
+UP_AND_DOWN = math.pi - 1e-3
+"""Vertical angles of view from here on, rad, hold all from straight down to straight up."""
+
+
+def bearing(pose: Pose, x: float, y: float) -> Column:
+    """Return the angle (M,), rad in (-pi, pi], of a point to the left of the camera's yaw; 0 at the camera."""
+    dx, dy, ahead, left = x - pose.x, y - pose.y, np.cos(pose.yaw), np.sin(pose.yaw)
+    apart = dx * dx + dy * dy > 0
+    along, aside = ahead * dx + left * dy, ahead * dy - left * dx
+    return np.arctan2(np.where(apart, aside, 0.0), np.where(apart, along, 1.0))
+
+
+def elevation(pose: Pose, x: float, y: float, z: float) -> Column:
+    """Return the angle (M,), rad in [-pi/2, pi/2], of a point above the camera's height; 0 at the camera."""
+    dx, dy, rise = x - pose.x, y - pose.y, z - pose.z
+    flat = hypot(dx, dy)
+    return np.arctan2(rise, np.where(flat + np.abs(rise) > 0, flat, 1.0))
+
+
+def in_view(pose: Pose, landmark: Landmark, fov: float, vertical: float) -> Column:
+    """Return 1 (M,) where a landmark is within the angles of view, rad, about the camera's yaw and pitch, else 0.
+
+    On symbols these edges are smoothed.
+    """
+    inside: Column = 1.0
+    if fov < ALL_ROUND:
+        inside = smooth_step(0.5 * fov - smooth_abs(bearing(pose, landmark.x, landmark.y)))
+    if vertical < UP_AND_DOWN:
+        above = elevation(pose, landmark.x, landmark.y, landmark.z) - pose.pitch
+        inside = smooth_step(0.5 * vertical - smooth_abs(above)) * inside
+    return inside

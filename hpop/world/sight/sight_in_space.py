@@ -15,7 +15,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.world.content.content import Landmark
 from hpop.world.geometry.rays_in_space import over_sphere, rows, surfaces_of
-from hpop.world.sight.in_view import ALL_ROUND, UP_AND_DOWN
+from hpop.world.sight.bearings import ALL_ROUND, UP_AND_DOWN
 from hpop.world.sight.visibility import RAYS
 
 if TYPE_CHECKING:

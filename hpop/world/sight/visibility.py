@@ -30,7 +30,7 @@ from hpop.runtime import limits
 from hpop.world.content.content import Landmark
 from hpop.world.fields.field import PAD, Field, grid_points
 from hpop.world.fields.sampling import MAX_HEIGHTS
-from hpop.world.sight.in_view import ALL_ROUND, BEHIND, UP_AND_DOWN, in_view
+from hpop.world.sight.bearings import ALL_ROUND, BEHIND, UP_AND_DOWN, in_view
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -216,7 +216,7 @@ def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
     """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
-    from hpop.world.sight._sight import unseen
+    from hpop.world.sight._kernels import unseen
 
     ground, landmarks = world.ground, world.content.landmarks
 
@@ -258,7 +258,7 @@ def _unseen_in_view(
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
     """Share of free lines of sight round each sample that is no more than ``far`` m away in x and y, and some more."""
-    from hpop.world.sight._sight import lit, shadows
+    from hpop.world.sight._kernels import lit, shadows
 
     limits.check(SIGHT)
     xs, ys, spacing = _grid(ground)
@@ -317,7 +317,7 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
 
 
 def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
-    from hpop.world.sight._sight import isovists
+    from hpop.world.sight._kernels import isovists
 
     xs, ys, spacing = _grid(ground, min(radius / FINENESS, COARSEST))
     limits.hold(OPENNESS, xs.size * ys.size * SAMPLE, xs.size * ys.size * SCRATCH)

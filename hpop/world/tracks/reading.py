@@ -2,22 +2,146 @@
 
 from __future__ import annotations
 
+import math
+import re
+import sqlite3
+import warnings
 from collections.abc import Hashable, Sequence
+from contextlib import closing
+from io import StringIO
 from typing import Literal, get_args
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, distinct
 from hpop.base.options import one_of
 from hpop.base.scalars import python_value
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world.files import read_bytes, read_text
-from hpop.world.tracks import csv, jupedsim, obsmat, petrack
-from hpop.world.tracks.jupedsim import is_jupedsim
-from hpop.world.tracks.obsmat import is_obsmat
-from hpop.world.tracks.petrack import is_petrack
-from hpop.world.tracks.table import Asked, PathLike, Tracks
+from hpop.world.tracks import csv
+from hpop.world.tracks.csv import HEAD, comments_of, titled
+from hpop.world.tracks.table import MOST_ROWS, Asked, PathLike, Tracks, identity, tracks_of
+
+
+def read_numbers(text: str, asked: Asked, widths: Sequence[int], columns: str) -> FloatArray:
+    """Finite numbers (N, one of ``widths``); MapError that names the columns and the line for anything else."""
+    expected = f"expected rows of {' or '.join(map(str, widths))} numbers ({columns})"
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a file without rows
+            rows = np.loadtxt(StringIO(text), ndmin=2, max_rows=MOST_ROWS + 1)
+    except (ValueError, OverflowError):
+        raise asked.error(f"cannot be read: {expected}{_wrong_line(text, widths)}.") from None
+    if not rows.shape[0]:
+        raise asked.error(f"has no rows: {expected}.")
+    if rows.shape[1] not in widths or not np.isfinite(rows).all():
+        raise asked.error(f"cannot be read: {expected}{_wrong_line(text, widths)}.")
+    return rows
+
+
+def _wrong_line(text: str, widths: Sequence[int]) -> str:
+    """The first line, in words, that is no row of finite numbers, as many as in the first."""
+    width = None
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.partition("#")[0].split()
+        width = width or len(words)
+        if words and (len(words) not in {*widths} & {width} or not all(map(_is_finite, words))):
+            return f"; line {number} is {shown(line)}"
+    return ""
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+ANNOTATED = 2.5
+"""Annotations a second."""
+OBSMAT_COLUMNS = 8
+
+
+def is_obsmat(text: str) -> bool:
+    """Whether a file begins with a row of eight numbers."""
+    first = text.lstrip().partition("\n")[0].split()
+    return len(first) == OBSMAT_COLUMNS and not first[0].startswith("#") and "," not in first[0]
+
+
+def obsmat_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+    """Return tracks by id; MapError for what is no such file."""
+    rows = read_numbers(text, asked, (OBSMAT_COLUMNS,), "frame id x z y vx vz vy")
+    steps = np.diff(distinct(rows[:, 0]))
+    rate = asked.frame_rate if asked.frame_rate is not None or not steps.size else ANNOTATED * float(steps.min())
+    times = rows[:, 0] / asked.rate(rate)
+    a_metre = asked.a_metre(None)
+    ids = [identity(one) for one in rows[:, 1].tolist()]
+    return tracks_of(asked, ids, times, rows[:, 2] / a_metre, rows[:, 4] / a_metre, wanted)
+
+
+UNIT_OF_X = re.compile(r"^#.*\bx\s*[/\[(]\s*(mm|cm|m)\b", re.IGNORECASE | re.MULTILINE)
+ORDER = ("id", "frame", "x", "y")
+
+
+def is_petrack(text: str, asked: Asked) -> bool:
+    """Whether a file begins as PeTrack's do: with comments and a row of numbers separated by blanks."""
+    rows = [line for line in text[:HEAD].splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not text.lstrip().startswith("#") or not rows or "," in rows[0] or len(rows[0].split()) not in (4, 5):
+        return False
+    titles = comments_of(text, asked).titles
+    return not titles or tuple(titled(titles, asked).places) == ORDER
+
+
+def petrack_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+    """Return tracks by id; MapError for what is no such file."""
+    unit, rate = UNIT_OF_X.search(text[:HEAD]), comments_of(text, asked).rate
+    rows = read_numbers(text, asked, (4, 5), "id frame x y z")
+    x, y = rows[:, 2:4].T / asked.a_metre(unit.group(1).lower() if unit else None)
+    times = rows[:, 1] / asked.rate(rate)
+    return tracks_of(asked, [identity(one) for one in rows[:, 0].tolist()], times, x, y, wanted)
+
+
+MAGIC = b"SQLite format 3\x00"
+EXPECTED = "expected JuPedSim's tables trajectory_data (frame, id, pos_x, pos_y) and metadata (key, value), with fps"
+LONGEST = 10_000  # bytes of a cell
+
+
+def is_jupedsim(data: bytes) -> bool:
+    """Whether a file is an SQLite database."""
+    return data.startswith(MAGIC)
+
+
+def jupedsim_tracks(data: bytes, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+    """Return tracks by id; MapError for a database that has none."""
+    try:
+        with closing(sqlite3.connect(":memory:")) as base:
+            base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(LONGEST, len(data)))
+            base.deserialize(data)
+            base.execute("PRAGMA trusted_schema = OFF")
+            known = {name for (name,) in base.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
+            if lacking := {"trajectory_data", "metadata"} - known:
+                raise asked.error(f"lacks the table {', '.join(sorted(lacking))}: {EXPECTED}.")
+            said = base.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
+            found = base.execute("SELECT id, frame, pos_x, pos_y FROM trajectory_data").fetchmany(MOST_ROWS + 1)
+    except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
+        raise asked.error(f"cannot be read as SQLite ({error}): {EXPECTED}.") from None
+    if not found:
+        raise asked.error("has no rows: expected one a person and time.")
+    try:
+        rate = None if said is None else float(said[0])
+        rows = np.array(found, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise asked.error(f"has cells that are no numbers: {EXPECTED}.") from None
+    if not np.isfinite(rows).all():
+        raise asked.error(
+            f"has cells that are no numbers, such as {shown(found[int(np.argmin(np.isfinite(rows).all(1)))])}."
+        )
+    a_metre = asked.a_metre("m")
+    ids = [identity(one) for one in rows[:, 0].tolist()]
+    return tracks_of(asked, ids, rows[:, 1] / asked.rate(rate), rows[:, 2] / a_metre, rows[:, 3] / a_metre, wanted)
+
 
 TrackFormat = Literal["csv", "petrack", "obsmat", "jupedsim"]
 MAX_BYTES = 200_000_000
@@ -61,12 +185,12 @@ def read_tracks(
         one_of("the format of a track file", format, get_args(TrackFormat), error=MapError)
     data = read_bytes(path, "the track file", limit=MAX_BYTES)  # type: ignore[arg-type]  # checked there
     if format == "jupedsim" or (format is None and is_jupedsim(data)):
-        return jupedsim.tracks(data, asked, ids)
+        return jupedsim_tracks(data, asked, ids)
     text = read_text(data, path, "the track file")  # type: ignore[arg-type]  # checked there
     if text.lstrip()[:1] in ("{", "["):
         raise asked.error("is JSON, which is not read; write it as CSV: a line id,t,x,y, then a row a person and time.")
     if format == "obsmat" or (format is None and is_obsmat(text)):
-        return obsmat.tracks(text, asked, ids)
+        return obsmat_tracks(text, asked, ids)
     if format == "petrack" or (format is None and is_petrack(text, asked)):
-        return petrack.tracks(text, asked, ids)
+        return petrack_tracks(text, asked, ids)
     return csv.tracks(text, asked, ids)

@@ -18,8 +18,7 @@ from hpop.planners.programs.nlp import SparseField
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
-from hpop.world.fields.field import Field
-from hpop.world.fields.lazy_field import LazyField
+from hpop.world.fields.field import Field, LazyField
 
 ROBOT = DifferentialDrive(radius=0.25)
 HALF, DISC = 4.0, 1.0  # m: start and goal are this far from the centre of a disc of this radius

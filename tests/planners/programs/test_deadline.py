@@ -22,7 +22,7 @@ from hpop.planners.programs.smoothing.program import DrivenProgram
 from hpop.planners.programs.smoothing.separable import Separable
 from hpop.runtime.limits import LimitPassed, within
 from hpop.runtime.status import Status, Watch
-from hpop.world.fields.looks import quadratics
+from hpop.world.fields.symbols import Quadratics
 
 WORLD = hpop.World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
 PROBLEM = hpop.Problem(WORLD, hpop.DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ["turns", "length"])
@@ -53,7 +53,7 @@ def test_a_solver_is_stopped_before_an_iteration_that_would_end_too_late():
 
 def test_a_field_that_is_read_too_late_is_no_number():
     field = WORLD.clearance_field()
-    read = quadratics(field, 1)
+    read = Quadratics(field, 1)
     assert np.isfinite(read([3.0, 4.0]).full()).all()
     with within(OVER):
         assert np.isnan(read([3.0, 4.0]).full()).all()

@@ -32,7 +32,7 @@ from hpop.planners.graphs.trajectory_graph import aggregates
 from hpop.planners.objectives import WHOLE
 from hpop.search import Graph
 from hpop.search.timed.graph import MAX_TICKS, RATE, TimedGraph
-from hpop.world.content.yielding import yielding
+from hpop.world.content.predictions import yielding
 
 NEVER = 2**31 - 1
 ON_CLOCK = "the graph was put on a clock"

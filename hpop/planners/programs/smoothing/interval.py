@@ -17,7 +17,7 @@ from hpop.planners.needs import on_wheels
 from hpop.planners.programs.criteria import on_symbols
 from hpop.planners.programs.hinges import Slacks, slackened
 from hpop.planners.programs.nlp import moments, vector
-from hpop.world.fields.looks import looking
+from hpop.world.fields.symbols import looking
 from hpop.world.ground import Heights
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.planners.programs.deadline import BUILDING, Deadline
 from hpop.runtime.limits import check
-from hpop.world.fields.looks import Looks, looking, quadratics
+from hpop.world.fields.symbols import Looks, Quadratics, looking
 
 if TYPE_CHECKING:
     from hpop.world.fields.field import Field
@@ -181,7 +181,7 @@ class _Fields:
         found: list[list[Any]] = [[] for _ in fields]
         for field in {id(field): field for field in fields}.values():
             mine = [k for k, other in enumerate(fields) if other is field]
-            function = quadratics(field, n * len(mine))
+            function = Quadratics(field, n * len(mine))
             self.callbacks.append(function)
             u, v = (casadi.vertcat(*(at[2 * k + axis] for k in mine)) for axis in (0, 1))
             numbers = casadi.horzsplit(function(casadi.horzcat(u, v).T).T)

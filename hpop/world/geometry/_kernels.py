@@ -1,4 +1,4 @@
-"""The compiled inner loops of `hpop.world.geometry.rays_in_space`: where lines enter and leave convex bodies."""
+"""Compiled loops of geometry: the nearest edge of a tree, and rays that enter and leave convex bodies."""
 
 from __future__ import annotations
 
@@ -8,6 +8,68 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
+
+# A first answer waits for this to be compiled, which takes longer for each function that is called.
+
+
+@lean
+def nearest(
+    edges: FloatArray,
+    members: IntArray,
+    boxes: FloatArray,
+    waiting: IntArray,
+    away: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write to out (M,) the distance of each point to its nearest edge; see `EdgeTree` for the arrays.
+
+    ``waiting`` and ``away`` are scratch, two numbers for each level of the tree.
+
+    The nearer of two boxes is looked into first, and none that is farther than the nearest edge so far. Points in a row
+    are mostly near each other, so the leaf of the last nearest edge comes before all.
+    """
+    inner = len(boxes) - len(members)
+    width = members.shape[1]
+    last = inner
+    for n in range(x.size):
+        if math.isnan(x[n]) or math.isnan(y[n]):
+            out[n] = math.nan
+            continue
+        best = math.inf
+        waiting[0], away[0], waiting[1], away[1] = 0, 0.0, last, 0.0
+        count = 2
+        while count > 0:
+            count -= 1
+            node = waiting[count]
+            if away[count] > best:
+                continue
+            if node >= inner:
+                for m in range(width):
+                    e = members[node - inner, m]
+                    wx, wy = x[n] - edges[e, 0], y[n] - edges[e, 1]
+                    dx, dy = edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1]
+                    length2 = dx * dx + dy * dy
+                    if length2 > 0.0:
+                        t = min(max((wx * dx + wy * dy) / length2, 0.0), 1.0)
+                        wx -= t * dx
+                        wy -= t * dy
+                    distance2 = wx * wx + wy * wy
+                    if distance2 < best:
+                        best, last = distance2, node
+                continue
+            for side in range(2):
+                child = 2 * node + 1 + side
+                u = max(boxes[child, 0] - x[n], x[n] - boxes[child, 2], 0.0)
+                v = max(boxes[child, 1] - y[n], y[n] - boxes[child, 3], 0.0)
+                waiting[count], away[count] = child, u * u + v * v
+                count += 1
+            if away[count - 1] > away[count - 2]:  # the nearer one is next
+                waiting[count - 1], waiting[count - 2] = waiting[count - 2], waiting[count - 1]
+                away[count - 1], away[count - 2] = away[count - 2], away[count - 1]
+        out[n] = math.sqrt(best)
+
 
 PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
 TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
@@ -19,9 +81,9 @@ NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 def inside(
     planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
 ) -> tuple[float, float]:
-    """From where to where the line o + t d, |d| = 1, is inside a body; the end is before the beginning if nowhere.
+    """Return the interval in which the line o + t d, |d| = 1, is inside a body; it ends before it begins if nowhere.
 
-    See `Surfaces` for what planes (P, 4) and round_ (8,) are.
+    See `Surfaces` for the arrays planes (P, 4) and round_ (8,).
     """
     mx, my, mz = o[0] - round_[0], o[1] - round_[1], o[2] - round_[2]
     along = mx * d[0] + my * d[1] + mz * d[2]
@@ -62,7 +124,7 @@ def inside(
 
 @lean
 def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
-    """Write to found the bodies that are no farther than reach from a place, and give their number."""
+    """Write to found the bodies that are at most reach from a place, and return their number."""
     count = 0
     for b in range(len(rounds)):
         x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
@@ -74,7 +136,7 @@ def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: 
 
 @lean
 def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
-    """The axis of a cone round a bundle of rays (K, 3), and half its angle, rad: 4 where they go nearly all round."""
+    """Return the axis of a cone round rays (K, 3), and half its angle, rad; 4 if they go nearly all round."""
     x = y = z = 0.0
     for k in range(len(directions)):
         x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]
@@ -90,7 +152,7 @@ def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
 
 @lean
 def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
-    """Keep of some bodies those of which the balls meet a cone from a place."""
+    """Keep the bodies whose bounding balls meet a cone from a place."""
     if cone[3] > math.pi:
         return count
     kept = 0
@@ -117,7 +179,7 @@ def _first(
     d: tuple[float, ...],
     reach: float,
 ) -> float:
-    """How far a ray gets until it enters one of some bodies; at most reach."""
+    """Return how far a ray gets until it enters one of some bodies; at most reach."""
     best = reach
     for b in some:
         low, high = inside(planes, begin[b], begin[b + 1], rounds[b], o, d)
@@ -138,7 +200,7 @@ def first_hits(
 ) -> None:
     """Write to out (N, K) how far from each origin (N, 3) its rays (N, K, 3) first enter a body; at most reach.
 
-    What contains the origin is left, not entered.
+    A body that contains the origin is left by the ray, not entered.
     """
     near = np.empty(len(rounds), np.int64)
     for n in range(len(origins)):
@@ -154,9 +216,10 @@ def first_hits(
 def towards_ball(
     places: FloatArray, centre: FloatArray, radius: float, disc: FloatArray, directions: FloatArray, reach: FloatArray
 ) -> None:
-    """Write unit vectors (N, K, 3) from places (N, 3) towards points of a ball, and how far (N, K), m, it is to it.
+    """Write unit vectors (N, K, 3) from places (N, 3) towards points of a ball, and distances (N, K), m, to it.
 
-    The points are those (K, 2) of a disc of radius 1 across, as large as the ball. It is 0 m for places in the ball.
+    The points are those (K, 2) of a disc of radius 1, scaled to the ball and turned towards the place. Distances are
+    0 m for places in the ball.
     """
     for n in range(len(places)):
         x, y, z = centre[0] - places[n, 0], centre[1] - places[n, 1], centre[2] - places[n, 2]

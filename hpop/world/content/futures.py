@@ -1,0 +1,143 @@
+"""Futures of a person: one of several things that a person may do, and the checks of what content is made of."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.math import not_radians
+from hpop.base.options import FARTHEST, LEAST, MOST, one_of, real
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.tracks.track import FASTEST, Track
+
+if TYPE_CHECKING:
+    from hpop.world.content.people import Person
+
+Afterwards = Literal["gone", "stays"]
+STANDS = (0.0, 0.0)
+SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
+
+
+def named_as(what: str, name: object) -> str:
+    """What an error is about; a name is text.
+
+    >>> named_as("person", "Ada"), named_as("person", "")
+    ("person 'Ada'", 'a person')
+    """
+    if not isinstance(name, str):
+        raise MapError(f"a {what}'s name must be text; got {shown(name)}.")
+    return f"{what} {name!r}" if name else f"a {what}"
+
+
+def set_numbers(value: object, what: str, *names: str) -> None:
+    """Make attributes floats, so that a description holds the same numbers."""
+    for name in names:
+        object.__setattr__(value, name, number(what, name, getattr(value, name)))
+
+
+def number(what: str, name: str, value: Any, least: float | None = None) -> float:
+    """A finite number, a coordinate where its name is one; MapError where it is none, or below the least."""
+    most = FARTHEST if name in ("x", "y") else MOST
+    return float(real(f"{what}: {name}", value, -most if least is None else least, most, error=MapError))
+
+
+def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
+    """Two finite numbers (x, y), such as a velocity; MapError where they are none."""
+    try:
+        x, y = value
+    except (TypeError, ValueError):
+        raise MapError(f"{what} needs a {name} (x, y), {unit}; got {shown(value)}.") from None
+    return number(what, name, x), number(what, name, y)
+
+
+def check_radians(what: str, name: str, angle: float) -> None:
+    """Raise MapError for an angle that cannot be in radians."""
+    if advice := not_radians(angle):
+        raise MapError(f"{what}: {name} {advice}.")
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Future:
+    """One of several things that a person may do.
+
+    weight      above 0; those of a person's futures are divided by their sum
+    velocity    (x, y) m/s
+    track       in the place of a velocity
+    until       s   when this future ends; None as the person's
+    x, y        m   where it begins without a track; None where the person is
+    yaw, afterwards, spread, growth  as the person's, where None
+    """
+
+    weight: float
+    velocity: tuple[float, float] = STANDS
+    track: Track | None = None
+    until: float | None = None
+    afterwards: Afterwards | None = None
+    spread: float | None = None
+    growth: float | None = None
+    x: float | None = None
+    y: float | None = None
+    yaw: float | None = None
+
+    def __post_init__(self) -> None:
+        what = "a future"
+        object.__setattr__(self, "weight", number(what, "weight", self.weight, LEAST**2))
+        object.__setattr__(self, "velocity", checked_velocity(what, self.velocity))
+        if self.track is not None:
+            check_track(what, self.track, self.velocity)
+        for name in ("x", "y", "yaw", "until", "spread", "growth"):
+            if getattr(self, name) is not None:
+                least = None if name in ("x", "y", "yaw") else 0.0
+                object.__setattr__(self, name, number(what, name, getattr(self, name), least))
+        check_radians(what, "yaw", self.yaw or 0.0)
+        if self.afterwards is not None:
+            one_of(f"{what}: afterwards", self.afterwards, get_args(Afterwards), error=MapError)
+
+    @classmethod
+    def of(cls, weight: float, person: Person) -> Future:
+        """What a person without futures will do, as one of several things that may be."""
+        names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
+        return cls(weight, **{name: getattr(person, name) for name in names})
+
+
+def check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
+    """Raise MapError for a track that is none, or one beside a velocity."""
+    if not isinstance(track, Track):
+        raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
+    if velocity != STANDS:
+        raise MapError(f"{what} has a track and a velocity; the track says how fast, so leave the velocity out.")
+
+
+def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
+    """A velocity, m/s; of who is slower than anything that is told apart, such as what a tracker makes of rest, 0."""
+    velocity = pair(what, "velocity", given, "m/s")
+    speed = math.hypot(*velocity)
+    if speed > FASTEST:
+        raise MapError(
+            f"{what} has a velocity of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Velocities are in "
+            "m/s: check the unit."
+        )
+    return velocity if speed >= LEAST else STANDS
+
+
+def heading_along(velocity: tuple[float, float]) -> float:
+    """Heading in which a velocity leads, rad; 0 of who stands."""
+    return math.atan2(velocity[1], velocity[0]) if velocity != STANDS else 0.0
+
+
+def checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
+    """Futures whose weights sum to 1; of a person who looks ahead, each says where that is."""
+    futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
+    if futures is None or not all(isinstance(future, Future) for future in futures):
+        raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")
+    if looks_ahead:
+        futures = tuple(replace(f, yaw=heading_along(f.velocity)) if f.yaw is None else f for f in futures)
+    total = math.fsum(future.weight for future in futures)
+    if not futures or abs(total - 1.0) <= SAME_SUM:
+        return futures
+    return tuple(replace(future, weight=future.weight / total) for future in futures)
