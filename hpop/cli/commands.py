@@ -313,7 +313,7 @@ def _most(scenario: Scenario) -> int | None:
     """Bytes that the planners of a scenario may take, the one that may take most; None without a limit."""
     from hpop.planners.spending import common_spending
 
-    return common_spending(scenario.planners).budget.max_memory
+    return common_spending(scenario.planners).limits.max_memory
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:

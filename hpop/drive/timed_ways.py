@@ -22,13 +22,13 @@ from hpop.drive.surroundings import Surroundings
 from hpop.drive.ways import Ways
 from hpop.motions import States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.claims import claimed_with_known
+from hpop.planners.graphs.assemble import assemble, at_memory_limit, claimed_with_known, search_stats
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.company import Company
 from hpop.planners.graphs.timed.graph import LaidOut, Timed
-from hpop.planners.graphs.timed.query import TimedQuery
 from hpop.planners.graphs.timed.safety import LEAVING, Safety, Start
+from hpop.planners.graphs.timed.timing import Timing, on_clock
 from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
 from hpop.search.timed import TimedPaths
@@ -213,17 +213,16 @@ class TimedWays:
         return replace(paths, status=Status(answer["status"]), gap=gap, stats=stats)
 
     def candidates(self, name: str, problem: Problem, commit: Commit, node: int, paths: TimedPaths) -> Candidates:
-        """Ways from a commit as candidates of the planner that laid out the graph, and what is claimed of them."""
+        """Return paths from a commit as candidates of the planner that laid out the graph, with their claim."""
         # A robot that moves on from rest is behind by half of what stopping and starting take.
         ramps, rests = self.timed.ramps, commit.place == 0 or commit.stands > 0.0
-        query = TimedQuery(
-            problem, self.objectives, self.timed, self.options, node, [*self.ways.query.goals],
-            self.timed.seconds, begins=commit.time - self.since, closed=self.ways.closed,
-            late_start=ramps.half if ramps is not None and rests else 0.0,
-        )  # fmt: skip
-        shut = int(self.ways.closed.sum())
-        where = query.where + f", {shut:,} of its edges closed" * bool(shut)
-        return query.candidates(name, paths, claimed_with_known(paths, where, query.rounded), {})
+        late = ramps.half if ramps is not None and rests else 0.0
+        people = problem.world.content.people
+        timing = Timing(self.timed, node, self.options, people, commit.time - self.since, late)
+        goals, seconds = [*self.ways.query.goals], self.timed.seconds
+        query = on_clock(timing, self.objectives, node, goals, build_seconds=seconds, closed=self.ways.closed)
+        claim, stats = claimed_with_known(paths, query.where, query.rounded), search_stats(paths, paths.gap)
+        return assemble(name, query, paths, claim, notes=at_memory_limit(paths), stats=stats)
 
 
 def _start(state: States, time: float) -> Start:

@@ -22,15 +22,16 @@ from hpop.drive.known import Known
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.claims import claimed_with_known
+from hpop.planners.graphs.assemble import assemble, claimed_with_known, search_stats
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, with_ends
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
 from hpop.search import Graph, ParetoPaths, SearchStats
 from hpop.search.prepared import Prepared
 from hpop.search.prepared.known import known_paths
+from hpop.search.queries import costs_along
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ class Ways:
     """
 
     name: str
-    query: GraphQuery
+    query: Query
     world: World
     closings: tuple[Closing, ...] = ()
     masks: tuple[IntArray, ...] = ()
@@ -86,7 +87,7 @@ class Ways:
         space, start, goals = with_ends(inner, problem, inner.reach(problem))
         costed = space if inner.world is problem.world else space.costed_in(problem.world)
         graph = costed.graph(objectives.optimised)
-        query = GraphQuery(space, objectives, graph, start, goals, build_seconds=time.perf_counter() - began)
+        query = Query(space, objectives, graph, start, goals, build_seconds=time.perf_counter() - began)
         masks = [closed_arcs(inner, closing, *states_by_place(inner)) for closing in closings]
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
@@ -323,26 +324,17 @@ class Ways:
         return replace(paths, status=Status(answer["status"]), gap=math.inf if gap is None else gap, stats=stats)
 
     def _told(self, node: int, several: Sequence[IntArray]) -> ParetoPaths:
-        """Ways from a node, arcs each, as paths that nobody searched for."""
-        worst = np.array(self.graph.aggregates) == "max"
-        costs = np.zeros((len(several), self.graph.criteria), np.int64)
-        for row, arcs in zip(costs, several, strict=True):
-            each = self.graph.costs[arcs]
-            row[:] = np.where(worst, each.max(axis=0, initial=0), each.sum(axis=0))
-        stats = SearchStats("none")
+        """Return known paths from a node, the arcs of each, as the result of a search that did nothing."""
+        costs, stats = costs_along(self.graph, several), SearchStats("none")
         return ParetoPaths(costs, Status.TIME_LIMIT, stats, self.graph, node, tuple(several), gap=math.inf)
 
     def candidates(self, node: int, paths: ParetoPaths) -> Candidates:
-        """Ways from a node as candidates of the planner that laid out the graph, and what is claimed of them."""
-        query = replace(self.query, start=node)
-        shut = int(self.closed.sum())
-        where = f"{query.part} for ({query.names})" + f", {shut:,} of its edges closed" * bool(shut)
-        reason = ""
+        """Return paths from a node as candidates of the planner that laid out the graph, with their claim."""
+        query, reason = replace(self.query, start=node, closed=self.closed), ""
         if paths.status.is_final and self.closings:
             reason = f"no path: no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
-        counts = {"labels_generated": paths.stats.labels_generated, "labels_expanded": paths.stats.labels_expanded}
-        counts["gap"] = paths.gap if math.isfinite(paths.gap) else None  # type: ignore[assignment]
-        return query.candidates(self.name, paths, claimed_with_known(paths, where), reason=reason, stats=counts)
+        claim, stats = claimed_with_known(paths, query.where), search_stats(paths, paths.gap)
+        return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
 
 
 def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:

@@ -40,6 +40,11 @@ def takes_graphs(planner: Planner) -> bool:
     return any(field.name == "on" for field in fields(planner)) if is_dataclass(planner) else False
 
 
+def people_move(problem: Problem) -> bool:
+    """Return whether any person moves, so that a planner needs a clock."""
+    return any(person.moves for person in problem.world.content.people)
+
+
 def refuse_moving(problem: Problem, what: str) -> None:
     """Raise QueryError where people move, for what has no time."""
     people = problem.world.content.people

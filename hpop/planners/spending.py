@@ -1,4 +1,4 @@
-"""What planning may still spend: one budget for reading, building and searching, and work done in blocks under it.
+"""Limits of planning: one account of time and memory for reading, building and searching, and work in blocks under it.
 
 Building goes block by block, on all cores, and between blocks the limits are checked. So a limit, or Ctrl-C, ends it
 soon, and memory for intermediate arrays is bounded by the size of a block. Blocks are put together in order: the result
@@ -13,10 +13,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
 from time import perf_counter
-from typing import Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
@@ -24,7 +24,10 @@ from hpop.planners.base import Candidates
 from hpop.planners.objectives import Objectives
 from hpop.runtime import limits
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.status import RESERVED, Budget, Status
+from hpop.runtime.status import RESERVED, Budget, Progress, ProgressCallback, Status
+
+if TYPE_CHECKING:
+    from hpop.search.machinery.checkpoint import CheckpointSpec
 
 CORES = os.cpu_count() or 1
 LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
@@ -50,45 +53,67 @@ class Exhausted(limits.LimitPassed):
         self.status, self.doing = status, doing
 
 
-class Spending:
-    """A budget, and what of it is spent since planning started. Compiling kernels is not charged.
+@dataclass(frozen=True)
+class Limits(Budget):
+    """Time, labels and memory of a search, the file in which it keeps its state, and its progress callback."""
 
+    checkpoint: CheckpointSpec | None = None
+    progress: ProgressCallback | None = None
+
+    @classmethod
+    def of(cls, budget: Budget | None) -> Limits:
+        """Return limits themselves, or those of a budget; None is no limit."""
+        if isinstance(budget, Limits):
+            return budget
+        budget = budget or Budget()
+        return cls(budget.time_limit, budget.max_labels, budget.max_memory)
+
+
+class Spending:
+    """The account of a planning run: its limits, and the time and memory spent so far. Compiling is not charged.
+
+    limits  of the whole run
     memory  bytes held by what was built so far
     cores   on which it is built at once
     """
 
     def __init__(
-        self, budget: Budget | None = None, *, spent: float = 0.0, memory: int = 0, cores: int | None = None
+        self, limits: Budget | None = None, *, spent: float = 0.0, memory: int = 0, cores: int | None = None
     ) -> None:
-        """Start to spend; ``spent`` seconds and some bytes are gone already, such as for reading the map."""
-        self.budget, self.cores = budget or Budget(), cores or CORES
+        """Open the account; ``spent`` seconds and some bytes are gone already, such as for reading the map."""
+        self.limits, self.cores = Limits.of(limits), cores or CORES
         self.memory = memory
         self._began = perf_counter() - spent
         self._compiled = _compiling()
         self._beside = LATER if "hpop.runtime.compiled" in sys.modules else BESIDE
-        self._resident, self._looked = _resident() if self.budget.max_memory is not None else 0, 0.0
+        self._resident, self._looked = _resident() if self.limits.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
         """Seconds since planning started, without compiling."""
         return perf_counter() - self._began - (_compiling() - self._compiled)
 
     def until_limit(self) -> float | None:
-        """Seconds until the time limit, negative after it; None without one."""
-        return None if self.budget.time_limit is None else self.budget.time_limit - self.seconds()
+        """Return the seconds until the time limit, negative after it; None without one."""
+        return None if self.limits.time_limit is None else self.limits.time_limit - self.seconds()
 
-    def left(self) -> Budget:
-        """What is left for a search; raises Exhausted where that is nothing."""
+    def report(self, stage: str) -> None:
+        """Tell the progress callback, if there is one, which stage begins."""
+        if self.limits.progress:
+            self.limits.progress(Progress(stage))
+
+    def left(self) -> Limits:
+        """Return the limits of a search that takes all that is left; raises Exhausted where that is nothing."""
         self.check("the search was to begin")
-        limit, most = self.budget.time_limit, self.budget.max_memory
+        limit, most = self.limits.time_limit, self.limits.max_memory
         return replace(
-            self.budget,
+            self.limits,
             time_limit=None if limit is None else max(LEAST, (1.0 - RESERVED) * limit - self.seconds()),
             max_memory=None if most is None else max(1, most - self.memory),
         )
 
-    def share(self, seconds: float) -> Budget:
-        """So many seconds for a stage before the last, but no more than a quarter of what is left."""
-        left = self.left()
+    def share(self, seconds: float) -> Limits:
+        """Return the limits of an early stage: some seconds, at most a quarter of the rest, and no checkpoint."""
+        left = replace(self.left(), checkpoint=None)
         return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
     @contextmanager
@@ -106,7 +131,7 @@ class Spending:
         A part of the time limit stays for the evaluation of what is found.
         What is not counted shows in the size of the process, where the system tells it (Linux).
         """
-        limit, most = self.budget.time_limit, self.budget.max_memory
+        limit, most = self.limits.time_limit, self.limits.max_memory
         if most is not None and self.memory + memory > most:
             raise Exhausted(Status.MEMORY_LIMIT, f"{doing}, which takes {_megabytes(self.memory + memory)}")
         if most is not None and perf_counter() - self._looked > EVERY:

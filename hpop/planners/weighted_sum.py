@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from hpop.base.scalars import set_python_values
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
-from hpop.planners.graphs.claims import OFF, ROUNDED
+from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble, looked_at
 from hpop.planners.graphs.family import GraphFamily, GraphSpec, NotBuilt, make_family
 from hpop.planners.graphs.lattice.family import LatticeGraph
-from hpop.planners.graphs.query import GraphQuery, built_query, refuse_unanswerable
+from hpop.planners.graphs.query import Query, built_query, refuse_unanswerable
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.searches.exact import QUICK, SHARE
 from hpop.planners.searches.weights import Weights, asked_weights, check_count
-from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search import supported_paths
 
@@ -109,18 +109,19 @@ class WeightedSum:
             )
         check_count(self.weights, objectives.optimised)
         refuse_unanswerable(problem, objectives, "weighted-sum")
-        spending = Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+        limits = Limits(self.time_limit, progress=progress)
+        spending = Spending(limits, spent=problem.read_seconds, memory=problem.read_memory)
         first: Candidates | None = None
         began = time.perf_counter()
         try:
-            in_stages = spending.budget.time_limit is not None
-            for built in family.graphs(problem, objectives, spending, progress, in_stages=in_stages):
+            in_stages = spending.limits.time_limit is not None
+            for built in family.graphs(problem, objectives, spending, in_stages=in_stages):
                 if in_stages and not built.part and (first is None or not first.trajectories):
                     first = family.first_answer("weighted-sum", built, objectives)
-                query = built_query(built, objectives, began, progress=progress)
+                query = built_query(built, objectives, began)
                 if built.part:
                     share = spending.share(max(QUICK, SHARE * query.build_seconds))
-                    found = query.first_answer("weighted-sum", share, progress)
+                    found = query.first_answer("weighted-sum", share)
                     query.drop_ties()
                     first = found if found.trajectories or first is None else first
                     if found.status is Status.INTERRUPTED:
@@ -152,17 +153,18 @@ class WeightedSum:
             "weights_solved": paths.solved,
             "supported_points": len(paths),
         }
-        found = query.candidates(
+        found = assemble(
             "weighted-sum",
+            query,
             paths,
-            self._claim(paths.status.is_final, str(paths.status), query) + query.looked_at(paths),
+            self._claim(paths.status.is_final, str(paths.status), query) + looked_at(query, paths),
             provenance=[{"weights": rows.tolist()} for rows in paths.weights],
             notes=paths.notes,
             stats=stats,
         )
         return found if built.status.is_final else replace(found, status=built.status)
 
-    def _claim(self, ended: bool, status: str, query: GraphQuery) -> str:
+    def _claim(self, ended: bool, status: str, query: Query) -> str:
         """What is claimed, in words."""
         where = f"{query.part} for ({query.names})"
         if not ended:

@@ -176,7 +176,7 @@ def _spending(problem: Problem, planner: Planner) -> Spending:
 
 def _until_limit(spending: Spending) -> float | None:
     """Return the seconds until the limit, and a part of those by which it may be passed: none is worth few points."""
-    limit, until = spending.budget.time_limit, spending.until_limit()
+    limit, until = spending.limits.time_limit, spending.until_limit()
     return None if limit is None or until is None else until + min(GRACE * limit, MOST_GRACE)
 
 

@@ -19,8 +19,8 @@ class LimitPassed(Exception):
     """What limits raise: whatever was being done is not done, and that is a result, not an error."""
 
 
-class Limits(Protocol):
-    """Time and memory of whoever plans; each raises where a limit is passed."""
+class Account(Protocol):
+    """An account of time and memory; each method raises LimitPassed where a limit is passed."""
 
     def check(self, doing: str, memory: int = 0) -> None:
         """Look at the time, and whether there is room for so many bytes more."""
@@ -29,11 +29,11 @@ class Limits(Protocol):
         """Charge bytes that stay, before they are taken."""
 
 
-_LIMITS: ContextVar[Limits | None] = ContextVar("limits", default=None)
+_LIMITS: ContextVar[Account | None] = ContextVar("limits", default=None)
 
 
 @contextmanager
-def within(limits: Limits) -> Iterator[None]:
+def within(limits: Account) -> Iterator[None]:
     """What is made in the block keeps these limits."""
     token = _LIMITS.set(limits)
     try:

@@ -199,6 +199,16 @@ class ParetoPaths:
         return f"<{type(self).__name__}: {len(self):,} of {costs}; {self.status}>"
 
 
+def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
+    """Costs (n, k) of paths, the arcs of each as places in the graph; a path of no arcs costs 0."""
+    worst = np.array(graph.aggregates) == "max"
+    costs = np.zeros((len(paths), graph.criteria), np.int64)
+    for row, arcs in zip(costs, paths, strict=True):
+        each = graph.costs[arcs]
+        row[:] = np.where(worst, each.max(axis=0, initial=0), each.sum(axis=0))
+    return costs
+
+
 def checked_graph(graph: Any) -> Graph:
     """A graph of :mod:`hpop.search`; GraphError for anything else."""
     if not isinstance(graph, Graph):

@@ -21,7 +21,7 @@ import hpop
 from hpop.errors import DriveError
 from hpop.frontier import is_nondominated
 from hpop.planners import Roadmap
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.roadmap.headings import StateRoadmap
 from hpop.planners.objectives import edge_objectives
 from hpop.runtime.status import Budget, Status
@@ -124,7 +124,7 @@ class Driven:
             return None
         objectives = edge_objectives(self.problem.criteria, "roadmap")
         graph = roadmap.graph(objectives.optimised)
-        query = GraphQuery(roadmap, objectives, graph, node, roadmap.goals, build_seconds=0.0)
+        query = Query(roadmap, objectives, graph, node, roadmap.goals, build_seconds=0.0)
         return hpop.problems.solving.front(self.problem, query.exact("roadmap", Budget())).costs
 
 

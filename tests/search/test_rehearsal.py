@@ -10,7 +10,7 @@ import shapely
 
 import hpop
 import hpop.runtime.compiled
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.query import Query
 from hpop.planners.lattice import Lattice
 from hpop.search import pareto_paths, supported_paths
 from hpop.search.machinery import beside
@@ -23,7 +23,7 @@ from hpop.search.rehearsal import _Rehearsal, rehearse
 CRITERIA = {"turns": ["exposure", "turns", "length"], "general": ["exposure", "rotation", "turns", "length"]}
 
 
-def taken(query: GraphQuery, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
+def taken(query: Query, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
     """Kernels of a first answer and of an exact search, each with the types that it is called with."""
     seen: dict[str, set[Any]] = {}
     prepare = Clock.prepare

@@ -64,12 +64,10 @@ class CornersGraph(GraphFamily):
         """Return True: a roadmap of positions can be put on a clock."""
         return True
 
-    def build(
-        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
-    ) -> BuiltGraph:
+    def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Search the lattice, then link the corners of its paths."""
         begun = time.perf_counter()
-        budget, limit = spending.budget, spending.budget.time_limit
+        budget, limit, progress = spending.limits, spending.limits.time_limit, spending.limits.progress
         half = None if limit is None else max(LEAST, 0.5 * limit)  # the rest is for the roadmap
         first, until = _first_of(self._lattice(budget, half), problem, progress), spending.until_limit()
         if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:

@@ -13,11 +13,11 @@ from hpop.base.registry import graphs, made
 from hpop.errors import OptionError, QueryError, UnknownName
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.joined_ends import Ends
-from hpop.planners.graphs.query import GraphQuery, built_query
+from hpop.planners.graphs.query import Query, built_query
 from hpop.planners.graphs.shortest import shortest_path
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.spending import Spending
+from hpop.planners.spending import Limits, Spending
 from hpop.runtime.status import ProgressCallback, Status
 
 if TYPE_CHECKING:
@@ -96,13 +96,7 @@ class GraphFamily:
         """The family itself; what a planner that inherits from it searches."""
         return self
 
-    def build(
-        self,
-        problem: Problem,
-        objectives: Objectives,
-        spending: Spending,
-        progress: ProgressCallback | None = None,
-    ) -> BuiltGraph:
+    def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Build the graph with the problem's ends; its costs are computed later.
 
         Raises QueryError for ends that are not usable, Exhausted where a limit of ``spending`` is passed, NotBuilt
@@ -111,24 +105,16 @@ class GraphFamily:
         raise NotImplementedError
 
     def graphs(
-        self,
-        problem: Problem,
-        objectives: Objectives,
-        spending: Spending,
-        progress: ProgressCallback | None = None,
-        *,
-        in_stages: bool = False,
+        self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
         """Yield parts of the graph, or smaller ones, if they are wanted, then the whole graph."""
-        yield self.build(problem, objectives, spending, progress)
+        yield self.build(problem, objectives, spending)
 
     def has_clock(self, problem: Problem) -> bool:
         """Return whether the graph can be put on a clock, so that people may move."""
         return False
 
-    def first_answer(
-        self, name: str, built: BuiltGraph, objectives: Objectives, progress: ProgressCallback | None = None
-    ) -> Candidates | None:
+    def first_answer(self, name: str, built: BuiltGraph, objectives: Objectives) -> Candidates | None:
         """Return a path or a few as candidates of the planner ``name``, in case a limit ends the costing of arcs.
 
         Called if there is a time limit. None where the costs are known already.
@@ -142,33 +128,28 @@ class GraphFamily:
         objectives: Objectives | None = None,
         spending: Spending | None = None,
         progress: ProgressCallback | None = None,
-    ) -> GraphQuery:
+    ) -> Query:
         """Return the problem on its graph, with all arcs checked and costed: what a search takes.
 
         Raises QueryError where people move, or no graph can be built, and as :meth:`build` does.
         """
         refuse_moving(problem, f"this search of {self.name}")
         objectives = objectives or edge_objectives(problem.criteria, self.name)
-        built = self._built_or_refused(problem, objectives, spending or Spending(), progress)
+        spending = spending or Spending(Limits(progress=progress))
+        built = self._built_or_refused(problem, objectives, spending)
         space, start, goals = built.ends
         checked = replace(built, ends=Ends(space.with_checked_arcs(), start, goals))
-        return built_query(checked, objectives, progress=progress)
+        return built_query(checked, objectives)
 
     def states(self, problem: Problem) -> StateGraph | None:
         """Return the graph of states to which the problem's ends may be joined; None of a graph that has no places."""
         objectives = edge_objectives(problem.criteria, self.name)
         return self._built_or_refused(problem, objectives, Spending()).ends.space.states_alone
 
-    def _built_or_refused(
-        self,
-        problem: Problem,
-        objectives: Objectives,
-        spending: Spending,
-        progress: ProgressCallback | None = None,
-    ) -> BuiltGraph:
-        """The graph; QueryError where what was found on the way is all that there is."""
+    def _built_or_refused(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
+        """Build the graph; QueryError where what was found on the way is all that there is."""
         try:
-            return self.build(problem, objectives, spending, progress)
+            return self.build(problem, objectives, spending)
         except NotBuilt as stop:
             if stop.candidates.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt from None
@@ -187,7 +168,7 @@ def graph_family(name: str) -> Callable[[F], F]:
         if not dataclasses.is_dataclass(cls) or not issubclass(cls, GraphFamily) or cls.build is GraphFamily.build:
             raise OptionError(
                 f"graph {name!r} must be a dataclass that inherits from hpop.planners.graphs.GraphFamily and has a "
-                "method build(problem, objectives, spending, progress)"
+                "method build(problem, objectives, spending)"
             )
         options = tuple(one.name for one in dataclasses.fields(cls)) if cls.is_remade else ()
         vars_of_class = {"name": name, "graph_options": options}

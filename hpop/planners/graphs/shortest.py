@@ -8,7 +8,8 @@ import numpy as np
 
 from hpop.criteria.base import make_criterion, trajectory_costs
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.assemble import assemble
+from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.runtime import limits
@@ -26,10 +27,10 @@ def shortest_path(
     spending, length = space.spending, edge_objectives([make_criterion("length")], name)
     held = spending.memory
     graph = space.graph(length.optimised)
-    query = GraphQuery(space, length, graph, start, goals, build_seconds=spending.seconds())
+    query = Query(space, length, graph, start, goals, build_seconds=spending.seconds())
     paths = first_paths(graph, start, goals, spending.left())
     what = "shortest path"
-    found = query.candidates(name, paths, f"the {what} of {space.words}", provenance=[{"stage": what}] * len(paths))
+    found = assemble(name, query, paths, f"the {what} of {space.words}", provenance=[{"stage": what}] * len(paths))
     with limits.within(spending):
         costs = trajectory_costs(objectives.optimised, found.trajectories, space.world)
     spending.release(spending.memory - held)

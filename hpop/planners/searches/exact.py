@@ -16,15 +16,14 @@ from hpop.criteria.base import place_of
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Planner, joined, planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph
-from hpop.planners.graphs.query import GraphQuery, built_query, refuse_too_many, tolerance_counts
-from hpop.planners.graphs.timed.asked import Asked, needless, people_move
-from hpop.planners.graphs.timed.clock import HOLD, TimeOptions
+from hpop.planners.graphs.query import Query, built_query, refuse_too_many, tolerance_counts
+from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
 from hpop.planners.in_time import evaluable_in_time
 from hpop.planners.judgement import trusted
-from hpop.planners.needs import refuse_moving
+from hpop.planners.needs import people_move, refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
-from hpop.planners.spending import Exhausted, Spending, stopped
+from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.beside import Onset, begin, compiling_beside, first_is_awaited, is_compiling
@@ -105,9 +104,10 @@ class ExactSearch:
         """Return the limits, which reading the map, building the graph and searching share."""
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
-    def spending(self, problem: Problem) -> Spending:
-        """Return the limits, of which reading the map has spent some."""
-        return Spending(self.budget(), spent=problem.read_seconds, memory=problem.read_memory)
+    def spending(self, problem: Problem, progress: ProgressCallback | None = None) -> Spending:
+        """Return the account of a planning run, of which reading the map has spent some."""
+        limits = Limits(self.time_limit, self.max_labels, self.max_memory, self.checkpoint, progress)
+        return Spending(limits, spent=problem.read_seconds, memory=problem.read_memory)
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
         """Find all non-dominated paths of the graph.
@@ -165,13 +165,13 @@ class ExactSearch:
         tolerance_counts(objectives, self.tolerance or {})  # these two would only be found wrong by the last stage
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()
-        spending = self.spending(problem)
-        graphs = family.graphs(problem.keeping(self.margin), objectives, spending, progress, in_stages=in_stages)
+        spending = self.spending(problem, progress)
+        graphs = family.graphs(problem.keeping(self.margin), objectives, spending, in_stages=in_stages)
         try:
             if moving:
-                yield from self._among_people(problem, objectives, graphs, progress, in_stages=in_stages)
+                yield from self._among_people(problem, objectives, graphs, spending, in_stages=in_stages)
             else:
-                yield from self._on_graphs(problem, objectives, graphs, spending, progress, in_stages=in_stages)
+                yield from self._on_graphs(problem, objectives, graphs, spending, in_stages=in_stages)
         except NotBuilt as stop:
             yield self._given_back(stop.candidates, problem)
         except Exhausted as stop:
@@ -184,17 +184,15 @@ class ExactSearch:
         problem: Problem,
         objectives: Objectives,
         graphs: Iterable[BuiltGraph],
-        progress: ProgressCallback | None,
+        spending: Spending,
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Answers on a clock."""
-        from hpop.planners.graphs.timed.answers import answers  # on first use: it takes what only they need
+        """Yield answers on a clock."""
+        from hpop.planners.searches.among_people import answers_among_people  # on first use: start-up time
 
-        asked = Asked(
-            self.name, self.time_options, self.eps, self.tolerance, self.checkpoint, self.max_turns, in_stages
-        )
-        for found, built in answers(problem, objectives, graphs, asked, progress):
+        spending.report("graph")
+        for found, built in answers_among_people(self, problem, objectives, graphs, in_stages=in_stages):
             yield self._finished(found, built)
 
     def _on_graphs(
@@ -203,30 +201,29 @@ class ExactSearch:
         objectives: Objectives,
         graphs: Iterable[BuiltGraph],
         spending: Spending,
-        progress: ProgressCallback | None,
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Answers where nobody moves."""
+        """Yield answers where no person moves."""
         quick: Candidates | None = None
         built: BuiltGraph | None = None
         is_bounded = self.max_turns is not None or self.max_detour is not None
         began, has_answer, is_second = time.perf_counter(), False, False
         try:
             for built in graphs:
-                if spending.budget.time_limit is not None and not (has_answer or built.part or is_bounded):
-                    quick = self.family.first_answer(self.name, built, objectives, progress)
-                query = built_query(built, objectives, began, self.max_turns, progress)
+                if spending.limits.time_limit is not None and not (has_answer or built.part or is_bounded):
+                    quick = self.family.first_answer(self.name, built, objectives)
+                query = built_query(built, objectives, began, self.max_turns)
                 if self.max_detour is not None:
-                    detour, kept = Detour.of(self.max_detour, self.max_turns), self.checkpoint
-                    found = exact_mean(query, problem.criteria, detour, self.name, spending, progress, kept)
+                    detour = Detour.of(self.max_detour, self.max_turns)
+                    found = exact_mean(query, problem.criteria, detour, self.name, spending)
                     yield self._finished(found, built)
                     return
                 query.break_ties()
                 covered = math.inf
                 # Where arcs are checked as paths take them, searching twice would check them twice.
                 if built.part or (in_stages and built.ends.space.is_checked):
-                    for stage in self._first_stages(query, built, spending, progress, is_second=is_second):
+                    for stage in self._first_stages(query, built, spending, is_second=is_second):
                         is_end = stage.status.is_final or stage.status is Status.INTERRUPTED
                         if is_end or stage.trajectories or not built.part:
                             yield self._finished(stage, built)
@@ -239,13 +236,7 @@ class ExactSearch:
                 if not built.part:
                     begin()
                     found = query.exact(
-                        self.name,
-                        spending.left(),
-                        progress,
-                        eps=self.eps,
-                        tolerance=self.tolerance,
-                        checkpoint=self.checkpoint,
-                        covered=covered,
+                        self.name, spending.left(), eps=self.eps, tolerance=self.tolerance, covered=covered
                     )
                     yield self._finished(found, built)
                     return
@@ -275,23 +266,22 @@ class ExactSearch:
 
     def _first_stages(
         self,
-        query: GraphQuery,
+        query: Query,
         built: BuiltGraph,
         spending: Spending,
-        progress: ProgressCallback | None,
         *,
         is_second: bool,
     ) -> Iterator[Candidates]:
-        """Answers before the exact one on a graph; a final one where the exact search takes no longer than they do."""
-        budget = spending.share(max(QUICK, SHARE * query.build_seconds))
+        """Yield answers before the exact one; a final one where the exact search takes no longer than they do."""
+        share = spending.share(max(QUICK, SHARE * query.build_seconds))
         if not (built.is_large or is_compiling()):
             kept = None if built.part else self.checkpoint
-            exact = _at_once(self, query, budget, progress, kept)
+            exact = _at_once(self, query, replace(share, checkpoint=kept))
             if exact is not None:
                 with spending.paused():
                     yield _of_part(exact, built.part) if built.part else exact
                 return
-        found = query.first_answer(self.name, budget, progress, quickly=first_is_awaited() and not is_second)
+        found = query.first_answer(self.name, share, quickly=first_is_awaited() and not is_second)
         with spending.paused():
             yield found
         if found.status is Status.INTERRUPTED:
@@ -299,7 +289,7 @@ class ExactSearch:
         begin()
         if built.part or not built.is_large or self.eps >= COARSE:
             return
-        coarse = query.exact(self.name, spending.share(query.build_seconds), progress, eps=COARSE, stage=True)
+        coarse = query.exact(self.name, spending.share(query.build_seconds), eps=COARSE, stage=True)
         stage = {"stage": f"within a factor {1 + COARSE:g}"}
         with spending.paused():
             yield replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)).unfinished()
@@ -331,17 +321,9 @@ class ExactSearch:
         )
 
 
-def _at_once(
-    search: ExactSearch,
-    query: GraphQuery,
-    budget: Budget,
-    progress: ProgressCallback | None,
-    checkpoint: CheckpointSpec | None,
-) -> Candidates | None:
-    """The exact answer on a graph, where it takes no longer than a first one would; None where it does."""
-    precise = query.exact(
-        search.name, budget, progress, eps=search.eps, tolerance=search.tolerance, checkpoint=checkpoint
-    )
+def _at_once(search: ExactSearch, query: Query, limits: Limits) -> Candidates | None:
+    """Return the exact answer on a graph, where it takes no longer than a first one would; None where it does."""
+    precise = query.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
     return precise if precise.status.is_final or precise.status is Status.INTERRUPTED else None
 
 

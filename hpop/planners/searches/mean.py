@@ -19,13 +19,12 @@ from hpop.criteria import Duration
 from hpop.criteria.base import Criterion, Role, place_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.claims import OFF, ROUNDED
-from hpop.planners.graphs.query import MAX_COSTS, GraphQuery
+from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble
+from hpop.planners.graphs.query import MAX_COSTS, Query
 from hpop.planners.objectives import Objectives, edge_objectives, integral_of
 from hpop.planners.spending import Exhausted, Spending
-from hpop.runtime.status import ProgressCallback, Status
+from hpop.runtime.status import Status
 from hpop.search import Graph, capped_mean_paths, pareto_paths
-from hpop.search.machinery.checkpoint import CheckpointSpec
 
 DetourSpec: TypeAlias = float | Mapping[str, float]
 LARGEST_DETOUR = 1000
@@ -106,13 +105,11 @@ def mean_criteria(criteria: Sequence[Criterion], objectives: Objectives) -> Obje
 
 
 def exact_mean(
-    query: GraphQuery,
+    query: Query,
     criteria: Sequence[Criterion],
     detour: Detour,
     name: str,
     spending: Spending,
-    progress: ProgressCallback | None = None,
-    checkpoint: CheckpointSpec | None = None,
 ) -> Candidates:
     """All paths that are non-dominated in the mean itself and the other costs, as the candidates of planner ``name``.
 
@@ -124,6 +121,7 @@ def exact_mean(
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
     column = _column(query, detour)
+    progress = spending.limits.progress
     alone = Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, [column]])
     shortest = pareto_paths(
         alone, query.start, query.goals, budget=replace(spending.left(), max_labels=None), progress=progress
@@ -147,7 +145,7 @@ def exact_mean(
         at_most=at_most,
         budget=spending.left(),
         progress=progress,
-        checkpoint=checkpoint,
+        checkpoint=spending.limits.checkpoint,
     )
     optimised = tuple(c for c in criteria if c.aggregate != "trajectory")
     where = f"{query.space.words} for ({', '.join(c.name for c in optimised)})"
@@ -161,8 +159,9 @@ def exact_mean(
         claim = f"exact under {cap} on {where}; {OFF}, and nothing is claimed beyond the cap; {ROUNDED}"
     else:
         claim = f"incomplete ({paths.status}): paths of {cap} on {where}; others are missing, and may be better"
-    found = query.candidates(
+    found = assemble(
         name,
+        query,
         paths,
         claim,
         provenance=[{"max_detour": detour.option}] * len(paths),
@@ -189,7 +188,7 @@ def exact_mean(
     )
 
 
-def _column(query: GraphQuery, detour: Detour) -> int:
+def _column(query: Query, detour: Detour) -> int:
     """The graph's column of the cost that is capped."""
     column = place_of(detour.cost, query.objectives.optimised)
     if column is None:
@@ -201,7 +200,7 @@ def _column(query: GraphQuery, detour: Detour) -> int:
     return column
 
 
-def _refuse_endless(query: GraphQuery, bounded: Sequence[int]) -> None:
+def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
     """Raise OptionError where motions take time and nothing that is bounded: a head that tilts, or turns back."""
     costs = query.graph.costs
     if ((costs[:, DURATION] > 0) & (costs[:, bounded] == 0).all(axis=1)).any():
@@ -212,7 +211,7 @@ def _refuse_endless(query: GraphQuery, bounded: Sequence[int]) -> None:
         )
 
 
-def _too_tight(query: GraphQuery, column: int, least: int) -> str:
+def _too_tight(query: Query, column: int, least: int) -> str:
     """Why no path keeps the cap and the bound on the turns, in words; "" where one of them alone is not kept."""
     cost, turns = query.objectives.optimised[column], place_of("turns", query.objectives.optimised)
     if query.max_turns is None or turns is None or not least:

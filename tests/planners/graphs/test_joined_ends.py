@@ -18,7 +18,7 @@ from hpop.planners.graphs.joined_ends import with_ends
 from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.query import Query
 from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.roadmap import Roadmap
@@ -56,7 +56,7 @@ def solved(problem, graph, reach=1.5 * STEP):
     """The candidates on a graph with its ends."""
     space, start, goals = with_ends(graph, problem, reach)
     objectives = edge_objectives(problem.criteria, "test")
-    query = GraphQuery(space, objectives, space.graph(objectives.optimised), start, goals, 0.0)
+    query = Query(space, objectives, space.graph(objectives.optimised), start, goals, 0.0)
     return query.exact("test", Budget())
 
 

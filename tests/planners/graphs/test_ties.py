@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.ties import COPIED, TIE_TURNS, tie_broken
 from hpop.planners.lattice import Lattice
 from hpop.planners.spending import Exhausted, Spending
@@ -22,7 +22,7 @@ def asked(*names: str, goal: tuple[float, float, float | None] = (7.0, 1.0, None
     return hpop.Problem(WORLD, ROUND, (1.0, 1.0, 0.0), goal, names)
 
 
-def query(problem: hpop.Problem, step: float = 0.125) -> GraphQuery:
+def query(problem: hpop.Problem, step: float = 0.125) -> Query:
     return Lattice(step=step).query(problem)
 
 
@@ -87,7 +87,7 @@ def test_the_copy_of_a_first_stage_is_freed_and_given_back(monkeypatch):
             copies.remove(memory)
 
     monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
-    monkeypatch.setattr(Lattice, "spending", lambda planner, problem: Watched())
+    monkeypatch.setattr(Lattice, "spending", lambda planner, problem, progress: Watched())
     *_, front = asked("length").fronts([Lattice(step=0.25)], stage=lambda _: None)
     assert front.status == "complete"
     assert copies == [8 * front.runs[-1]["edges"]]  # that of the whole lattice, whose one cost has 8 bytes an edge

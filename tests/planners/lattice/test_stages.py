@@ -20,14 +20,14 @@ from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.nearby import DIAGONAL, STRAIGHT, nearby
-from hpop.planners.graphs.query import GraphQuery
+from hpop.planners.graphs.query import Query
 from hpop.planners.judgement import judge
 from hpop.planners.lattice import Lattice
 from hpop.planners.searches import exact as exact_search
-from hpop.planners.spending import Spending
+from hpop.planners.spending import Limits, Spending
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.status import Progress, Status
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
 EXTENT = shapely.box(0, 0, 7, 5)
@@ -192,7 +192,7 @@ def test_the_coarse_stage_keeps_its_promise() -> None:
 @pytest.mark.usefixtures("large")
 def test_a_stage_that_has_spent_its_share_speaks_of_no_time_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A user who set none would look for it."""
-    monkeypatch.setattr(Spending, "share", lambda spending, seconds: Budget(1e-9))
+    monkeypatch.setattr(Spending, "share", lambda spending, seconds: Limits(1e-9))
     coarse = found(problem())[-2]
     assert coarse.certificate.startswith("lattice: incomplete (this stage's share of the time): ")
     assert "time limit" not in coarse.certificate
@@ -342,7 +342,7 @@ def test_ctrl_c_while_the_lattice_is_built_or_searched_keeps_the_first_answer(
     monkeypatch: pytest.MonkeyPatch, at: int
 ) -> None:
     """The whole lattice is the second to be built; exact searches are the coarse one and the last."""
-    owner, name = [(StateLattice, "graph"), (GraphQuery, "exact")][at - 1]
+    owner, name = [(StateLattice, "graph"), (Query, "exact")][at - 1]
     plain, calls = getattr(owner, name), []
 
     def interrupted(*arguments: Any, **options: Any) -> Any:

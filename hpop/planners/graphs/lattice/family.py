@@ -17,11 +17,9 @@ from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends, with_ends
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
-from hpop.planners.graphs.timed.asked import people_move
-from hpop.planners.needs import in_plane
+from hpop.planners.needs import in_plane, people_move
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Spending
-from hpop.runtime.status import ProgressCallback
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -65,21 +63,13 @@ class LatticeGraph(GraphFamily):
         if not isinstance(self.anchor, str) or self.anchor not in ANCHORS:
             raise OptionError(f"anchor must be one of {', '.join(ANCHORS)}, got {shown(self.anchor)}")
 
-    def build(
-        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
-    ) -> BuiltGraph:
+    def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Lay out the lattice and join start and goal to it."""
         lattice = self.lattice(problem, spending)
         return self._built(lattice, problem)
 
     def graphs(
-        self,
-        problem: Problem,
-        objectives: Objectives,
-        spending: Spending,
-        progress: ProgressCallback | None = None,
-        *,
-        in_stages: bool = False,
+        self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
         """Yield the part of a large lattice round the shortest ways, if it is wanted, then the whole lattice."""
         lattice, moving = self.lattice(problem, spending), people_move(problem)

@@ -155,7 +155,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
             return places, self._chains(tails[places], heads[places]).costs(criteria)
 
         each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
-        if (most := self.spending.budget.max_memory) is not None:  # so that all cores together keep it
+        if (most := self.spending.limits.max_memory) is not None:  # so that all cores together keep it
             each = max(each, int(WORKED * BLOCK * self.spending.cores // max(1, most)))
         for places, counts in self.spending.each(paid, blocks(size, each), doing):
             costs[places] = counts

@@ -24,7 +24,6 @@ from hpop.planners.graphs.roadmap.survey import Survey, survey
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Spending
-from hpop.runtime.status import ProgressCallback
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -74,21 +73,13 @@ class RoadmapGraph(GraphFamily):
         set_wholes(self, "far", least=0, optional=True)
         set_wholes(self, "trees", least=0, most=MOST_TREES, optional=True)
 
-    def build(
-        self, problem: Problem, objectives: Objectives, spending: Spending, progress: ProgressCallback | None = None
-    ) -> BuiltGraph:
+    def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Lay out the roadmap between the problem's start and goal."""
-        *_, built = self.graphs(problem, objectives, spending, progress)
+        *_, built = self.graphs(problem, objectives, spending)
         return built
 
     def graphs(
-        self,
-        problem: Problem,
-        objectives: Objectives,
-        spending: Spending,
-        progress: ProgressCallback | None = None,
-        *,
-        in_stages: bool = False,
+        self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
         """Yield the graph of the guides, if there are some and they are wanted, then the whole roadmap."""
         known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)

@@ -15,7 +15,7 @@ GROWTH = 4  # times as many samples has the next one
 def smaller(samples: int, spending: Spending) -> list[int]:
     """Return the samples of the roadmaps to search first, the smallest first; none without a time limit."""
     sizes: list[int] = []
-    if spending.budget.time_limit is not None:
+    if spending.limits.time_limit is not None:
         while (samples := samples // GROWTH) >= SMALLEST:
             sizes.insert(0, samples)
     return sizes

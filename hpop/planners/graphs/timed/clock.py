@@ -10,15 +10,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import MOST, real
 from hpop.base.scalars import set_python_values
+from hpop.errors import OptionError
 from hpop.motions import States
 from hpop.motions.hold import LONGEST as LONGEST_HOLD
+from hpop.planners.needs import people_move
 from hpop.search.timed.graph import MAX_TICKS
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
 
 TICK = 1 / 20  # s, where people move and nobody says otherwise
 SHORTEST, LONGEST = 0.01, 1.0  # s of a tick: a finer one only takes memory, in a coarser one people walk too far
@@ -108,3 +114,22 @@ class TimeOptions:
     def described(self) -> dict[str, float | None]:
         """JSON-able, as provenance tells it."""
         return {"clock": self.tick, "hold": self.hold, "arrive_by": self.arrive_by, "margin": self.margin}
+
+
+def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
+    """Return a note that names the options of time that are set where no person moves, so that there is no clock.
+
+    Raises OptionError where a time of arrival is asked for, which would not be kept.
+    """
+    if people_move(problem):
+        return ()
+    if options.arrive_by is not None:
+        raise OptionError(
+            "arrive_by needs a clock, and where nobody moves there is none; leave it out, and list the criterion "
+            "'duration'"
+        )
+    names = ("clock", "hold") if problem.world.content.bodies else ("clock", "hold", "margin")
+    given = [name for name in names if getattr(options, name) != getattr(TimeOptions(), name)]
+    if not given:
+        return ()
+    return (f"nobody moves, so there is no clock: {', '.join(given)} did not matter",)

@@ -42,7 +42,7 @@ class Driven(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Plans:
+class TimedPlans:
     """Plans of a graph on a clock.
 
     timed

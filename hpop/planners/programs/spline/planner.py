@@ -180,7 +180,7 @@ class _SplineRun:
 
     def _left(self) -> float:
         """Seconds that are left."""
-        limit = self.spending.budget.time_limit
+        limit = self.spending.limits.time_limit
         return math.inf if limit is None else limit - self.spending.seconds()
 
     @property

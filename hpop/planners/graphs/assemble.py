@@ -1,0 +1,273 @@
+"""From the paths of any search to a planner's candidates: trajectories, claims, tolerance and provenance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.planners.base import Candidates
+from hpop.planners.deferred import Deferred
+from hpop.runtime.status import Status
+from hpop.search import ParetoPaths
+
+if TYPE_CHECKING:
+    from hpop.planners.graphs.query import Query
+    from hpop.search.timed.paths import TimedPaths
+    from hpop.trajectories.trajectory import Trajectory
+
+COARSE = 0.01  # of what a cost tells apart: rounding that is more is noted
+
+ROUNDED = "edge costs rounded to their quanta"
+OFF = "paths off this graph may be better"
+SHARE = "this stage's share of the time"
+
+
+@dataclass(frozen=True, eq=False)
+class Plans:
+    """Paths of a search as trajectories, in so far as a graph with a clock differs from one without.
+
+    planned       (n, k)  costs, in the criteria's units
+    tolerance     (n, k)  by how much re-evaluated costs may differ
+    trajectories  function that makes the trajectories of some rows (r,)
+    provenance    n
+    claim         what to add to the claim, in words
+    """
+
+    planned: FloatArray
+    tolerance: FloatArray
+    trajectories: Callable[[IntArray], tuple[Trajectory, ...]]
+    provenance: tuple[dict[str, Any], ...]
+    claim: str = ""
+    notes: tuple[str, ...] = ()
+    stats: Mapping[str, Any] = field(default_factory=dict)
+
+
+def assemble(
+    name: str,
+    query: Query,
+    paths: ParetoPaths | TimedPaths,
+    claim: str,
+    *,
+    provenance: Sequence[Mapping[str, Any]] | None = None,
+    notes: Sequence[str] = (),
+    stats: Mapping[str, Any] | None = None,
+    reason: str = "",
+) -> Candidates:
+    """Return the paths of any search as the candidates of the planner ``name``.
+
+    Parameters
+    ----------
+    claim : what is claimed of all paths, in words
+    provenance : of each path, beside the options of the graph
+    reason : why there is no path, where the caller knows; else the query finds out
+    """
+    objectives, space = query.objectives, query.space
+    plans = query.plans(paths, {"planner": name, **space.options}, provenance)
+    blocked = (reason or query.what_blocks(paths),) if paths.status is Status.NO_PATH else ()
+    count = len(plans.planned)
+    return Candidates(
+        objectives=objectives.optimised,
+        trajectories=Deferred(count, plans.trajectories) if count else (),
+        planned=plans.planned,
+        tolerance=plans.tolerance,
+        status=paths.status,
+        certificate=f"{name}: {claim}{plans.claim}{objectives.certificate}",
+        provenance=plans.provenance,
+        notes=(*objectives.notes, *query.notes, *plans.notes, *blocked, *notes),
+        filters=objectives.filters,
+        stats={
+            "planner": name,
+            "states": space.size,
+            "edges": query.graph.arcs,
+            "build_seconds": query.build_seconds,
+            **(stats or {}),
+            **plans.stats,
+            "bounds_seconds": paths.stats.seconds_bounds,
+            "search_seconds": paths.stats.seconds_search,
+        },
+    )
+
+
+def plans_of(
+    query: Query, paths: ParetoPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
+) -> Plans:
+    """Return paths of a graph without a clock as trajectories, with provenance in common and of their own."""
+    space, edges = query.space, paths.lengths
+
+    def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
+        return space.stretches(*paths.through(rows)).trajectories(space.model, space.kinds)
+
+    # A sum is rounded once an edge, a worst edge once.
+    adds_up = np.array([criterion.aggregate != "max" for criterion in query.objectives.optimised])
+    rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
+    counts: dict[str, int] = {}
+    if not space.is_checked:
+        counts = {"edges_checked": paths.stats.arcs_checked, "edges_blocked": paths.stats.arcs_blocked}
+        counts |= {"rounds": paths.stats.rounds}
+    return Plans(
+        planned=paths.costs * query.quanta,
+        tolerance=rounds * query.quanta,
+        trajectories=trajectories,
+        provenance=_origins(common, edges.tolist(), own),
+        notes=tuple(_coarse(query, paths, rounds)),
+        stats=counts,
+    )
+
+
+def _origins(
+    common: Mapping[str, Any], edges: Sequence[int], own: Sequence[Mapping[str, Any]] | None
+) -> tuple[dict[str, Any], ...]:
+    """Return the provenance of each path; of thousands most are alike, and those are one object."""
+    if own is not None:
+        return tuple({**common, "edges": count, **each} for count, each in zip(edges, own, strict=True))
+    alike = {count: {**common, "edges": count} for count in set(edges)}
+    return tuple(alike[count] for count in edges)
+
+
+def _coarse(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
+    """Note each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""
+    if not len(paths):
+        return []
+    error = rounds.max(axis=0) * query.quanta
+    size = np.maximum(np.ptp(paths.costs, axis=0), paths.costs.max(axis=0)) * query.quanta
+    return [
+        f"{criterion.name} is rounded to {criterion.quantum:g} {criterion.unit} edge by edge, by up to {off:.3g} "
+        "in all: that is coarse for this front; declare a smaller quantum"
+        for criterion, off, whole in zip(query.objectives.optimised, error, size, strict=True)
+        if off > COARSE * whole > 0.0 and criterion.quantum != 1.0
+    ]
+
+
+def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
+    """Return the counts of a search by name, and what may be missing, where that is known."""
+    stats = paths.stats
+    return {
+        "method": stats.method,
+        "labels_generated": stats.labels_generated,
+        "labels_expanded": stats.labels_expanded,
+        "labels_open": stats.labels_open,
+        "peak_memory": stats.peak_memory,
+        "gap": gap if math.isfinite(gap) else None,
+    }
+
+
+def looked_at(query: Query, paths: ParetoPaths | TimedPaths) -> str:
+    """Say how many edges were checked; nothing where all are free."""
+    if query.space.is_checked:
+        return ""
+    stats = paths.stats
+    return (
+        f"; {stats.arcs_checked:,} of {query.graph.arcs:,} edges were checked in {stats.rounds} "
+        f"round{'s' if stats.rounds != 1 else ''}, "
+        f"{stats.arcs_blocked:,} of them blocked; edges on no front were not checked"
+    )
+
+
+# Claims
+
+
+class Ended(Protocol):
+    """What a search found, how it ended, and how much it may miss."""
+
+    @property
+    def status(self) -> Status: ...
+
+    @property
+    def gap(self) -> float: ...
+
+    def __len__(self) -> int: ...
+
+
+def claimed(
+    paths: Ended,
+    where: str,
+    rounded: str = ROUNDED,
+    *,
+    eps: float = 0.0,
+    tolerance: Mapping[str, float] | None = None,
+    optimal: str = "every point is optimal",
+    gap: float | None = None,
+    stage: bool = False,
+) -> str:
+    """Say what is claimed of a search for all optimal vectors, or for a cover of them within ``eps`` and a tolerance.
+
+    Parameters
+    ----------
+    where : graph and criteria, in words
+    rounded : how costs were rounded, in words
+    optimal : what each point is where the search ended early, in words
+    gap : what may be missing, where more is known of it than the search tells
+    stage : whether a later stage follows, so that a time limit is this stage's share of the time
+    """
+    factor = within(eps, tolerance or {})
+    if not paths.status.is_final:
+        each = f"points are within {factor} of optimal" if factor else optimal
+        each = each if len(paths) else "the search itself found none"
+        ended = SHARE if stage and paths.status is Status.TIME_LIMIT else paths.status
+        missing = how_far(paths.gap if gap is None else gap, tolerance or {})
+        return f"incomplete ({ended}): {each} on {where}, others are missing{missing}"
+    if factor:
+        covered = f"every optimal cost vector on {where} is covered within {factor}"
+        return f"{covered}; {OFF}, points need not be optimal themselves; {rounded}"
+    return f"exact on {where}; {OFF}; {rounded}"
+
+
+def claimed_with_known(paths: Ended, where: str, rounded: str = ROUNDED) -> str:
+    """Say what is claimed of a search that begins with known paths."""
+    if paths.status.is_final:
+        return f"exact on {where}; {OFF}; {rounded}"
+    return (
+        f"incomplete ({paths.status}): known ways and what was found on {where}, points need not be optimal, others "
+        f"are missing{how_far(paths.gap, {})}"
+    )
+
+
+def within(eps: float, tolerance: Mapping[str, float]) -> str:
+    """Say how far a point may be from the vectors that it covers; nothing if it may not."""
+    return " and ".join(([f"a factor {1 + eps:g}"] if eps else []) + _amounts(tolerance))
+
+
+def how_far(gap: float, tolerance: Mapping[str, float]) -> str:
+    """Say how much better than the points at hand a missing one may be.
+
+    >>> how_far(0.1, {"turns": 2.0})
+    '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
+    """
+    if not math.isfinite(gap):
+        return "; how much better they may be is not known"
+    worse = f"; for each of them, a point here is at most {_percent(gap)} % worse in every cost"
+    amounts = " and ".join(_amounts(tolerance))
+    return f"{worse}, besides {amounts}" if amounts else worse
+
+
+def _amounts(tolerance: Mapping[str, float]) -> list[str]:
+    return [f"{value:g} in {name}" for name, value in tolerance.items() if value]
+
+
+def _percent(gap: float) -> str:
+    """Return a share in percent, rounded up to two digits.
+
+    >>> _percent(0.1), _percent(0.1201), _percent(1.0), _percent(12.31), _percent(0.0), _percent(0.00012)
+    ('10', '13', '100', '1,300', '0', '0.012')
+    """
+    if gap == 0.0:
+        return "0"
+    digit = 10.0 ** (math.floor(math.log10(100 * gap)) - 1)
+    percent = math.ceil(100 * gap / digit - 1e-6) * digit
+    return f"{percent:,.0f}" if percent >= 10 else f"{percent:.2g}"
+
+
+def at_memory_limit(paths: ParetoPaths | TimedPaths) -> list[str]:
+    """Note how far a search came that ran out of memory: no user can see how much more it would take."""
+    if paths.status is not Status.MEMORY_LIMIT:
+        return []
+    made, waiting = paths.stats.labels_generated, paths.stats.labels_open
+    return [
+        f"memory limit: {made:,} labels (partial paths) were generated, {waiting:,} of them still open; raise "
+        "max_memory, or give eps, a larger step or fewer criteria"
+    ]

@@ -1,0 +1,255 @@
+"""The clock of a query: how its paths are found, driven and described among people who move."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.text import some
+from hpop.errors import QueryError
+from hpop.models.execution import needed_about
+from hpop.planners.graphs.assemble import ROUNDED, Plans
+from hpop.planners.graphs.query import Query
+from hpop.planners.graphs.timed.assembly import timed_graph
+from hpop.planners.graphs.timed.clock import SLACK, TimeOptions
+from hpop.planners.graphs.timed.graph import Timed
+from hpop.planners.graphs.timed.notice import Attention
+from hpop.planners.graphs.timed.plans import TimedPlans
+from hpop.planners.graphs.timed.safety import Start
+from hpop.planners.objectives import Objectives
+from hpop.planners.spending import Limits
+from hpop.runtime.limits import within
+from hpop.runtime.status import Budget, Status
+from hpop.search import pareto_paths
+from hpop.search.timed.paths import TimedPaths
+from hpop.search.timed.timed_paths import timed_paths
+from hpop.trajectories.contacts import contact
+from hpop.world.content.people import Person
+from hpop.world.content.yielding import taken_to_stop, with_stops, yielding
+
+if TYPE_CHECKING:
+    from hpop.planners.graphs.family import BuiltGraph
+    from hpop.planners.graphs.joined_ends import JoinedEnds
+    from hpop.planners.graphs.state_graph import StateGraph
+    from hpop.problems.problem import Problem
+
+UNREACTING = "people are taken to do as predicted, whatever the robot does"
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """Clock, people and departure of a query: the part of it that only people who move make necessary.
+
+    timed       the graph on the clock
+    start       node at which plans begin: that of the query's start, or one beside it
+    options     of time
+    people      all people, as predicted from the departure on
+    begins      s, on the clock, of the departure
+    late_start  s, by how much executions are later from the departure on, which graph and clock do not allow for
+    """
+
+    timed: Timed
+    start: int
+    options: TimeOptions
+    people: Sequence[Person]
+    begins: float = 0.0
+    late_start: float = 0.0
+
+    # The search
+
+    def paths(self, query: Query, limits: Limits, eps: float, slack: IntArray) -> TimedPaths:
+        """Find all non-dominated paths on the clock, or some within ``eps`` and a slack (k,), in objectives' quanta."""
+        quanta = np.array([criterion.quantum for criterion in query.objectives.optimised])
+        counts = np.floor(slack * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
+        return timed_paths(
+            self.timed.graph,
+            self.start,
+            [*query.goals, self.start] if query.start in query.goals else query.goals,
+            budget=limits,
+            progress=limits.progress,
+            eps=eps,
+            tolerance=counts.tolist(),
+            at_most=query.at_most(),
+            checkpoint=limits.checkpoint,
+        )
+
+    # In words
+
+    @property
+    def words(self) -> str:
+        """The clock and the predictions, in words."""
+        parts = [f"on a clock of {self.options.tick:g} s"]
+        hold = self.timed.hold
+        parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
+        company = self.timed.company
+        people = "1 person who moves" if len(company.people) == 1 else f"{len(company.people)} people who move"
+        parts.append(f"for the predictions of {people}, the last of which ends after {company.settled:.3g} s")
+        if self.options.margin:
+            parts.append(f"{self.options.margin:g} m clear of them")
+        if self.options.arrive_by is not None:
+            parts.append(f"arriving within {self.options.arrive_by:g} s")
+        return ", ".join(parts)
+
+    def rounded(self, objectives: Objectives) -> str:
+        """Say how costs are rounded."""
+        own = zip(objectives.optimised, self.timed.quanta.tolist(), strict=True)
+        steps = [f"{c.name} {step:g} {c.unit}".removesuffix(" 1") for c, step in own if step != c.quantum]
+        return f"{ROUNDED}, on the clock those of {', '.join(steps)}" if steps else ROUNDED
+
+    @property
+    def _executed(self) -> str:
+        """By how much executions are off their plans, in words."""
+        ramps = self.timed.ramps
+        if ramps is None:
+            return "and each was looked at as it is executed"
+        return f"and robots, as they are executed, off their plans by at most {ramps.stray:.2g} m"
+
+    # Plans
+
+    def plans(self, paths: TimedPaths, common: Mapping[str, Any]) -> Plans:
+        """Return paths as trajectories with holds, without those that come too near to people as they are executed."""
+        steps = [paths.steps(i) for i in range(len(paths))]
+        every = TimedPlans(self.timed, steps, self.begins, self.late_start)
+        kept = np.flatnonzero(~self._in_contact(every))
+        plans, costs, claim = replace(every, steps=[steps[i] for i in kept.tolist()]), paths.costs[kept], ""
+        if kept.size < len(paths):
+            claim = f", without {len(paths) - kept.size} that are in people's way as they are executed"
+        drift = float(plans.drift.max(initial=0.0))
+        if kept.size:
+            claim += f"; times of plans are off the clock by at most {drift:.2g} s, {self._executed}; {UNREACTING}"
+        shared = {**common, **self.options.described}
+        if self.stopping:
+            shared["people_who_stop"] = self.stopping
+        own = zip(plans.lengths.tolist(), plans.holds.tolist(), plans.drift.tolist(), strict=True)
+        return Plans(
+            planned=costs * self.timed.quanta,
+            tolerance=plans.tolerance(costs),
+            trajectories=plans.trajectories,
+            provenance=tuple(
+                {**shared, "edges": steps - holds, "holds": holds, "drift": round(off, 6)} for steps, holds, off in own
+            ),
+            claim=claim,
+            notes=(*self._touching, *self._stopping),
+            stats=self.timed.counts,
+        )
+
+    def _in_contact(self, plans: TimedPlans) -> BoolArray:
+        """Mark plans (n,) that come too near to people; plans of which the search proves the distance are skipped."""
+        found = np.zeros(len(plans.steps), dtype=bool)
+        doubtful = (plans.drift > SLACK) | (plans.late > SLACK)
+        if self.timed.ramps is None or self.timed.safety.about_start:
+            doubtful[:] = True
+        rows = np.flatnonzero(doubtful)
+        parts = self.timed.arcs.inner.model.platform
+        people = with_stops(self.people, self.stopping, *self._at_start)
+        for i, trajectory in zip(rows.tolist(), plans.trajectories(rows), strict=True):
+            each = (trajectory, trajectory.execution())
+            found[i] = any(contact(parts, people, one, self.options.margin) for one in each)
+        return found
+
+    # The departure
+
+    @property
+    def departure(self) -> Start:
+        """Where and when plans begin."""
+        at = self.timed.arcs.states.take(self.timed.arcs.place[[self.start]])
+        return Start(float(at.x[0]), float(at.y[0]), self.begins)
+
+    @property
+    def _at_start(self) -> tuple[tuple[float, float], float]:
+        """Where plans begin, m, and what the robot needs there, m."""
+        model, start = self.timed.arcs.inner.model, self.departure
+        return (start.x, start.y), needed_about(model, self.options.margin)
+
+    @property
+    def _touching(self) -> tuple[str, ...]:
+        """A note on the people with whom the robot starts in contact."""
+        who = [person.name or "somebody" for person in self.timed.safety.touched]
+        if not who:
+            return ()
+        return (f"the robot starts in contact with {some(who)}; it may leave, where the gap does not shrink",)
+
+    @cached_property
+    def stopping(self) -> list[int]:
+        """Numbers of the people who are taken to stop before the robot where it starts."""
+        if not self.timed.people_stop:
+            return []
+        place, reach = self._at_start
+        moving = self.timed.company.moving
+        return [i for i in moving if yielding(self.people[i], place, reach) is not self.people[i]]
+
+    @property
+    def _stopping(self) -> tuple[str, ...]:
+        """A note on the people who are taken to stop before the robot."""
+        return (taken_to_stop(self.people, self.stopping),) if self.stopping else ()
+
+    def what_blocks(self, query: Query) -> str:
+        """Say in words why there is no path."""
+        graph = query.graph if query.closed is None else query.graph.without(query.closed)
+        alone = pareto_paths(graph, self.start, query.goals, budget=Budget(max_labels=10**6), eps=1.0)
+        if alone.status is Status.NO_PATH:
+            return query.space.what_separates(query.start, query.goals)
+        why, ways_out = ["people who move are in them, now or later"], list[str]()
+        if near := [*self.timed.safety.coming(self.departure)]:
+            who = some([*dict.fromkeys(person.name or "somebody" for person, _ in near)])
+            when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
+            why.append(f"{who} may be too near to the start, {when}, for the robot to be away in time")
+        if self.options.margin > 0:
+            ways_out.append("a smaller margin")
+        if self.options.hold is None:
+            ways_out.append("a hold")
+        if self.options.arrive_by is not None:
+            why.append(f"none arrives within {self.options.arrive_by:g} s")
+            ways_out.append("a later arrive_by")
+        if query.max_turns is not None:
+            why.append(f"none has at most {query.max_turns} turns")
+            ways_out.append("more max_turns")
+        advice = [f"give {way}" for way in ways_out] + ["ask for another start or goal, or later"]
+        return f"no path: there are ways, but {', or '.join(why)}; {', or '.join(advice)}"
+
+
+def timed_query(
+    built: BuiltGraph,
+    objectives: Objectives,
+    problem: Problem,
+    options: TimeOptions,
+    max_turns: int | None = None,
+    attention: Attention | None = None,
+    *,
+    people_stop: bool = False,
+) -> Query:
+    """Put a graph that was built on a clock, among the people of a problem.
+
+    Raises Exhausted where a limit is passed, QueryError for a graph without a clock, and as
+    :func:`.assembly.timed_graph` does, which explains ``attention`` and ``people_stop``.
+    """
+    began = time.perf_counter()
+    space, start, goals = built.ends
+    if not space.has_clock:
+        raise QueryError(f"{space.words} has no clock")
+    with within(space.spending):
+        timed = timed_graph(
+            cast("StateGraph | JoinedEnds", space),
+            objectives.optimised,
+            start,
+            goals,
+            options,
+            problem.quanta,
+            attention=attention,
+            people_stop=people_stop,
+        )
+    timing = Timing(timed, timed.start, options, problem.world.content.people)
+    seconds = time.perf_counter() - began
+    return on_clock(timing, objectives, start, goals, build_seconds=seconds, notes=built.notes, max_turns=max_turns)
+
+
+def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **others: Any) -> Query:
+    """Return the query of a graph on a clock; ``others``: further fields of it."""
+    timed = timing.timed
+    return Query(timed.arcs.space, objectives, timed.graph.graph, start, goals, timing=timing, **others)
