@@ -31,7 +31,7 @@ from hpop.search.timed.paths import TimedPaths
 from hpop.search.timed.timed_paths import timed_paths
 from hpop.trajectories.contacts import contact
 from hpop.world.content.people import Person
-from hpop.world.content.yielding import taken_to_stop, with_stops, yielding
+from hpop.world.content.predictions import taken_to_stop, with_stops, yielding
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import BuiltGraph
