@@ -1,5 +1,7 @@
 """Claims: what is executed of a plan among people who move keeps its clock, and touches nobody."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -7,12 +9,14 @@ import shapely
 import hpop
 from hpop.base.options import LEAST
 from hpop.models import DifferentialDrive, PanTilt
+from hpop.models.execution import needed_about
 from hpop.motions import States
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
+from hpop.world.content.yielding import with_stops
 from tests.planners.timed.rooms_with_people import ROBOT, gaps, in_the_door, through_the_doors
 
 
@@ -118,10 +122,23 @@ def test_nobody_is_touched_by_what_is_executed(seed):
     planner = Lattice(step=0.5, hold=hold, eps=0.1) if seed % 4 else Roadmap(samples=60, seed=seed, hold=hold)
     found = planner.solve(problem)
     assert len(found.trajectories) or seed not in TOUCHED
-    for trajectory in found.trajectories:
+    for trajectory, provenance in zip(found.trajectories, found.provenance, strict=True):
+        stopped = provenance.get("people_who_stop", ())
+        assert all(meets_the_standing_robot(problem, i) for i in stopped)
+        assert not stopped or any("taken to stop" in note for note in found.notes)
+        people = with_stops(problem.world.content.people, stopped, problem.start[:2], needed_about(problem.model, 0.0))
+        among = replace(problem, world=problem.world.with_content(people=people))
         assert trajectory.punctual
-        assert gaps(problem, trajectory).min() >= 0.0
-        assert gaps(problem, trajectory.execution()).min() >= 0.0
+        assert gaps(among, trajectory).min() >= 0.0
+        assert gaps(among, trajectory.execution()).min() >= 0.0
+
+
+def meets_the_standing_robot(problem, i):
+    """Return whether a person comes within 0.1 m of a robot at the start in 5 s, drift included."""
+    person, robot = problem.world.content.people[i], problem.model
+    x, y = person.at(np.arange(0.0, 5.0, 0.01))
+    gap = np.hypot(x - problem.start[0], y - problem.start[1]).min() - person.radius - robot.radius
+    return gap <= robot.speed**2 / (8 * robot.acceleration) + 0.1
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.1])
