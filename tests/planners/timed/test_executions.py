@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hpop.world.content.yielding import with_stops
 
 import hpop
 from hpop.base.options import LEAST
@@ -17,6 +16,7 @@ from hpop.planners.roadmap import Roadmap
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
+from hpop.world.content.predictions import with_stops
 from tests.planners.timed.rooms_with_people import ROBOT, gaps, in_the_door, through_the_doors
 
 
