@@ -19,7 +19,7 @@ import pytest
 
 import hpop
 from hpop.errors import HpopError
-from hpop.frontier.errors import FrontError
+from hpop.frontier.points import FrontError
 from hpop.study.statistics import bradley_terry
 from hpop.testing import random_motions
 from hpop.view import save_pictures

@@ -14,7 +14,7 @@ from hpop.base.registry import criteria
 from hpop.cli import main
 from hpop.criteria import Length
 from hpop.errors import CriterionError, HpopError, UnknownName
-from hpop.frontier.errors import FrontError, FrontFileError
+from hpop.frontier.points import FrontError, FrontFileError
 from hpop.planners import EpsilonConstraint, Lattice, WeightedSumCorridor
 from hpop.testing import check_criterion
 from hpop.trajectories.trajectory import Trajectory

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from hypothesis import strategies as st
 
 import hpop
 from hpop.criteria.base import make_criterion, trajectory_costs
-from hpop.frontier import FrontFileError, storage
+from hpop.frontier import FrontFileError
 from hpop.models.driven import driven
 from hpop.motions import States
 from hpop.trajectories.motion_table import MotionTable
@@ -118,38 +117,6 @@ def test_a_criterion_that_asks_when_a_motion_begins_is_told():
     (once,) = trajectory_costs([Late()], [walk], WORLD)
     assert trajectory_costs([Late()], [walk] * 3, WORLD).tolist() == [once.tolist()] * 3
     assert once == pytest.approx(walk.times[1:].sum())
-
-
-def test_files_of_version_1_are_read():
-    front = hpop.Front.load(Path(__file__).parent / "frontier" / "version_1.json")
-    still, straight, _, swerve = front.trajectories
-    assert front.costs.tolist() == [[1, 4], [2, 3], [3, 2], [4, 0.1 + 0.2]]
-    assert front.reported.tolist() == [[1 / 3]] * 4
-    assert (len(still), straight.kinds, set(swerve.kinds)) == (0, ("move",), {"drive"})
-    assert swerve.states.names == ("x", "y", "yaw", "speed", "turn_rate", "clock")
-    assert (straight.states.x.tolist(), straight.states.y.tolist()) == ([1.0, 5.0], [2.5, 2.5])
-    assert front.provenance[3] == {"planner": "rrt", "run": 7}
-    assert (front.names, front.units, front.notes) == (("turns", "length"), ("1", "m"), ("a note",))
-    assert hpop.Problem.from_description(front.problem).start == (1.0, 2.5, 0.0)
-
-
-def test_a_front_of_version_1_is_the_same_once_saved_again(tmp_path):
-    front = hpop.Front.load(Path(__file__).parent / "frontier" / "version_1.json")
-    front.save(tmp_path / "front.json")
-    assert json.loads((tmp_path / "front.json").read_text())["version"] == storage.VERSION
-    again = hpop.Front.load(tmp_path / "front.json")
-    assert [bits(t) for t in again.trajectories] == [bits(t) for t in front.trajectories]
-    for name in ("provenance", "problem", "runs", "status", "certificate", "reported_names"):
-        assert getattr(again, name) == getattr(front, name)
-    assert np.array_equal(again.costs, front.costs)
-
-
-def test_a_trajectory_of_version_1_that_is_none_names_its_point(tmp_path):
-    document = json.loads((Path(__file__).parent / "frontier" / "version_1.json").read_text())
-    document["points"][1]["item"]["states"]["x"] = [0.0]
-    (tmp_path / "front.json").write_text(json.dumps(document))
-    with pytest.raises(FrontFileError, match=r"points\[1\] cannot be decoded \(ModelError"):
-        hpop.Front.load(tmp_path / "front.json")
 
 
 @pytest.fixture(scope="module")

@@ -18,8 +18,7 @@ from hpop.base.options import MOST, BesideScenario, real, whole
 from hpop.base.text import printable, shown
 from hpop.criteria.base import Criterion, criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, ModelError
-from hpop.frontier.columns import Kinds, parts
-from hpop.frontier.strict_json import parse
+from hpop.frontier.strict_json import Kinds, parse, parts
 from hpop.models import files
 from hpop.motions import Motions
 

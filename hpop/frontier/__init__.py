@@ -13,12 +13,11 @@ The package knows cost arrays and opaque items, nothing of robots. Everything is
 
 from __future__ import annotations
 
+from hpop.frontier.choosing import knee
 from hpop.frontier.dominance import default_quanta, dominates, filter, is_nondominated, quantised
-from hpop.frontier.errors import FrontError, FrontFileError, UnknownColumnError
 from hpop.frontier.front import Front
-from hpop.frontier.indicators import additive_epsilon, default_reference, hypervolume
-from hpop.frontier.knees import knee
-from hpop.frontier.point import Point
+from hpop.frontier.points import FrontError, FrontFileError, Point, UnknownColumnError
+from hpop.frontier.union import additive_epsilon, default_reference, hypervolume
 
 __all__ = [
     "Front",

@@ -1,4 +1,4 @@
-"""Choosing one point of a front: the methods that a front has for it."""
+"""Methods of a front that choose one of its points."""
 
 from __future__ import annotations
 
@@ -8,27 +8,26 @@ from typing import Any, Generic, Protocol, TypeVar, cast, runtime_checkable
 import numpy as np
 
 from hpop.base.text import shown
-from hpop.frontier import choosing, knees
+from hpop.frontier import choosing
 from hpop.frontier.dominance import FloatArray, IntArray
-from hpop.frontier.errors import FrontError
-from hpop.frontier.point import Point
+from hpop.frontier.points import FrontError, Point
 
 T = TypeVar("T")
 
 
 @runtime_checkable
 class Preferring(Protocol):
-    """Whoever knows which row of a front a person prefers, such as :class:`hpop.study.Preference`."""
+    """Preferences of a person over the rows of a front, such as :class:`hpop.study.Preference`."""
 
     def row(self, front: Any, /) -> int:
-        """The row that is preferred."""
+        """Return the preferred row."""
 
     def expected(self, front: Any, costs: FloatArray, /) -> FloatArray:
-        """What costs (m, k), in the columns of a front, cost this person (m,), at least 0; the less the better."""
+        """Return the cost (m,) of costs (m, k), in a front's columns, to this person: at least 0, less is better."""
 
 
 class Choices(Generic[T]):
-    """What can be asked of a front's points; each method says how it chooses one of them.
+    """Choices among a front's points; each method says how it chooses one of them.
 
     Choosing from a front without points raises FrontError.
     """
@@ -43,7 +42,7 @@ class Choices(Generic[T]):
     certificate: str
 
     def _point(self, row: int) -> Point[T]:
-        """The point of a row."""
+        """Return the point of a row."""
         raise NotImplementedError
 
     def ideal(self) -> FloatArray:
@@ -59,9 +58,9 @@ class Choices(Generic[T]):
     def knee(self) -> Point[T]:
         """Return the best compromise: the point deepest below all mixtures of the extreme points.
 
-        The definition is that of :func:`hpop.frontier.knees.knee`.
+        The definition is that of :func:`hpop.frontier.choosing.knee`.
         """
-        return self._point(knees.knee(self._counts()))
+        return self._point(choosing.knee(self._counts()))
 
     def best(self, name: str) -> Point[T]:
         """Return the point with the least of one criterion; ties go to the other criteria in their order."""

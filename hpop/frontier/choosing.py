@@ -1,12 +1,11 @@
-"""Choosing one point of a front: pure functions on cost arrays that return a row number.
+"""Choosing one point of a front: pure functions on cost arrays that return a row number, and the knee.
 
 Each criterion is scaled by its range over the front, from the ideal (the best of each column) to the nadir
 (the worst of each column over the non-dominated rows), so units do not matter. A column that is constant over
 the front cannot distinguish points and is left out. Scaled values that differ by rounding alone are tied;
 every function states how it breaks ties, and the last resort is the first row.
 
-The methods of :class:`hpop.frontier.Front` of the same names call these with costs counted in whole quanta. The knee
-has a file of its own, :mod:`hpop.frontier.knees`.
+The methods of :class:`hpop.frontier.Front` of these names call these with costs counted in whole quanta.
 """
 
 from __future__ import annotations
@@ -16,11 +15,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.scalars import is_number
 from hpop.base.text import shown
-from hpop.frontier.dominance import FloatArray
-from hpop.frontier.errors import FrontError, UnknownColumnError
+from hpop.frontier.dominance import BoolArray, FloatArray, finite_costs, is_nondominated
+from hpop.frontier.points import FrontError, UnknownColumnError
 
 # Scaled values are of order one; differences below this are rounding.
 TIE = 1e-12
@@ -32,9 +33,9 @@ MOST_LETTERS = 100  # of a name that is compared with others
 
 
 def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
-    """Find a column by name, or list the names there are and suggest the nearest.
+    """Return the column of a name; an unknown name raises an error with the known names and the nearest.
 
-    Of one that is only `reported`, and cannot be taken here, the error says so and what can be done instead.
+    A name of ``reported`` cannot be chosen by; the error says so and how to choose instead.
 
     >>> column_index("length", ["turns", "length"])
     1
@@ -85,7 +86,7 @@ def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArra
 
 
 def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
-    """Row with the least weighted sum of normalised costs; ties go to the least plain sum.
+    """Return the row with the least weighted sum of normalised costs; ties go to the least plain sum.
 
     Only supported points, those on the convex hull of the front, can be found so.
 
@@ -103,7 +104,7 @@ def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
 
 
 def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
-    """Row that is best in the first column of ``order``, among those in the second, and so on.
+    """Return the row that is best in the first column of ``order``, among ties in the second, and so on.
 
     Columns that ``order`` leaves out follow in their own order. Values are compared exactly.
 
@@ -124,7 +125,7 @@ def lexicographic(Y: FloatArray, order: Sequence[int]) -> int:
 
 
 def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
-    """Row nearest to the wishes: least Euclidean distance, each column scaled by its range over the front.
+    """Return the row nearest to the wishes: least Euclidean distance, each column scaled by its range over the front.
 
     Being better than a wish is as far away as being worse; :func:`achievement` rewards it. Ties go to the
     least sum of the other normalised costs.
@@ -143,7 +144,7 @@ def nearest(named: FloatArray, wishes: FloatArray, rest: FloatArray) -> int:
 
 
 def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) -> int:
-    """Row that does best against a reference point: the augmented Chebyshev achievement function.
+    """Return the row that does best against a reference point: augmented Chebyshev achievement function.
 
     Minimises ``max_j (y_j - r_j) / range_j + rho * sum_i z_i`` with ``rho = 1e-4``, the maximum over the
     columns that have an aspiration, the sum over all normalised costs (Wierzbicki 1980, "The use of reference
@@ -165,7 +166,7 @@ def achievement(Y: FloatArray, columns: Sequence[int], aspirations: FloatArray) 
 
 
 def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[int]:
-    """Rows that differ most in their costs, each scaled by its range over the front: farthest-point selection.
+    """Return rows that differ most in their costs, scaled by their ranges over the front: farthest-point selection.
 
     Parameters
     ----------
@@ -214,7 +215,7 @@ def scaled(Y: FloatArray) -> FloatArray:
 
 
 def _gaps(Y: FloatArray, wishes: FloatArray) -> FloatArray:
-    """Scaled signed differences from the wishes, without the columns that do not vary."""
+    """Return scaled signed differences from the wishes, without the columns that do not vary."""
     low, high = Y.min(axis=0), Y.max(axis=0)
     varies = normalised(Y, low, high).any(axis=0)
     gaps: FloatArray = (Y[:, varies] - wishes[varies]) / (high - low)[varies]
@@ -222,9 +223,120 @@ def _gaps(Y: FloatArray, wishes: FloatArray) -> FloatArray:
 
 
 def least(*keys: FloatArray, tie: float = TIE) -> int:
-    """First row with the least first key, ties settled by the next key."""
+    """Return the first row with the least first key; ties are settled by the next key."""
     rows = np.arange(len(keys[0]))
     for key in keys:
         lowest = key[rows].min()
         rows = rows[key[rows] <= lowest + tie * max(1.0, abs(lowest))]
     return int(rows[0])
+
+
+# Depths are of order one; differences below this are noise of the linear programs.
+NOISE = 1e-9
+ZERO = 1e-12  # in a tableau whose entries are of order one
+
+
+@checked_arguments
+def knee(Y: ArrayLike) -> int:
+    """Return the row that lies deepest below the extreme points' convex hull, towards the ideal.
+
+    Costs are normalised. The extreme points ``E`` are the best row of each criterion, and for each axis the row nearest
+    to it, which has the least ``max(z_i, i != j)``. The depth of a row ``z`` is how much could be added to all of its
+    costs until a mixture of extreme points is no worse in any of them::
+
+        depth(z) = max t  such that  z + t (1, ..., 1) <= E' b,  b >= 0,  sum(b) = 1
+
+    For two criteria this is, up to a factor, the distance below the straight line between the ends of the front (Das
+    1999, "On characterizing the knee of the Pareto curve based on normal-boundary intersection"). Deviations from Das:
+    "<=" stands for "=", as in goal attainment, so that every row has a depth; and the hull is not of the best rows
+    alone, of which several coincide in fronts of three and more criteria, but also of the rows nearest to the axes (Deb
+    and Jain 2014).
+
+    The best row of a criterion is no compromise: it is the knee only if all other rows have depths below zero, in
+    fronts that nowhere bulge towards the ideal. Ties go to the least worst scaled cost, so a straight front gives its
+    middle. A single row is its own knee.
+
+    Parameters
+    ----------
+    Y : (n, k) array
+        Finite costs, at least one row. Rows that others dominate, and copies of a row, are left aside.
+
+    Raises FrontError where there are no rows.
+
+    Examples
+    --------
+    >>> knee([[0.0, 10.0], [1.0, 4.0], [3.0, 3.0], [9.0, 0.0], [9.0, 10.0]])
+    1
+    """
+    matrix = finite_costs(Y)
+    if not len(matrix):
+        raise FrontError("no rows to choose a knee from")
+    rows = np.flatnonzero(is_nondominated(matrix))
+    rows = rows[np.lexsort(matrix[rows].T[::-1])]  # so that ties do not depend on the order of the rows
+    return int(rows[_knee(matrix[rows])])
+
+
+def _knee(Y: FloatArray) -> int:
+    """Return the knee of mutually non-dominated costs."""
+    z = scaled(Y)
+    z = z[:, z.max(axis=0) > 0]  # (n, m): the columns that vary
+    if z.shape[1] == 0:
+        return 0
+    axes = range(z.shape[1])
+    best = [least(z[:, axis], z.sum(axis=1)) for axis in axes]
+    near = [least(np.delete(z, axis, axis=1).max(axis=1), z[:, axis]) for axis in axes] if z.shape[1] > 1 else best
+    between = np.ones(len(z), dtype=np.bool_)
+    between[best] = False
+    extremes = z[sorted({*best, *near})]
+    if between.any():
+        row, depth = _deepest(z, between, extremes)
+        if depth >= -NOISE:
+            return row
+    return _deepest(z, ~between, extremes)[0]
+
+
+def _deepest(z: FloatArray, asked: BoolArray, extremes: FloatArray) -> tuple[int, float]:
+    """Return the row with the greatest depth among those asked for, and that depth.
+
+    The dual solution ``w`` of one row's linear program bounds the depth of every row: ``depth(z) <= max(E w) - w z``.
+    So the row with the greatest bound is solved until its bound is its depth; a few programs settle thousands of rows.
+    """
+    rows = np.flatnonzero(asked)
+    bound = extremes.mean(axis=1).max() - z[rows].mean(axis=1)
+    while True:
+        first = least(-bound, z[rows].max(axis=1), tie=NOISE)
+        depth, weights = _depth(z[rows[first]], extremes)
+        if depth >= bound[first] - NOISE:
+            return int(rows[first]), depth
+        bound = np.minimum(bound, (extremes @ weights).max() - z[rows] @ weights)
+        bound[first] = depth  # whatever the noise of the program
+
+
+def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
+    """Return the depth of a point, and the weights (m,) of the criteria that prove it: not negative, of sum one.
+
+    The depth is the value of a game: one player mixes extreme points, the other weighs criteria. With all payoffs above
+    zero its linear program is max sum(u) such that payoffs u <= 1, u >= 0, and the optimum has the weights u / sum(u)
+    and the value 1 / sum(u) (Dantzig 1951, "A proof of the equivalence of the programming problem and the game
+    problem"). Its first tableau is feasible; steps are Bland's (1977), which never cycle. SciPy's solver would do as
+    well, after an import that takes longer than a search.
+    """
+    payoffs = extremes - point
+    shift = 1.0 - payoffs.min()
+    mixed, axes = extremes.shape
+    tableau = np.zeros((mixed + 1, axes + mixed + 1))
+    tableau[:mixed] = np.hstack([payoffs + shift, np.eye(mixed), np.ones((mixed, 1))])
+    tableau[mixed, :axes] = 1.0  # what is left to gain of each weight
+    basis = np.arange(axes, axes + mixed)
+    while (gains := np.flatnonzero(tableau[mixed, :-1] > ZERO)).size:
+        column = tableau[:mixed, gains[0]]
+        ratios = np.divide(tableau[:mixed, -1], column, out=np.full(mixed, np.inf), where=column > ZERO)
+        tied = np.flatnonzero(ratios <= ratios.min() + ZERO)
+        row = tied[np.argmin(basis[tied])]
+        tableau[row] /= tableau[row, gains[0]]
+        others = np.arange(mixed + 1) != row
+        tableau[others] -= np.outer(tableau[others, gains[0]], tableau[row])
+        basis[row] = gains[0]
+    weights = np.zeros(axes + mixed)
+    weights[basis] = np.maximum(tableau[:mixed, -1], 0.0)
+    return float(1.0 / weights[:axes].sum() - shift), weights[:axes] / weights[:axes].sum()

@@ -1,7 +1,8 @@
-"""Which points of a front keep conditions such as turns <= 5, and which comes nearest where none does.
+"""Selecting points of a front: by conditions such as turns <= 5, by slices and masks.
 
 Costs are compared as whole quanta, so a length of 30.000000000000004 m is no longer than 30 m; values that are only
-reported have no quanta and count as equal where they differ by rounding alone.
+reported have no quanta and count as equal where they differ by rounding alone. Where no point meets the conditions,
+the nearest one is named.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from hpop.base.scalars import is_number
 from hpop.base.text import shown
 from hpop.frontier import choosing
 from hpop.frontier.dominance import BoolArray, FloatArray
-from hpop.frontier.errors import FrontError
+from hpop.frontier.points import FrontError
 
 if TYPE_CHECKING:
     from hpop.frontier.front import Front
@@ -36,7 +37,7 @@ ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative: a bound as a count of q
 
 
 class Condition(NamedTuple):
-    """What is asked of one column: its name, a comparison, and the bound in the column's unit."""
+    """Condition on one column: its name, a comparison, and the bound in the column's unit."""
 
     name: str
     comparison: str
@@ -63,7 +64,7 @@ class Condition(NamedTuple):
         return f"{self.name} {self.comparison} {self.bound:.12g}"
 
     def met(self, values: FloatArray, quantum: float) -> BoolArray:
-        """Whether each of the values (n,) keeps the condition; a quantum of 0 compares them as they are."""
+        """Return which of the values (n,) meet the condition; a quantum of 0 compares them as they are."""
         bound, slack = self.bound, choosing.ROUNDING * abs(self.bound)
         if quantum:
             values, bound = np.rint(values / quantum), self.bound / quantum
@@ -73,7 +74,7 @@ class Condition(NamedTuple):
 
 
 def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[Condition, ...]:
-    """Conditions from a dict, for names that are no Python names, and from keywords; at least one.
+    """Return conditions from a dict, for names that are no Python names, and from keywords; at least one.
 
     Raises FrontError for what is no condition.
     """
@@ -90,7 +91,7 @@ def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tup
 
 
 def met(front: Front[Any], asked: Sequence[Condition]) -> BoolArray:
-    """Which points (n,) of a front keep all conditions; UnknownColumnError for a name that it does not have."""
+    """Return which points (n,) of a front meet all conditions; raise UnknownColumnError for an unknown name."""
     kept = np.ones(len(front), dtype=np.bool_)
     for condition in asked:
         kept &= condition.met(*_column(front, condition.name))
@@ -98,7 +99,7 @@ def met(front: Front[Any], asked: Sequence[Condition]) -> BoolArray:
 
 
 def nearest(front: Front[Any], asked: Sequence[Condition]) -> int:
-    """Row that misses the conditions by least: Euclidean, each column scaled by its range over the front."""
+    """Return the row that misses the conditions by least: Euclidean, each column scaled by its range over the front."""
     gaps = []
     for condition in asked:
         values, quantum = _column(front, condition.name)
@@ -108,7 +109,7 @@ def nearest(front: Front[Any], asked: Sequence[Condition]) -> int:
 
 
 def in_words(front: Front[Any], asked: Sequence[Condition]) -> str:
-    """The conditions; and where no point keeps them, which comes nearest."""
+    """Return the conditions in words, with the nearest point where none meets them."""
     words = " and ".join(map(str, asked))
     if not len(front) or met(front, asked).any():
         return words
@@ -131,7 +132,36 @@ def _read(name: str, text: str) -> tuple[str, float]:
 
 
 def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
-    """Values (n,) of a criterion or a reported value, and the quantum in which they are compared, 0 for none."""
+    """Return the values (n,) of a criterion or a reported value, and its quantum, 0 for none."""
     column = choosing.column_index(name, front.names + front.reported_names)
     k = len(front.names)
     return (front.costs[:, column], float(front.quanta[column])) if column < k else (front.reported[:, column - k], 0.0)
+
+
+WAYS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
+
+
+def kept(index: Any, size: int) -> tuple[BoolArray, str]:
+    """Return which of ``size`` rows (n,) an index selects, and how in words.
+
+    Raises TypeError for what is no index, IndexError for a mask of another length or a slice that goes backwards.
+
+    >>> kept(slice(1, None), 3)
+    (array([False,  True,  True]), 'rows 1:')
+    """
+    if isinstance(index, slice):
+        if index.step is not None and index.step < 0:
+            raise IndexError("the points of a front keep their order; take reversed(list(front)) for another")
+        mask = np.zeros(size, dtype=np.bool_)
+        mask[index] = True
+        ends = ["" if end is None else str(end) for end in (index.start, index.stop, index.step)]
+        return mask, f"rows {':'.join(ends[: 2 + bool(ends[2])])}"
+    try:
+        mask = np.asarray(index)
+    except ValueError:  # rows of several lengths
+        mask = np.zeros((0, 0), dtype=np.bool_)
+    if mask.dtype != np.bool_ or mask.ndim != 1:
+        raise TypeError(f"{WAYS}; got {shown(index)}")
+    if mask.size != size:
+        raise IndexError(f"a mask says yes or no to each of {size:,} points, got one of length {mask.size:,}")
+    return mask, "a mask"

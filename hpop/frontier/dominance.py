@@ -85,7 +85,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
 
 @checked_arguments
 def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
-    """The rows of ``Y`` that no other row dominates, one of each group of equal rows, in their order.
+    """Return the rows of ``Y`` that no other row dominates, one of each group of equal rows, in their order.
 
     ``Y[is_nondominated(Y)]``: see :func:`is_nondominated`, also for what is refused.
 
@@ -101,7 +101,7 @@ def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
 
 @checked_arguments
 def default_quanta(Y: ArrayLike) -> FloatArray:
-    """Quanta (k,) for costs of which nothing is known but their values.
+    """Return quanta (k,) for costs of which only the values are known.
 
     1 for a column of whole numbers, else a billionth of its largest absolute value, as a power of ten: fine enough to
     tell measured values apart, coarse enough that sums in another order are equal.

@@ -1,4 +1,4 @@
-"""The front: the non-dominated points, one for each cost vector, and what is claimed of them."""
+"""The front: non-dominated points, one for each cost vector, with a status and a certificate."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.text import shown
-from hpop.frontier import conditions, selection, storage, tables, union
+from hpop.frontier import conditions, storage, union
 from hpop.frontier.choices import Choices
 from hpop.frontier.dominance import (
     BoolArray,
@@ -24,9 +24,7 @@ from hpop.frontier.dominance import (
     is_nondominated,
     quantised,
 )
-from hpop.frontier.errors import FrontFileError
-from hpop.frontier.given import as_json, floats, minimised, names_of, origins
-from hpop.frontier.point import Point
+from hpop.frontier.points import FrontFileError, Point, as_json, floats, minimised, names_of, origins
 
 if TYPE_CHECKING:
     import pandas
@@ -216,7 +214,7 @@ class Front(Choices[T], Generic[T]):
 
     @classmethod
     def _numbers(cls, n: int) -> Sequence[T]:
-        """What candidates are that nobody names: the numbers of their rows."""
+        """Return the items of candidates without items: the numbers of their rows."""
         return cast(Sequence[T], range(n))
 
     def __len__(self) -> int:
@@ -229,11 +227,11 @@ class Front(Choices[T], Generic[T]):
     def __getitem__(self, index: slice | BoolArray | Sequence[bool], /) -> Self: ...
 
     def __getitem__(self, index: Any, /) -> Point[T] | Self:
-        """The point of a row; of a slice or a boolean mask (n,) the front of these points, in their order."""
+        """Return the point of a row; for a slice or a boolean mask (n,) the front of these points, in their order."""
         try:
             row = as_index(index)
         except TypeError:
-            return self._selected(*selection.kept(index, len(self)))
+            return self._selected(*conditions.kept(index, len(self)))
         if not -len(self) <= row < len(self):
             raise IndexError(f"the front has {len(self)} points, got index {row}")
         return self._point(row % len(self))
@@ -242,7 +240,7 @@ class Front(Choices[T], Generic[T]):
         return Point(**self._known_of(row))
 
     def _known_of(self, row: int) -> dict[str, Any]:
-        """The fields of the point of a row."""
+        """Return the fields of the point of a row."""
         return {
             "index": row,
             "costs": dict(zip(self.names, self.costs[row].tolist(), strict=True)),
@@ -262,7 +260,7 @@ class Front(Choices[T], Generic[T]):
         return f"<Front: {len(self)} points of {criteria}; {self.status}; {claimed}>"
 
     def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
-        """The points that keep all conditions on criteria and reported values, as a front of their own.
+        """Return the points that meet all conditions on criteria and reported values, as a front of their own.
 
         ``front.where(turns="<=5", length="<= 30")``, or a dict for names that are no Python names. A condition is one
         of <=, <, >=, >, ==, != and a number in the column's unit; a number alone is what the value shall equal. Costs
@@ -275,7 +273,7 @@ class Front(Choices[T], Generic[T]):
         return self._selected(conditions.met(self, asked), conditions.in_words(self, asked))
 
     def _selected(self, kept: BoolArray, by: str) -> Self:
-        """The points of a mask (n,), the certificate telling of how many they were selected, and by what."""
+        """Return the points of a mask (n,), with a certificate that says how they were selected."""
         rows = np.flatnonzero(kept)
         return replace(
             self,
@@ -287,19 +285,19 @@ class Front(Choices[T], Generic[T]):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The front as a table of pandas, a row a point: costs, reported values, provenance ("provenance.planner").
+        """Return the front as a table of pandas, a row a point: costs, reported values, provenance.
 
         Its ``attrs`` have the units by column, the status and the certificate. Needs the extra ``tables``.
         """
-        return tables.dataframe(self)
+        return storage.dataframe(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """The same as a dataset of xarray along the dimension "point", a unit with each variable."""
-        return tables.dataset(self)
+        """Return the front as a dataset of xarray along the dimension "point", a unit with each variable."""
+        return storage.dataset(self)
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """What of the problem two fronts must have in common to be joined."""
+        """Return the part of the problem that two fronts must have in common to be joined."""
         return self.problem
 
     def __or__(self, other: Self) -> Self:
@@ -370,7 +368,7 @@ class Front(Choices[T], Generic[T]):
         items: Sequence[Any],
         decode: Callable[[Any], T] | None,
     ) -> Self:
-        """The front that a file holds, its items decoded one by one."""
+        """Return the front that a file holds, its items decoded one by one."""
         decoded: list[Any] = []
         for row, item in enumerate(items):
             try:

@@ -1,9 +1,9 @@
-"""The file format of a saved front: strict JSON, read without running anything.
+"""Saved fronts and tables: strict JSON files, tables of pandas and datasets of xarray.
 
 A file holds the schema's name and version, the criteria, and tables of columns by name, so that a person and a program
 in any language can read it: the costs and reported values, where each point came from, and the items as they were
-encoded, one by one or all together. Writing is atomic: the file appears whole or not at all. Reading checks every key,
-type and shape, and refuses what it does not know; files of version 1 are read as well.
+encoded, one by one or all together. Writing is atomic: the file appears whole or not at all. Reading runs nothing,
+checks every key, type and shape, and refuses what it does not know.
 """
 
 from __future__ import annotations
@@ -13,17 +13,22 @@ import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypedDict, cast
+from typing import TYPE_CHECKING, Any, NoReturn, TypedDict, cast
 
 import numpy as np
 
 from hpop.base.files import read_regular, replacing
+from hpop.base.lazy import library
 from hpop.base.text import shown
-from hpop.frontier import version_1
-from hpop.frontier.columns import Kinds, numbers, parts, places
 from hpop.frontier.dominance import FloatArray
-from hpop.frontier.errors import FrontFileError
-from hpop.frontier.strict_json import parse, pieces
+from hpop.frontier.points import FrontFileError
+from hpop.frontier.strict_json import Kinds, numbers, parse, parts, pieces, places
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
+
+    from hpop.frontier.front import Front
 
 SCHEMA = "hpop-front"
 VERSION = 2
@@ -39,6 +44,8 @@ _TOP: Kinds = {
     "reported": list,
     "problem": (dict, type(None)),
     "runs": list,
+    "points": dict,
+    "items": (list, dict),
 }
 _CRITERION: Kinds = {"name": str, "unit": str, "group": str, "quantum": (float, int)}
 _REPORTED: Kinds = {"name": str, "unit": str}
@@ -46,7 +53,7 @@ _POINTS: Kinds = {"count": int, "costs": dict, "reported": dict, "origins": list
 
 
 class StoredFront(TypedDict):
-    """The contents of a file, named as the fields of a front; items are still encoded, one by one or all in one."""
+    """Contents of a file, named as the fields of a front; items are still encoded, one by one or all in one."""
 
     costs: FloatArray
     items: list[Any] | dict[str, Any]
@@ -127,10 +134,10 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
         found = f"schema {top.get('schema')!r:.40}" if isinstance(top, dict) else f"a JSON {type(top).__name__}"
         _refuse(source, f'an object with "schema": "{SCHEMA}"', found, "name a file that Front.save wrote")
     version = top.get("version")
-    if type(version) is not int or version not in (1, VERSION):
+    if type(version) is not int or version != VERSION:
         newer = type(version) is int and version > VERSION
         advice = "update the library that reads it" if newer else _AGAIN
-        _refuse(source, f"version 1 or {VERSION}", f"version {version!r:.40}", advice)
+        _refuse(source, f"version {VERSION}", f"version {version!r:.40}", advice)
     try:
         return _stored(top)
     except ValueError as error:
@@ -138,7 +145,7 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
 
 
 def checked_path(path: object) -> Path:
-    """Return a path, or refuse what is none."""
+    """Return a path, or refuse anything else."""
     if not isinstance(path, str | os.PathLike):
         raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {shown(path)}")
     return Path(path)
@@ -171,7 +178,7 @@ def _document(stored: StoredFront) -> dict[str, Any]:
 
 
 def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """The text of each origin; what many points share is written once."""
+    """Yield the text of each origin; a text that many points share is written once."""
     known: dict[int, str] = {}
     for origin in provenance:
         text = known.get(id(origin))
@@ -181,9 +188,8 @@ def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _stored(top: dict[str, Any]) -> StoredFront:
-    """The contents of a document, checked; raises ValueError."""
-    rest: Kinds = {"points": list} if top["version"] == 1 else {"points": dict, "items": (list, dict)}
-    parts(top, "the file", _TOP | rest)
+    """Return the contents of a document, checked; raise ValueError for a wrong one."""
+    parts(top, "the file", _TOP)
     criteria = [parts(entry, f"criteria[{i}]", _CRITERION) for i, entry in enumerate(top["criteria"])]
     reported = [parts(entry, f"reported[{i}]", _REPORTED) for i, entry in enumerate(top["reported"])]
     names, units, groups, quanta = ([entry[i] for entry in criteria] for i in range(4))
@@ -191,7 +197,7 @@ def _stored(top: dict[str, Any]) -> StoredFront:
         if type(run) is not dict:
             raise ValueError(f"expected runs[{i}] to be an object, found {type(run).__name__}")
     reported_names = [name for name, _ in reported]
-    points = version_1.points(top) if top["version"] == 1 else _points(top, names, reported_names)
+    points = _points(top, names, reported_names)
     stored: dict[str, Any] = {
         "names": names,
         "units": units,
@@ -208,7 +214,7 @@ def _stored(top: dict[str, Any]) -> StoredFront:
 
 
 def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) -> dict[str, Any]:
-    """What the points of a file hold: costs and reported values in columns by name, origins and items."""
+    """Return the points of a file: costs and reported values in columns by name, origins and items."""
     count, *tables, origins, origin = parts(top["points"], "points", _POINTS)
     for what, column in (("origin", origin), ("items", top["items"])):
         if isinstance(column, list) and len(column) != count:
@@ -231,5 +237,49 @@ def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) ->
 
 
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
-    """Raise the error that every refusal to read has the form of."""
+    """Raise the error of a file that cannot be read."""
     raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None
+
+
+ORIGIN = "provenance."
+
+
+def dataframe(front: Front[Any]) -> pandas.DataFrame:
+    """Return a row for each point: its costs, its reported values, and a column for each key of the provenances."""
+    frame = library("pandas", "to_dataframe()").DataFrame(_columns(front), index=_index(front))
+    frame.index.name = "point"
+    frame.attrs.update(units=_units(front), **_claims(front))
+    return frame
+
+
+def dataset(front: Front[Any]) -> xarray.Dataset:
+    """Return a variable for each column along "point", with its unit where it has one."""
+    units = _units(front)
+    variables = {
+        name: ("point", values, {"units": units[name]} if name in units else {})
+        for name, values in _columns(front).items()
+    }
+    return library("xarray", "to_xarray()").Dataset(variables, {"point": _index(front)}, _claims(front))
+
+
+def _columns(front: Front[Any]) -> dict[str, Any]:
+    columns: dict[str, Any] = dict(zip(front.names, front.costs.T, strict=True))
+    columns |= zip(front.reported_names, front.reported.T, strict=True)
+    for key in dict.fromkeys(key for origin in front.provenance for key in origin):
+        values = np.empty(len(front), dtype=object)
+        for row, origin in enumerate(front.provenance):
+            values[row] = origin.get(key)
+        columns[ORIGIN + key] = values
+    return columns
+
+
+def _index(front: Front[Any]) -> np.ndarray[Any, np.dtype[np.int64]]:
+    return np.arange(len(front))
+
+
+def _units(front: Front[Any]) -> dict[str, str]:
+    return dict(zip(front.names + front.reported_names, front.units + front.reported_units, strict=True))
+
+
+def _claims(front: Front[Any]) -> dict[str, str]:
+    return {"status": front.status, "certificate": front.certificate}

@@ -1,25 +1,29 @@
-"""Strict JSON: read without running anything, written so that a person can read it.
+"""Strict JSON: read without running anything, checked column by column, and written for people to read.
 
 UTF-8, no key twice in an object, no NaN, no infinity. Numbers are written in the shortest decimal form that reads back
-as the same float64. What holds only numbers and words is one line, so a table is a line a column.
+as the same float64. What holds only numbers and words is one line, so a table is a line a column. A wrong table is a
+ValueError that says what was expected and what was found.
 """
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 from typing import Any, NoReturn
 
+import numpy as np
+
 from hpop.base.scalars import python_value
+from hpop.frontier.dominance import FloatArray, IntArray
 
 SLICE = 2**16  # values of a long list that are written at once
 SLICE_OF_ROWS = 2**9  # lists of whole numbers
 
 
 def of_numpy(value: Any) -> Any:
-    """Return the Python value of a NumPy scalar, for encoders of JSON; TypeError for anything else."""
+    """Return the Python value of a NumPy scalar, for encoders of JSON; raise TypeError for anything else."""
     number = python_value(value)
     if number is value:
         raise TypeError(f"a {type(value).__name__} is no JSON value")
@@ -31,7 +35,7 @@ _dense = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", 
 
 
 def pieces(value: Any, indent: int = 0) -> Iterator[str]:
-    """The text of a value, piece by piece.
+    """Yield the text of a value, piece by piece.
 
     Raises ValueError or TypeError for what is no JSON, RecursionError for what is nested too deeply.
 
@@ -68,12 +72,12 @@ def pieces(value: Any, indent: int = 0) -> Iterator[str]:
 
 
 def _is_table(rows: Any) -> bool:
-    """Whether all entries are lists of whole numbers, of which a front has one a trajectory."""
+    """Return whether all entries are lists of whole numbers, as a front has one for each trajectory."""
     return set(map(type, rows)) == {list} and set(map(type, chain.from_iterable(rows))) <= {int}
 
 
 def _rows(rows: Any, indent: int) -> Iterator[str]:
-    """A list of lists of whole numbers but for its last bracket, many lines at once."""
+    """Yield a list of lists of whole numbers without its last bracket, many lines at once."""
     line = f"\n{' ' * indent}"
     for begin in range(0, len(rows), SLICE_OF_ROWS):
         several = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
@@ -81,7 +85,7 @@ def _rows(rows: Any, indent: int) -> Iterator[str]:
 
 
 def _line(values: Any) -> Iterator[str]:
-    """A list that holds no lists or objects."""
+    """Yield a list that holds no lists or objects."""
     yield "["
     for begin in range(0, len(values), SLICE):
         yield ("," if begin else "") + _dense(values[begin : begin + SLICE])[1:-1]
@@ -89,7 +93,7 @@ def _line(values: Any) -> Iterator[str]:
 
 
 def parse(data: bytes) -> Any:
-    """The value of a text; raises ValueError, or RecursionError for brackets nested too deeply."""
+    """Return the value of a text; raise ValueError, or RecursionError for brackets nested too deeply."""
     return json.loads(
         data.decode("utf-8"),
         object_pairs_hook=_object_without_duplicates,
@@ -99,13 +103,13 @@ def parse(data: bytes) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """A copy as plain JSON values, the same after it is written and read; raises ValueError or TypeError."""
+    """Return a copy as plain JSON values, equal after writing and reading; raise ValueError or TypeError."""
     text = json.dumps(value, allow_nan=False, sort_keys=True, default=of_numpy)
     return json.loads(text, parse_int=_bounded_int, parse_float=_finite_float)
 
 
 def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Build an object, refusing one that says the same key twice."""
+    """Build an object, refusing a key that comes twice."""
     result = dict(pairs)
     if len(result) != len(pairs):
         seen: set[str] = set()
@@ -123,7 +127,7 @@ def _finite_float(text: str) -> float:
 
 
 def _bounded_int(text: str) -> int:
-    """Parse a whole number, refusing one that no float64 comes near."""
+    """Parse a whole number, refusing one too large for float64."""
     _finite_float(text)
     return int(text)
 
@@ -131,3 +135,62 @@ def _bounded_int(text: str) -> int:
 def _no_constant(text: str) -> NoReturn:
     """Refuse NaN and Infinity, which JSON does not have."""
     raise ValueError(f"the constant {text}, which is not JSON")
+
+
+Kinds = dict[str, type | tuple[type, ...]]
+"""Keys of an object, each with the types that its value may have."""
+
+
+def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
+    """Return the values of an object that has exactly the given keys, each of its type.
+
+    >>> parts({"a": [1], "b": {}}, "the file", {"a": list, "b": dict})
+    [[1], {}]
+    """
+    if not isinstance(table, Mapping):
+        raise ValueError(f"expected {name} to be an object, found {type(table).__name__}")
+    if table.keys() != kinds.keys():
+        missing, unknown = sorted(kinds.keys() - table.keys()), sorted(map(str, table.keys() - kinds.keys()))
+        found = f"missing keys {missing}, unknown keys {unknown}"
+        raise ValueError(f"expected {name} to have the keys {list(kinds)}, found {found:.200}")
+    for key, kind in kinds.items():
+        one_of = kind if isinstance(kind, tuple) else (kind,)
+        if type(table[key]) not in one_of:
+            words = " or ".join(each.__name__ for each in one_of)
+            raise ValueError(f"expected {key!r} to be of type {words}, found {type(table[key]).__name__} in {name}")
+    return [table[key] for key in kinds]
+
+
+def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> FloatArray:
+    """Return a column of ``size`` finite numbers; null, where gaps are allowed, becomes NaN.
+
+    >>> numbers([1, 0.5, None], "clock", 3, gaps=True)
+    array([1. , 0.5, nan])
+    """
+    _check(values, name, size, {int, float, type(None)} if gaps else {int, float}, "numbers")
+    try:
+        column = np.array(values, dtype=np.float64)
+    except OverflowError:
+        column = np.array([np.inf])
+    if np.isinf(column).any():
+        raise ValueError(f"expected float64 numbers in {name}, found a larger one")
+    return column
+
+
+def places(values: list[Any], name: str, size: int, rows: int) -> IntArray:
+    """Return a column of ``size`` row numbers of a table, counted from 0."""
+    _check(values, name, size, {int}, "whole numbers")
+    try:
+        column = np.array(values, dtype=np.int64)
+    except OverflowError:
+        column = np.array([-1])
+    if ((column < 0) | (column >= rows)).any():
+        raise ValueError(f"expected places in a table of {rows} rows in {name}, found one outside of it")
+    return column
+
+
+def _check(values: list[Any], name: str, size: int, kinds: set[type], words: str) -> None:
+    found = set(map(type, values))
+    if len(values) != size or not found <= kinds:
+        types = ", ".join(sorted(kind.__name__ for kind in found)) or "nothing"
+        raise ValueError(f"expected {size} {words} in {name}, found {len(values)} of type {types}")

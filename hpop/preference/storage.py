@@ -19,8 +19,7 @@ from hpop.base.files import read_regular, replacing
 from hpop.base.options import MOST_SEED
 from hpop.base.text import shown
 from hpop.errors import StudyError
-from hpop.frontier.columns import Kinds, numbers, parts
-from hpop.frontier.strict_json import parse, pieces
+from hpop.frontier.strict_json import Kinds, numbers, parse, parts, pieces
 from hpop.preference.answers import MOST_ANSWERS, Answer, checked_question
 from hpop.preference.prior import Prior
 from hpop.preference.scale import Measure, Scale

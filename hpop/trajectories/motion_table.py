@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError
-from hpop.frontier.columns import Kinds, numbers, parts, places
+from hpop.frontier.strict_json import Kinds, numbers, parts, places
 from hpop.motions import Law, Model, Motions, States, is_curve, laws_of
 from hpop.motions.possible import extras, refuse_impossible
 from hpop.trajectories.trajectory import Trajectory

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from hpop.frontier import Front, FrontError, UnknownColumnError, is_nondominated
-from hpop.frontier.choosing import achievement, differing, lexicographic, nearest, weighted_sum
-from hpop.frontier.knees import knee
+from hpop.frontier.choosing import achievement, differing, knee, lexicographic, nearest, weighted_sum
 
 NAMES = ("turns", "length", "exposure", "d", "e", "f")
 

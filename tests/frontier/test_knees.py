@@ -10,8 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.optimize import linprog
 
 from hpop.frontier import Front, is_nondominated
-from hpop.frontier.choosing import normalised
-from hpop.frontier.knees import _depth, knee
+from hpop.frontier.choosing import _depth, knee, normalised
 
 
 def test_knee_of_a_cubic_where_its_slope_is_minus_one():

@@ -10,7 +10,7 @@ from typing import Any
 from harness import Wrong
 
 from hpop.errors import HpopError
-from hpop.frontier.errors import FrontError
+from hpop.frontier.points import FrontError
 
 REFUSALS = (HpopError, FrontError)
 LONGEST = 4000  # characters of a message

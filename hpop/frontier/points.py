@@ -1,10 +1,11 @@
-"""What a front is given: values as it keeps them, and names and columns to be maximised where its maker is brief."""
+"""Points of a front: checked values, names and origins, and the errors of the package."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +13,23 @@ from numpy.typing import ArrayLike
 from hpop.base.scalars import python_value
 from hpop.base.text import shown
 from hpop.frontier.dominance import FloatArray, cost_matrix
-from hpop.frontier.errors import FrontError
 from hpop.frontier.strict_json import plain
 
 
+class FrontError(ValueError):
+    """Fronts that cannot be joined, or a choice without meaning."""
+
+
+class UnknownColumnError(FrontError, LookupError):
+    """The front has no criterion or reported value of this name."""
+
+
+class FrontFileError(FrontError):
+    """A front cannot be written as JSON, or a file does not hold one."""
+
+
 def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f") -> tuple[str, ...]:
-    """Names of the columns: as given, those of a table of pandas, or "f1", "f2", ...
+    """Return the names of the columns: as given, those of a table of pandas, or "f1", "f2", ...
 
     >>> names_of([[1.0, 2.0]], None)
     ('f1', 'f2')
@@ -33,7 +45,7 @@ def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f"
 def minimised(
     matrix: FloatArray, names: tuple[str, ...], maximise: Sequence[str] | Sequence[bool]
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Costs and names with the columns to maximise turned round: minus the value, under its name with a minus.
+    """Return costs and names with the columns to maximise negated: minus the value, under its name with a minus.
 
     >>> minimised(np.array([[1.0, 2.0]]), ("length", "view"), ["view"])
     (array([[ 1., -2.]]), ('length', '-view'))
@@ -61,13 +73,13 @@ def minimised(
 
 
 def floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Copy as float64, -0.0 as 0.0; nothing at all takes the shape that is expected of it."""
+    """Copy as float64, with -0.0 as 0.0; an empty array takes the expected shape."""
     array = np.array(values, dtype=np.float64) + 0.0
     return array.reshape(shape) if array.size == 0 and 0 in shape else array
 
 
 def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any]], list[str]]:
-    """Copies of origins as plain JSON values, and their texts; those that are alike become one object."""
+    """Return copies of origins as plain JSON values, and their texts; equal origins become one object."""
     copies: dict[str, dict[str, Any]] = {}
     texts: list[str] = []
     known: dict[int, str] = {}
@@ -82,8 +94,35 @@ def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any
 
 
 def as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy a mapping as plain JSON values, so that it is the same after saving and loading."""
+    """Copy a mapping as plain JSON values, so that it is equal after saving and loading."""
     try:
         return cast(dict[str, Any], plain(dict(value)))
     except (TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"{what} must be a dict of JSON values, got {shown(value)} ({error})") from error
+
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Point(Generic[T]):
+    """One point of a front, with all its values.
+
+    index       row in the front
+    costs       value by criterion, in the front's units
+    reported    further values by name, not optimised
+    item        what the costs are of
+    provenance  how the point was found
+    """
+
+    index: int
+    costs: dict[str, float]
+    reported: dict[str, float]
+    item: T
+    provenance: dict[str, Any]
+
+    def __repr__(self) -> str:
+        costs, reported = (
+            ", ".join(f"{name} {value:.6g}" for name, value in values.items()) for values in (self.costs, self.reported)
+        )
+        return f"<Point {self.index}: {costs}{f' (reported: {reported})' if reported else ''}; {shown(self.item)}>"
