@@ -1,4 +1,4 @@
-"""The occupancy grid in a bag of ROS 1 or ROS 2, by rosbags."""
+"""Reader of the occupancy grid in a bag of ROS 1 or ROS 2, by rosbags."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.apart.answer import Answer, Refused
+from hpop.apart.child import Answer, Refused
 from hpop.apart.lines import said
 
 GRID = "nav_msgs/msg/OccupancyGrid"
@@ -23,7 +23,7 @@ LEVEL = 1e-3
 
 
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
-    """The last grid on a topic of the bag at ``options["path"]``: percent of occupancy, -1 where it is unknown."""
+    """Return the last grid on a topic of the bag at ``options["path"]``: percent of occupancy, -1 where unknown."""
     try:
         from rosbags import rosbag1, rosbag2
         from rosbags.typesys import Stores, get_typestore
@@ -73,7 +73,7 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
 
 
 def _chosen(asked: str | None, grids: list[str], topics: Counter[str]) -> str:
-    """The topic that is meant."""
+    """Return the topic to read."""
     there = f"its topics are {said(topics, 30)}" if topics else "it has no topics"
     if not grids:
         raise Refused(f"it has no map, a {GRID}; {there}")
@@ -89,7 +89,7 @@ def _chosen(asked: str | None, grids: list[str], topics: Counter[str]) -> str:
 
 
 def _yaw(q: Any, topic: str) -> float:
-    """The direction of a grid's x axis, rad; `Refused` for one that is tilted."""
+    """Return the direction of a grid's x axis, rad; `Refused` for a tilted grid."""
     x, y, z, w = (float(value) for value in (q.x, q.y, q.z, q.w))
     size = math.hypot(x, y, z, w)
     if size == 0:  # not filled in

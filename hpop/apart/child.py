@@ -1,7 +1,8 @@
-"""The process that reads a file of a foreign format: it bounds its own memory and time, reads, and answers.
+"""The child process that reads a file of a foreign format: it bounds its memory and time, reads, and answers.
 
-What it is asked comes on its input: a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, and
-the file's bytes. Memory is address space, the libraries' own included; seconds are of the processor.
+Its input is a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, and the file's bytes.
+Memory is address space, the libraries' own included; seconds are of the processor. Its output is an `Answer` in bytes:
+words and arrays of numbers, no object that could run code.
 """
 
 from __future__ import annotations
@@ -9,10 +10,62 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Mapping
 from importlib import import_module
-from typing import Any
+from typing import Any, NamedTuple
 
-from hpop.apart.answer import Answer, Refused, refusal
+import numpy as np
+from numpy.typing import NDArray
+
+KINDS = ("<f8", "<i8", "|i1")
+"""Kinds of numbers that are passed on."""
+
+
+class Refused(Exception):
+    """Refusal of a file that is not what it should be; the text is for the user."""
+
+
+class Answer(NamedTuple):
+    """Contents of a file.
+
+    words   numbers, texts, lists and mappings, as JSON has them
+    arrays  by name
+    """
+
+    words: dict[str, Any]
+    arrays: Mapping[str, NDArray[Any]]
+
+    def packed(self) -> bytes:
+        """Return a line of JSON and the arrays' bytes."""
+        header = {
+            "words": self.words,
+            "arrays": [[name, array.dtype.str, list(array.shape)] for name, array in self.arrays.items()],
+        }
+        bodies = (np.ascontiguousarray(array).tobytes() for array in self.arrays.values())
+        return json.dumps(header).encode() + b"\n" + b"".join(bodies)
+
+
+def unpacked(data: bytes) -> Answer:
+    """Return the answer in bytes; raise `Refused` with the text of a refusal, ValueError for anything else."""
+    line, _, body = data.partition(b"\n")
+    header = json.loads(line)
+    if "refused" in header:
+        raise Refused(str(header["refused"]))
+    arrays: dict[str, NDArray[Any]] = {}
+    begin = 0
+    for name, kind, shape in header["arrays"]:
+        if kind not in KINDS or min(shape, default=0) < 0:
+            raise ValueError(f"{kind} {shape}")
+        count = int(np.prod(shape, dtype=np.int64))
+        arrays[name] = np.frombuffer(body, kind, count, begin).reshape(shape)
+        begin += count * np.dtype(kind).itemsize
+    return Answer(header["words"], arrays)
+
+
+def refusal(text: str) -> bytes:
+    """Return a refusal as bytes."""
+    return json.dumps({"refused": text}).encode() + b"\n"
+
 
 DISK = 1024**3
 """Bytes of a file that it writes: some libraries unpack what is compressed into a temporary one."""
@@ -33,7 +86,7 @@ def bound(memory: int, seconds: int) -> None:
 
 
 def said(asked: dict[str, Any], data: bytes) -> bytes:
-    """The answer to what is asked of a file's bytes, or the refusal, in bytes."""
+    """Return the answer to a request about a file's bytes, or the refusal, as bytes."""
     try:
         if asked["module"] not in MODULES:
             raise ValueError(asked["module"])
@@ -49,7 +102,7 @@ def said(asked: dict[str, Any], data: bytes) -> bytes:
 
 
 def serve() -> None:
-    """Read what is asked and answer; never returns."""
+    """Read the request and answer; never returns."""
     asked = json.loads(sys.stdin.buffer.readline())
     bound(asked["memory"], asked["seconds"])
     out = os.fdopen(os.dup(1), "wb")

@@ -1,4 +1,4 @@
-"""Lines and solid fills of a DXF drawing's model space, by ezdxf."""
+"""Reader of lines and solid fills of a DXF drawing's model space, by ezdxf."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from hpop.apart.answer import Answer, Refused
+from hpop.apart.child import Answer, Refused
 from hpop.apart.lines import FARTHEST, HIDDEN, MOST_DEEP, SAG, Lines
 
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX")
@@ -16,7 +16,7 @@ WIDE = ("LWPOLYLINE", "POLYLINE")
 
 
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
-    """Lines of a drawing, in its units; what ``$INSUNITS`` says of them is among the words."""
+    """Return the lines of a drawing, in its units; the words include its ``$INSUNITS``."""
     try:
         from ezdxf import recover
         from ezdxf.lldxf.const import DXFError
@@ -42,7 +42,7 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
 
 
 class _Placed(NamedTuple):
-    """An entity, the matrix that takes it from its block to the drawing, or None, and its layer."""
+    """Entity, the matrix from its block to the drawing, or None, and its layer."""
 
     entity: Any
     matrix: Any
@@ -50,7 +50,7 @@ class _Placed(NamedTuple):
 
 
 class _Walk:
-    """A walk through the entities of a drawing.
+    """Walk through the entities of a drawing.
 
     frozen  layers, in lower case, whose references to blocks are not shown, whatever the layers of what is in these
     """
@@ -59,7 +59,7 @@ class _Walk:
         self._lines, self._frozen = lines, frozen
 
     def within(self, entities: Any, matrix: Any, around: str, deep: int) -> Iterator[_Placed]:
-        """Yield what is shown, that of blocks where they are inserted; layer 0 of a block is its reference's.
+        """Yield visible entities, those of blocks at each insertion; layer 0 of a block is its reference's.
 
         Matrices are multiplied here: ezdxf turns a reference within a stretched block into one that it can say.
         """
@@ -91,7 +91,7 @@ class _Walk:
                     yield from self.within(block, whole, layer, deep + 1)
 
     def _parts(self, wall: Any) -> list[Any]:
-        """The lines, arcs and fills of an MLINE, the wall tool of AutoCAD."""
+        """Return the lines, arcs and fills of an MLINE, the wall tool of AutoCAD."""
         try:
             return list(wall.virtual_entities())
         except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError):
@@ -124,7 +124,7 @@ def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
 
 
 def _band(polyline: Any, lines: Lines) -> list[Any]:
-    """Quadrilaterals (groups 40, 41 and 43) that a wide polyline fills, each of four corners, outside of its block."""
+    """Return the quadrilaterals (groups 40, 41 and 43) that a wide polyline fills, of four corners each."""
     from ezdxf.math import Vec3
     from ezdxf.render.trace import TraceBuilder
 
@@ -140,7 +140,7 @@ def _band(polyline: Any, lines: Lines) -> list[Any]:
 
 
 def _flat(path: Any) -> Iterator[list[tuple[float, float]]]:
-    """The parts of a path as points (x, y), curves within a share of their size."""
+    """Yield the parts of a path as points (x, y), curves within a share of their size."""
     for part in path.sub_paths() if path.has_sub_paths else (path,):
         corners = [(v.x, v.y, v.z) for v in part.control_vertices()]
         if not corners:

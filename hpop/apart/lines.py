@@ -1,15 +1,16 @@
-"""Lines and filled areas of a drawing, collected layer by layer, no more than a building has."""
+"""Lines and filled areas of a drawing, collected layer by layer up to a bound, and clipped to their visible parts."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
-from hpop.apart.answer import Answer, Refused
+from hpop.apart.child import Answer, Refused
 
 MOST_POINTS = 500_000
 """Points of all lines."""
@@ -28,7 +29,7 @@ HIDDEN = "on layers that are off or frozen"
 
 
 class Lines:
-    """What is found of a drawing.
+    """Lines and areas of a drawing.
 
     layers : names of the layers that are asked for, or None for all that are shown
     """
@@ -50,13 +51,13 @@ class Lines:
         """How many lines are areas as well, as thick as they are drawn."""
 
     def look(self) -> None:
-        """Count one more thing that is looked at; `Refused` where there are too many."""
+        """Count one more thing of the drawing; `Refused` where there are too many."""
         self._things += 1
         if self._things > MOST_THINGS:
             raise Refused(f"it has more than {MOST_THINGS:,} things in it; expected a floor plan. Leave some out")
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:
-        """Count a thing of a layer, and say whether it is asked for."""
+        """Count a thing of a layer, and return whether to read it."""
         self.counted[layer] += 1
         if self._asked is not None:
             return layer.casefold() in self._asked
@@ -92,7 +93,7 @@ class Lines:
                 )
 
     def answer(self, known: Iterable[str], **words: Any) -> Answer:
-        """What was found; `Refused` where a layer that is asked for is not there.
+        """Return the collected lines; `Refused` where a requested layer is missing.
 
         known : names of layers that the file lists, those without lines included
         """
@@ -117,6 +118,69 @@ class Lines:
 
 
 def said(counted: Counter[str] | dict[str, int], most: int = 12) -> str:
-    """Names with their counts, the most first."""
+    """Return names with their counts, the greatest first."""
     several = sorted(counted.items(), key=lambda entry: (-entry[1], entry[0]))
     return ", ".join(f"{name} ({count:,})" for name, count in several[:most]) + ", ..." * (len(several) > most)
+
+
+Points = Sequence[tuple[float, float]]
+NEAR = 0.01
+"""How far a point may be beyond a border and is still on it."""
+
+
+@dataclass(frozen=True)
+class Visible:
+    """Visible part of a drawing: a rectangle and areas, all in the drawing's coordinates; the part within all of them.
+
+    box    x0, y0, x1, y1
+    areas  polygons of shapely, beside rectangles along the axes
+    """
+
+    box: tuple[float, float, float, float]
+    areas: tuple[Any, ...] = ()
+
+    def cut(self, parts: Sequence[Points]) -> Visible:
+        """Return the part that also lies within a clip path; nothing where the path has no area."""
+        corners = [part for part in parts if len(part) > 2]
+        if len(corners) == 1 and _is_box(corners[0]):
+            x0, y0, x1, y1 = self.box
+            xs, ys = zip(*corners[0], strict=True)
+            return replace(self, box=(max(x0, min(xs)), max(y0, min(ys)), min(x1, max(xs)), min(y1, max(ys))))
+        return replace(self, areas=(*self.areas, _area(corners)))
+
+    def of(self, parts: Sequence[Points], *, filled: bool) -> list[Points]:
+        """Return the visible part of lines, or of the area within an odd number of them."""
+        x0, y0, x1, y1 = self.box
+        inside = all(x0 - NEAR <= x <= x1 + NEAR and y0 - NEAR <= y <= y1 + NEAR for part in parts for x, y in part)
+        if inside and not self.areas:
+            return list(parts)
+        if x1 <= x0 or y1 <= y0:
+            return []
+        import shapely  # slow to import, and most drawings lie within their page
+
+        whole: Any = _area(parts) if filled else shapely.MultiLineString([part for part in parts if len(part) > 1])
+        for area in (shapely.box(x0 - NEAR, y0 - NEAR, x1 + NEAR, y1 + NEAR), *self.areas):
+            whole = shapely.intersection(whole, area)
+        rings: Any = shapely.get_parts(whole)
+        if filled:
+            rings = shapely.get_rings(rings[shapely.get_type_id(rings) == shapely.GeometryType.POLYGON])
+        lines = rings[shapely.length(rings) > 0]
+        return [[(x, y) for x, y in shapely.get_coordinates(line).tolist()] for line in lines]
+
+
+def _is_box(corners: Points) -> bool:
+    """Return whether corners, the first perhaps repeated at the end, form a rectangle along the axes."""
+    points = list(dict.fromkeys(corners))
+    if len(points) != 4:
+        return False
+    (ax, ay), (bx, by), (cx, cy), (dx, dy) = points
+    across = ay == by and bx == cx and cy == dy and dx == ax
+    return across or (ax == bx and by == cy and cx == dx and dy == ay)
+
+
+def _area(parts: Sequence[Points]) -> Any:
+    """Return the area within an odd number of closed lines."""
+    import shapely
+
+    rings = [shapely.LineString([*part, part[0]]) for part in parts if len(part) > 2]
+    return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()

@@ -1,18 +1,117 @@
-"""Lines and dark fills of a page of a PDF, by pdfium."""
+"""Reader of lines and dark fills of a page of a PDF, by pdfium.
+
+pdfium does not tell the unit of a page, nor which layers are off when the document is opened. But it can write a
+document anew with uncompressed objects, in which these entries are plain to see.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import io
 import math
+import re
 from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from hpop.apart import pdf_entries
-from hpop.apart.answer import Answer, Refused
-from hpop.apart.clip import Visible
-from hpop.apart.lines import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, Lines
+from hpop.apart.child import Answer, Refused
+from hpop.apart.lines import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, Lines, Visible
+
+STREAM = re.compile(rb"stream\r?\n.*?endstream", re.DOTALL)
+OBJECT = re.compile(rb"\b(\d{1,10}) \d{1,5} obj\b(.*?)\bendobj", re.DOTALL)
+PAGE = re.compile(rb"/Type\s*/Page\b")
+UNIT = re.compile(rb"/UserUnit\s+(\d{1,6}(?:\.\d*)?|\.\d+)")
+MOST_UNIT = 75_000.0
+"""Largest unit of a page, points: a page is at most 200 inches of its units across, and 237 miles."""
+REFERENCE = re.compile(rb"(\d{1,10})\s+\d{1,5}\s+R\b")
+NAME = re.compile(rb"/Name\s*(\((?:\\.|[^\\()])*\)|<[0-9A-Fa-f\s]*>)", re.DOTALL)
+ESCAPE = re.compile(rb"\\([0-7]{1,3}|\r\n|.)", re.DOTALL)
+LETTERS = {b"n": b"\n", b"r": b"\r", b"t": b"\t", b"b": b"\b", b"f": b"\f", b"\n": b"", b"\r": b"", b"\r\n": b""}
+
+
+def page_unit(pdfium: Any, document: Any, number: int, data: bytes) -> float:
+    """Return how many points (1/72 inch) a unit of a page is: its UserUnit (PDF 1.6), 1 where it has none."""
+    if not _may_have(data, b"UserUnit"):
+        return 1.0
+    alone = pdfium.PdfDocument.new()
+    alone.import_pages(document, [number])
+    found = next((UNIT.search(body) for body in _objects(alone).values() if PAGE.search(body)), None)
+    value = float(found[1]) if found else 1.0
+    return value if 0 < value <= MOST_UNIT else 1.0
+
+
+def hidden_layers(document: Any, data: bytes) -> set[str]:
+    """Return the names, in lower case, of the layers (optional content) that are off when the document is opened."""
+    if not _may_have(data, b"OCProperties"):
+        return set()
+    objects = _objects(document)
+    catalog = next((body for body in objects.values() if b"/OCProperties" in body), b"")
+    properties = _entry(catalog, b"OCProperties", objects)
+    default = _entry(properties, b"D", objects)
+    off = set(_references(default, b"OFF", objects))
+    if re.search(rb"/BaseState\s*/OFF\b", default):
+        off |= set(_references(properties, b"OCGs", objects)) - set(_references(default, b"ON", objects))
+    names = (NAME.search(objects.get(number, b"")) for number in off)
+    return {_string(found[1]).casefold() for found in names if found}
+
+
+def _may_have(data: bytes, name: bytes) -> bool:
+    """Return whether a file may have an entry: it is there, or objects are compressed."""
+    return name in data or b"ObjStm" in data
+
+
+def _objects(document: Any) -> dict[int, bytes]:
+    """Return the objects of a document by number, without the contents of streams."""
+    copy = io.BytesIO()
+    document.save(copy)
+    return {int(number): body for number, body in OBJECT.findall(STREAM.sub(b"", copy.getvalue()))}
+
+
+def _entry(body: bytes, name: bytes, objects: dict[int, bytes]) -> bytes:
+    """Return the dictionary that is an entry of another one, in place or by number; empty where there is none."""
+    found = re.search(rb"/" + name + rb"\s*(?:(\d{1,10})\s+\d{1,5}\s+R\b|<<)", body)
+    if found is None:
+        return b""
+    if found[1]:
+        return objects.get(int(found[1]), b"")
+    deep, begin = 1, found.end()
+    for bracket in re.finditer(rb"<<|>>", body[begin:]):
+        deep += 1 if bracket[0] == b"<<" else -1
+        if deep == 0:
+            return body[begin : begin + bracket.start()]
+    return body[begin:]
+
+
+def _references(body: bytes, name: bytes, objects: dict[int, bytes]) -> Iterator[int]:
+    """Yield the numbers of the objects in an array, in place or by number."""
+    found = re.search(rb"/" + name + rb"\s*(?:(\d{1,10})\s+\d{1,5}\s+R\b|\[([^\]]*)\])", body)
+    if found is not None:
+        array = objects.get(int(found[1]), b"") if found[1] else found[2]
+        yield from (int(number) for number in REFERENCE.findall(array))
+
+
+def _string(string: bytes) -> str:
+    """Return the text of a string in brackets or hexadecimal."""
+    inner = string[1:-1]
+    if string.startswith(b"<"):
+        digits = re.sub(rb"\s", b"", inner).decode("ascii")
+        data = bytes.fromhex(digits + "0" * (len(digits) % 2))
+    else:
+        data = ESCAPE.sub(lambda found: _unescaped(found[1]), inner)
+    return decoded(data)
+
+
+def decoded(data: bytes) -> str:
+    """Return the text of a string: UTF-16 with a mark, or bytes that are Latin letters."""
+    return data[2:].decode("utf-16-be", "replace") if data.startswith(b"\xfe\xff") else data.decode("latin-1")
+
+
+def _unescaped(escape: bytes) -> bytes:
+    if escape.isdigit():
+        return bytes([int(escape, 8) % 256])
+    return LETTERS.get(escape, escape)
+
 
 PAPER = 0.9
 """Brightness above which a line is no line: it covers what lies below."""
@@ -25,7 +124,7 @@ Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
-    """Lines of a page, in points from the lower left corner of the page as it is shown."""
+    """Return the lines of a page, in points from the lower left corner of the page as it is shown."""
     try:
         import pypdfium2 as pdfium
         from pypdfium2 import raw
@@ -42,8 +141,8 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
     except pdfium.PdfiumError as error:
         raise Refused(f"it is no PDF that can be read ({str(error)[:200]}); has it a password?") from None
     lines = Lines(options["layers"])
-    unit = pdf_entries.unit(pdfium, document, options["page"] - 1, data)
-    hidden = pdf_entries.hidden_layers(document, data)
+    unit = page_unit(pdfium, document, options["page"] - 1, data)
+    hidden = hidden_layers(document, data)
     to_page, width, height = _as_shown(page, unit)
     visible = Visible((0.0, 0.0, width, height))
     for thing, matrix, layer, clip in _within(raw, page.raw, to_page, LAYERLESS, visible, 0, lines):
@@ -59,7 +158,7 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
 
 
 def _as_shown(page: Any, unit: float) -> tuple[Matrix, float, float]:
-    """From the page's coordinates to points of the page as it is shown, from its lower left corner; and its size."""
+    """Return the matrix from the page's coordinates to points of the page as it is shown, and the page's size."""
     left, bottom, right, top = page.get_cropbox()
     x0, y0, x1, y1 = page.get_mediabox()
     if min(right, x1) > max(left, x0) and min(top, y1) > max(bottom, y0):
@@ -80,7 +179,7 @@ def _as_shown(page: Any, unit: float) -> tuple[Matrix, float, float]:
 def _within(
     raw: Any, parent: Any, matrix: Matrix, around: str, clip: Visible, deep: int, lines: Lines
 ) -> Iterator[tuple[Any, Matrix, str, Visible]]:
-    """Objects of a page, those of forms where these are drawn, each with what places it, its layer, and its clip."""
+    """Yield objects of a page, those of forms where these are drawn, each with its matrix, its layer and its clip."""
     of_page = deep == 0
     count = raw.FPDFPage_CountObjects(parent) if of_page else raw.FPDFFormObj_CountObjects(parent)
     for i in range(count):
@@ -101,7 +200,7 @@ def _within(
 
 
 def _clipped(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) -> Visible:
-    """What is visible of an object: the clip around it and its own paths, in the coordinates of what holds it."""
+    """Return the visible part of an object: the clip around it and its own paths, in its parent's coordinates."""
     own = raw.FPDFPageObj_GetClipPath(thing)
     for number in range(max(0, raw.FPDFClipPath_CountPaths(own))):
         lines.look()
@@ -112,7 +211,7 @@ def _clipped(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) 
 
 
 def _layer(raw: Any, thing: Any) -> str:
-    """The name of the optional content to which an object belongs; "" where it belongs to none."""
+    """Return the name of the optional content to which an object belongs, or ""."""
     for i in range(max(0, raw.FPDFPageObj_CountMarks(thing))):
         mark = raw.FPDFPageObj_GetMark(thing, i)
         if _text(lambda *to, mark=mark: raw.FPDFPageObjMark_GetName(mark, *to)) == "OC":
@@ -121,17 +220,17 @@ def _layer(raw: Any, thing: Any) -> str:
 
 
 def _name(raw: Any, mark: Any) -> str:
-    """The name in a mark; its bytes are asked for, since pdfium takes a text in UTF-16 for one in UTF-8."""
+    """Return the name in a mark, read as bytes, since pdfium takes UTF-16 for UTF-8."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     to = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ubyte))
     if not raw.FPDFPageObjMark_GetParamBlobValue(mark, b"Name", to, len(buffer), ctypes.byref(size)):
         return ""
-    return pdf_entries.decoded(buffer.raw[: min(size.value, len(buffer))])
+    return decoded(buffer.raw[: min(size.value, len(buffer))])
 
 
 def _text(get: Any) -> str:
-    """A text that pdfium writes into a buffer, in UTF-16."""
+    """Return a text that pdfium writes into a buffer, in UTF-16."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     pointer = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ushort))
@@ -141,7 +240,7 @@ def _text(get: Any) -> str:
 
 
 def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines, *, shown: bool) -> None:
-    """Add what a path draws within its clip, if it draws something dark."""
+    """Add the lines of a path within its clip, if it draws something dark."""
     fill, stroke = ctypes.c_int(), ctypes.c_int()
     if not raw.FPDFPath_GetDrawMode(path, ctypes.byref(fill), ctypes.byref(stroke)):
         return
@@ -162,7 +261,7 @@ def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: 
 
 
 def _thickness(raw: Any, path: Any, matrix: Matrix) -> float:
-    """How thick a line is drawn, in points; 0 for what a pen draws."""
+    """Return the thickness of a line, in points; 0 for a pen."""
     width = ctypes.c_float()
     if not raw.FPDFPageObj_GetStrokeWidth(path, ctypes.byref(width)):
         return 0.0
@@ -171,7 +270,7 @@ def _thickness(raw: Any, path: Any, matrix: Matrix) -> float:
 
 
 def _brightness(get: Any, path: Any) -> float:
-    """From 0 (black) to 1 (white, or transparent): on white paper."""
+    """Return the brightness on white paper, from 0 (black) to 1 (white, or transparent)."""
     red, green, blue, alpha = (ctypes.c_uint() for _ in range(4))
     if not get(path, *(ctypes.byref(value) for value in (red, green, blue, alpha))):
         return 0.0
@@ -179,7 +278,7 @@ def _brightness(get: Any, path: Any) -> float:
 
 
 def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> list[list[tuple[float, float]]]:
-    """The parts of a path of some segments as points, curves within a share of their size."""
+    """Return the parts of a path of segments as points, curves within a share of their size."""
     parts: list[list[tuple[float, float]]] = []
     if count > MOST_POINTS:
         raise Refused(f"a line of it has {count:,} points; expected a floor plan, at most {MOST_POINTS:,}")
@@ -207,7 +306,7 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
 
 
 def _flat(*corners: tuple[float, float]) -> list[tuple[float, float]]:
-    """Points of a cubic Bézier curve after its first, so many that chords stay within a share of its size."""
+    """Return points of a cubic Bézier curve after its first, so that chords stay within a share of its size."""
     a, b, c, d = np.array(corners)
     bend = max(math.hypot(*(a - 2 * b + c)), math.hypot(*(b - 2 * c + d)))  # second differences bound the sagitta
     size = float(np.hypot(*np.ptp(np.array(corners), axis=0)))

@@ -1,11 +1,8 @@
-"""Where a trajectory shall end: at a state, at any of several, or wherever a body is where it shall be."""
+"""Goals of a trajectory: a state, any of several states, or any state in which a body is at a wanted pose."""
 
-from hpop.goals.base import REACHED, Goal, goal
-from hpop.goals.given import GoalSpec, checked_goal, is_named
-from hpop.goals.look_at import LookAt
-from hpop.goals.pose_at import CameraAt, ToolAt
+from hpop.goals.base import REACHED, AnyOf, Goal, GoalSet, GoalSpec, checked_goal, goal, is_named
+from hpop.goals.bodies import CameraAt, LookAt, ToolAt
 from hpop.goals.region import Region
-from hpop.goals.sets import AnyOf, GoalSet
 
 __all__ = [
     "REACHED",

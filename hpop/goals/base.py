@@ -1,9 +1,14 @@
-"""What a goal is, and the registry of goals by name, as scenarios and descriptions of problems give them."""
+"""Goals: their contract, the registry of goals by name, sets of states, and any of several goals.
+
+A goal is given as a state, as a goal by name with its parameters, or as a list of these.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import is_dataclass
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
+from itertools import chain, cycle, islice
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, cast, runtime_checkable
 
 import numpy as np
@@ -11,9 +16,16 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray
 from hpop.base.options import whole
-from hpop.base.registry import completed, goals
-from hpop.errors import QueryError
+from hpop.base.randomness import RNG
+from hpop.base.registry import completed, goals, made
+from hpop.base.scalars import python_value
+from hpop.base.text import shown
+from hpop.errors import HpopWarning, QueryError
 from hpop.motions import Model, States
+from hpop.motions.space import StateSpace, StateSpec, Values
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
 
 if TYPE_CHECKING:
     from hpop.motions.space import Values
@@ -29,7 +41,7 @@ REACHED = 1e-6  # m or rad: no column of a state that reaches a goal is off by m
 
 @runtime_checkable
 class Goal(Protocol):
-    """States of which any will do.
+    """Goal with several states, each of which will do.
 
     These may be left out, and have defaults:
 
@@ -41,13 +53,13 @@ class Goal(Protocol):
     """
 
     def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
-        """At most so many of them (n,); where there are more, drawn at random."""
+        """Return at most ``count`` states of the goal (n,), drawn at random where there are more."""
 
     def reached(self, model: Model, states: States) -> BoolArray:
-        """Which states (M,) are among them."""
+        """Return which states (M,) reach the goal."""
 
     def describe(self) -> Any:
-        """JSON-able description, from which a problem makes the same goal."""
+        """Return a JSON-able description, from which a problem makes an equal goal."""
 
     if TYPE_CHECKING:  # the defaults are set by `completed`
 
@@ -67,7 +79,7 @@ class Goal(Protocol):
 
 
 class GoalDefaults:
-    """What a goal has of the contract without saying so."""
+    """Defaults of the optional parts of a goal's contract."""
 
     requires: Any = frozenset[str]()
     places: Any = ()
@@ -80,7 +92,7 @@ class GoalDefaults:
 
 
 def checked_count(count: int) -> int:
-    """Return how many states of a goal are asked for, or raise a QueryError."""
+    """Return the number of states to draw, or raise a QueryError."""
     return whole("count", count, 0, MOST_STATES, "a number of states", error=QueryError)
 
 
@@ -96,3 +108,177 @@ def goal(name: str) -> Callable[[T], T]:
         return checked_arguments(cls)
 
     return declare
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class GoalSet(GoalDefaults):
+    """Set of states, each of which will do; a value of None is free.
+
+    >>> GoalSet([(3, 1, None), (5, 2, 0.0)]).describe()
+    [[3, 1, None], [5, 2, 0.0]]
+    """
+
+    members: tuple[Values, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "members", tuple(self.members))
+
+    @property
+    def listed(self) -> tuple[Values, ...]:
+        """Return the states."""
+        return self.members
+
+    def __str__(self) -> str:
+        """Return the states in few characters."""
+        if len(self.members) > 1:
+            return f"any of {len(self.members)}"
+        return f"({', '.join('any' if value is None else f'{value:.4g}' for value in self.members[0])})"
+
+    def states(self, problem: Problem, rng: RNG, count: int) -> States:
+        """Return each member without free values once, then the others in turn, with angles drawn at random."""
+        count = checked_count(count)
+        whole, others = ([m for m in self.members if (None in m) is free] for free in (False, True))
+        rows = list(islice(chain(whole, cycle(others)), count))
+        drawn = problem.model.space.sample(rng, len(rows))
+        given = np.array(rows, float).reshape(len(rows), -1).T
+        return States(
+            **{
+                name: np.where(np.isnan(column), getattr(drawn, name), column)
+                for name, column in zip(drawn.names, given, strict=True)
+            }
+        )
+
+    def reached(self, model: Model, states: States) -> BoolArray:
+        """Return which states (M,) are a member, within 1e-6 m or rad."""
+        space, found = model.space, np.zeros(states.size, dtype=bool)
+        for member in self.members:
+            differences = space.differences(space.state(member, free=space.angles), states).values()
+            found |= ~np.any([np.abs(off) > REACHED for off in differences], axis=0)  # what is free is never off
+        return found
+
+    def describe(self) -> list[Any]:
+        """Return a single member as a list, several as a list of lists."""
+        rows = [list(member) for member in self.members]
+        return rows[0] if len(rows) == 1 else rows
+
+
+@checked_arguments
+@dataclass(frozen=True, init=False)
+class AnyOf(GoalDefaults):
+    """Goals of which any will do: to look at any of several cans, or else to be at a state.
+
+    States, and names of states and goals, are understood by the problem that has them among its goals.
+
+    >>> AnyOf("ready", [0, 0, 0]).members, AnyOf(["ready", "home"]).members
+    (('ready', [0, 0, 0]), ('ready', 'home'))
+    """
+
+    members: tuple[Any, ...]
+
+    def __init__(self, *members: Any) -> None:
+        (several,) = members if len(members) == 1 and isinstance(members[0], list | tuple) else (members,)
+        object.__setattr__(self, "members", tuple(several))
+
+    def __str__(self) -> str:
+        return f"any of {len(self.members)}: {'; '.join(map(str, self.members))}"
+
+    @property
+    def requires(self) -> frozenset[str]:
+        """Return what any of the members requires."""
+        return frozenset().union(*(member.requires for member in self.members))
+
+    @property
+    def places(self) -> tuple[tuple[float, float, float], ...]:
+        """Return the places of all members."""
+        return tuple(place for member in self.members for place in member.places)
+
+    def alternatives(self) -> tuple[Goal, ...]:
+        """Return the alternatives of all members."""
+        return tuple(goal for member in self.members for goal in member.alternatives())
+
+    def states(self, problem: Problem, rng: RNG, count: int) -> States:
+        """Return about equally many states of each member; warn of unreachable members, QueryError where all are."""
+        count = checked_count(count)
+        rng = np.random.default_rng(rng)  # one for all members
+        shares = [count // len(self.members) + (i < count % len(self.members)) for i in range(len(self.members))]
+        parts, refusals = list[States](), list[str]()
+        for member, share in zip(self.members, shares, strict=True):
+            try:
+                parts += [member.states(problem, rng, share)] if share else []
+            except QueryError as error:
+                refusals.append(str(error))
+        if not parts:
+            raise QueryError("\n".join(refusals))
+        for refusal in refusals:
+            warnings.warn(f"left out of the goals of which any will do: {refusal}", HpopWarning, stacklevel=2)
+        return States(
+            **{name: np.concatenate([getattr(part, name) for part in parts]) for name in problem.model.space.names}
+        )
+
+    def reached(self, model: Model, states: States) -> BoolArray:
+        """Return which states (M,) reach a member."""
+        return np.asarray(np.any([member.reached(model, states) for member in self.members], axis=0))
+
+    def describe(self) -> list[Any]:
+        """Return a list of goals, with a separate entry for each state."""
+        rows: list[Any] = []
+        for member in self.members:
+            rows += [list(state) for state in member.listed] or [member.describe()]
+        return rows
+
+
+ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # of a list of goals; names as well, where states have any
+
+GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSpec | Goal | Mapping[str, Any]]
+
+
+@checked_arguments
+def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
+    """Return a checked goal: the values of a single state, a set of states, or a goal of another kind.
+
+    Raises QueryError for what is no state of the space, UnknownName for a goal of an unknown name.
+    """
+    several = _several(given, (*ENTRIES, str) if space.named or space.unnamed else ENTRIES)
+    if not several:
+        raise QueryError(f"a goal is {space}, or a list of such states of which any will do, got {shown(given)}")
+    states, others = dict[Values, None](), list[Any]()
+    for place, one in enumerate(several):
+        if isinstance(one, Goal) or is_named(one):
+            others.append(completed(one, vars(GoalDefaults)) if isinstance(one, Goal) else made(goals, one))
+        else:
+            what = f"goal {place}" if len(several) > 1 else "goal"
+            states[space.values(space.state(one, free=space.angles, what=what))] = None
+    if not others:
+        return next(iter(states)) if len(states) == 1 else GoalSet(tuple(states))
+    members = [*([GoalSet(tuple(states))] if states else []), *others]
+    return members[0] if len(members) == 1 else AnyOf(tuple(members))
+
+
+@checked_arguments
+def is_named(given: Any) -> bool:
+    """Return whether a value is a goal's name with its parameters, which no state is: ``{name: {parameter: value}}``.
+
+    >>> is_named({"look_at": {"target": [1, 0, 0.5], "distance": [0.2, 0.4]}}), is_named({"x": 1.0})
+    (True, False)
+    """
+    if not isinstance(given, Mapping) or len(given) != 1:
+        return False
+    ((name, parameters),) = given.items()
+    return isinstance(parameters, Mapping) or (isinstance(name, str) and name in goals)
+
+
+def _several(given: Any, kinds: tuple[type, ...]) -> list[Any]:
+    """Return the members of a set, the entries of a list of goals, or the single goal, as a list."""
+    if isinstance(given, GoalSet | AnyOf):
+        return [
+            entry for member in given.members for entry in (_several(member, kinds) if _is_set(member) else [member])
+        ]
+    several = isinstance(given, list | tuple) or (isinstance(given, np.ndarray) and given.ndim > 0)
+    if not several or not all(isinstance(python_value(entry), kinds) for entry in given):
+        return [given]
+    return [entry for one in given for entry in (_several(one, kinds) if _is_set(one) else [one])]
+
+
+def _is_set(given: Any) -> bool:
+    return isinstance(given, GoalSet | AnyOf)

@@ -1,7 +1,12 @@
 """Goals in space: states in which a body is within bounds, found by inverse kinematics, of any model.
 
 A task space region of Berenson, Srinivasa and Kuffner 2011 (doi 10.1177/0278364910396389): coordinates of a body's pose
-and bounds on them, from which states are drawn by sampling the bounds and descending to each sample.
+and bounds on them. States are drawn by sampling the bounds and descending to each sample.
+
+The descent is damped least squares on the coordinates' distance to their bounds (Wampler 1986, doi
+10.1109/TSMC.1986.289285). The damping is raised where a step does not help and lowered where it does (Marquardt 1963,
+doi 10.1137/0111030). Columns of the Jacobian are the twists of the body at unit rates of one state each, so nothing is
+known here of joints. Where a limit holds a state, its column is left out and the others take over.
 """
 
 from __future__ import annotations
@@ -9,24 +14,166 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any, ClassVar
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray
-from hpop.base.math import not_radians
+from hpop.base.math import not_radians, wrap
 from hpop.base.options import FARTHEST, MOST, real
 from hpop.base.randomness import RNG
 from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED, GoalDefaults, checked_count
-from hpop.goals.inverse_kinematics import InverseKinematics, sampled_space
-from hpop.motions import Model, Pose, States, Twist
+from hpop.motions import Model, Pose, States, StateSpace, Twist
+from hpop.motions.states import LazyStates
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+    from hpop.world import World
+
+STEPS = 30  # of each descent
+DONE = 1e-18  # square of m or rad: no more is left to do
+DAMPING = 1e-2  # of the first step
+EASED, RAISED = 0.2, 5.0
+LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6  # a step with more is nothing: the best near by is found
+APART = 1e-3  # m, as far as spaces measure: states nearer to each other are one
+
+
+class Miss(NamedTuple):
+    """Distances of bodies (M,) beyond the bounds of a region, m and rad."""
+
+    metres: FloatArray
+    radians: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class InverseKinematics:
+    """Inverse kinematics of a model: states of a space in which a body is in a region."""
+
+    model: Model
+    space: StateSpace
+    region: Region
+
+    def states(self, rows: FloatArray) -> States:
+        """Return states (M,) of rows (M, n)."""
+        return States(**dict(zip(self.space.names, rows.T, strict=True)))
+
+    def rows(self, states: States) -> FloatArray:
+        """Return rows (M, n) of states."""
+        return np.stack([getattr(states, name) for name in self.space.names], axis=1)
+
+    def excess(self, states: States, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Return the signed excess of coordinates (M, k) beyond bounds (M, k) or (k,)."""
+        pose = self.model.pose(self.region.body, states)
+        found = _stacked(self.region.coordinates(pose), states.size)
+        return found - np.clip(found, low, high)
+
+    def miss(self, states: States) -> Miss:
+        """Return the distance of each state (M,) from the region."""
+        low, high = self.region.bounds
+        excess, lengths = self.excess(states, low, high), self.region.lengths
+        return Miss(*(np.sqrt((excess[:, part] ** 2).sum(axis=1)) for part in (lengths, ~lengths)))
+
+    def descended(self, rows: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
+        """Return rows (M, n) after a descent that brings their coordinates towards bounds (M, k)."""
+        least, most = self._limits
+        rows, damping = rows.copy(), np.full(len(rows), DAMPING)
+        excess = self.excess(self.states(rows), low, high)
+        cost = (excess**2).sum(axis=1)
+        going = np.flatnonzero(cost > DONE)
+        for _ in range(STEPS):
+            if not going.size:
+                break
+            here, left = rows[going], excess[going]
+            jacobian = self._jacobian(self.states(here)) / self._weights
+            jacobian[(left == 0.0) & (low < high)[going]] = 0.0  # within its bounds
+            downhill = -np.einsum("mkn,mk->mn", jacobian, left)
+            held = ((here <= least) & (downhill < 0.0)) | ((here >= most) & (downhill > 0.0))
+            jacobian.transpose(0, 2, 1)[held] = 0.0
+            step = self._step(jacobian, left, damping[going]) / self._weights
+            there = np.clip(here + step, least, most)
+            found = self.excess(self.states(there), low[going], high[going])
+            better = (costs := (found**2).sum(axis=1)) < cost[going]
+            took = going[better]
+            rows[took], excess[took], cost[took] = there[better], found[better], costs[better]
+            damping[going] = np.maximum(damping[going] * np.where(better, EASED, RAISED), LEAST_DAMPING)
+            going = going[(cost[going] > DONE) & (damping[going] < MOST_DAMPING)]
+        return self._wrapped(rows)
+
+    def distinct(self, rows: FloatArray) -> FloatArray:
+        """Return rows (N, n) without repetitions."""
+        from scipy.spatial import KDTree  # on first use
+
+        columns = []
+        for name, weight, column in zip(self.space.names, self.space.weights, rows.T, strict=True):
+            turning = name in self.space.turning
+            columns += [weight * np.cos(column), weight * np.sin(column)] if turning else [weight * column]
+        pairs = KDTree(np.stack(columns, axis=1)).query_pairs(APART, output_type="ndarray")
+        kept = np.ones(len(rows), dtype=bool)
+        kept[pairs.max(axis=1)] = False
+        return rows[kept]
+
+    def _step(self, jacobian: FloatArray, excess: FloatArray, damping: FloatArray) -> FloatArray:
+        """Return damped least squares steps (m, n) against the excess (m, k)."""
+        square = jacobian @ jacobian.transpose(0, 2, 1) + damping[:, None, None] * np.eye(excess.shape[1])
+        pull = np.linalg.solve(square, excess[:, :, None])
+        return -(jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
+
+    def _jacobian(self, states: States) -> FloatArray:
+        """Return the rates of the coordinates (m, k, n) with each state."""
+        pose = self.model.pose(self.region.body, states)
+        columns = []
+        for name in self.space.names:
+            twist = self.model.twist(self.region.body, states, _unit_rates(states, name))
+            columns.append(_stacked(self.region.rates(pose, twist), states.size))
+        return np.stack(columns, axis=2)
+
+    @cached_property
+    def _limits(self) -> tuple[FloatArray, FloatArray]:
+        """Return the limits of the states, infinite for turning ones."""
+        turning = self._turning
+        low, high = np.array(self.space.low, float), np.array(self.space.high, float)
+        return np.where(turning, -np.inf, low), np.where(turning, np.inf, high)
+
+    @cached_property
+    def _weights(self) -> FloatArray:
+        """Return metres per unit of each state, so that steps are short in the space's own measure."""
+        weights = np.array(self.space.weights, float)
+        return np.where(weights > 0.0, weights, 1.0)
+
+    @cached_property
+    def _turning(self) -> BoolArray:
+        return np.array([name in self.space.turning for name in self.space.names], dtype=bool)
+
+    def _wrapped(self, rows: FloatArray) -> FloatArray:
+        return np.where(self._turning, wrap(rows), rows)
+
+
+def sampled_space(model: Model, world: World) -> StateSpace:
+    """Return the space in which states are sampled: a placed base is bounded by the world."""
+    if not ({"base", "plane"} & model.provides and {"x", "y"} <= set(model.space.names)):
+        return model.space
+    x_min, y_min, x_max, y_max = world.bounds
+    return model.space.bounded(x=(x_min, x_max), y=(y_min, y_max))
+
+
+def _unit_rates(states: States, moving: str) -> States:
+    """Return rates of 1 per second for one state and 0 for the others."""
+
+    def rate(name: str) -> Column:
+        return np.full(states.size, float(name == moving))
+
+    return LazyStates(states.names, states.size, rate, set())
+
+
+def _stacked(columns: tuple[Column, ...], size: int) -> FloatArray:
+    """Stack columns and numbers as (size, k)."""
+    return np.stack([np.broadcast_to(np.asarray(column, float), (size,)) for column in columns], axis=1)
+
 
 DEGREE = math.radians(1)
 LEAST_SEEDS = 200  # random states from which a descent begins, at once
@@ -35,7 +182,7 @@ Place = tuple[float, float, float]
 
 @checked_arguments
 class Region(GoalDefaults, ABC):
-    """A body within bounds: a frozen dataclass, whose fields are its parameters, gives what is abstract here.
+    """Goal with a body within bounds; a frozen dataclass, whose fields are its parameters, provides the abstract parts.
 
     A goal of your own needs ``body``, ``coordinates`` of its pose, their ``rates`` and ``bounds``;
     :func:`hpop.goals.goal` registers it.
@@ -46,38 +193,38 @@ class Region(GoalDefaults, ABC):
     @property
     @abstractmethod
     def body(self) -> str:
-        """The body, as the model calls it."""
+        """Return the body, as the model calls it."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Between what coordinates (k,) shall be; equal where a value is wanted. States are drawn within these."""
+        """Return low and high bounds of coordinates (k,), equal for a wanted value; states are drawn within them."""
 
     @property
     @abstractmethod
     def lengths(self) -> BoolArray:
-        """Which coordinates (k,) are in m; the others are in rad."""
+        """Return which coordinates (k,) are in m; the others are in rad."""
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """By how much a state that reaches the goal may be beyond the bounds, m and rad."""
+        """Return how far beyond the bounds a state still reaches the goal, m and rad."""
         return REACHED, REACHED
 
     @abstractmethod
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Columns, k of them, m or rad, of a pose of the body."""
+        """Return k columns, m or rad, of a pose of the body."""
 
     @abstractmethod
     def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
-        """How fast each of them changes, given how fast the body moves and turns."""
+        """Return the rate of each coordinate, from the velocity and rotation of the body."""
 
     @property
     def requires(self) -> frozenset[str]:
-        """The body."""
+        """Return the body."""
         return frozenset({self.body})
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Distinct states (n,), at most ``count``, fewer where descents from ever new random states find no others.
+        """Return at most ``count`` distinct states (n,), fewer where new random descents find no others.
 
         Raises QueryError, which says how far the nearest is off, where none is found.
         """
@@ -104,11 +251,11 @@ class Region(GoalDefaults, ABC):
 
     @property
     def widened(self) -> tuple[str, ...]:
-        """Names of the parameters that leave it more room."""
+        """Return the names of the parameters that leave the goal more room."""
         return tuple(field.name for field in fields(self) if field.name.endswith("tolerance"))  # type: ignore[arg-type]
 
     def _descended(self, sought: InverseKinematics, rng: np.random.Generator, seeds: int) -> FloatArray:
-        """Rows (seeds, n) that descend to samples of the bounds; those that do not get there, to any point of these."""
+        """Descend from random rows (seeds, n) to samples of the bounds, or else to any point within the bounds."""
         low, high = (np.broadcast_to(bound, (seeds, len(bound))) for bound in self.bounds)
         aims = rng.uniform(low, high)
         rows = sought.descended(sought.rows(sought.space.sample(rng, seeds)), aims, aims)
@@ -119,20 +266,20 @@ class Region(GoalDefaults, ABC):
         return rows
 
     def reached(self, model: Model, states: States) -> BoolArray:
-        """Which states (M,) have the body within the bounds and their tolerances."""
+        """Return which states (M,) have the body within the bounds and their tolerances."""
         metres, radians = InverseKinematics(model, model.space, self).miss(states)
         most_metres, most_radians = self.tolerances
         return np.asarray((metres <= most_metres) & (radians <= most_radians))
 
     def describe(self) -> dict[str, Any]:
-        """Name and parameters, without those that are not given."""
+        """Return name and parameters, without missing ones."""
         own = [(field, getattr(self, field.name)) for field in fields(self)]  # type: ignore[arg-type]
         given = {field.name: value for field, value in own if not (value is None is field.default)}
         return {self.name: {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}}
 
 
 def checked_numbers(name: str, given: Any, count: int, form: str) -> tuple[float, ...]:
-    """So many coordinates, or a QueryError that says what they are."""
+    """Return ``count`` coordinates, or raise a QueryError that says what they are."""
     many = given.tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(many, Sequence) or isinstance(many, str) or len(many) != count:
         raise QueryError(f"{name} is {form}, got {shown(given)}")
@@ -140,13 +287,13 @@ def checked_numbers(name: str, given: Any, count: int, form: str) -> tuple[float
 
 
 def checked_place(name: str, given: Any) -> Place:
-    """Three coordinates, m."""
+    """Return three coordinates, m."""
     x, y, z = checked_numbers(name, given, 3, "(x, y, z) in m")
     return x, y, z
 
 
 def checked_angle(name: str, given: Any) -> float:
-    """An angle in rad, within two turns."""
+    """Return an angle in rad, within two turns."""
     angle = float(real(name, given, -MOST, MOST, "an angle in rad", error=QueryError))
     if advice := not_radians(angle):
         raise QueryError(f"{name} {advice}")
@@ -154,7 +301,7 @@ def checked_angle(name: str, given: Any) -> float:
 
 
 def written(place: Sequence[float]) -> str:
-    """Numbers in few characters.
+    """Return numbers in few characters.
 
     >>> written((0.5, 0.0, 1.25))
     '(0.5, 0, 1.25)'

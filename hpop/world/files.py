@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from hpop.apart.answer import Answer, Refused, unpacked
+from hpop.apart.child import Answer, Refused, unpacked
 from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import MapError

@@ -15,7 +15,7 @@ import shapely
 import hpop
 from hpop.errors import QueryError
 from hpop.goals import CameraAt, LookAt, Region, ToolAt
-from hpop.goals.inverse_kinematics import APART, InverseKinematics
+from hpop.goals.region import APART, InverseKinematics
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.problems.problem import Problem

@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from hpop.apart import lines as collected
-from hpop.apart.answer import Refused
+from hpop.apart.child import Refused
 from hpop.apart.dxf import extract
 from hpop.errors import MapError, ScenarioError
 from hpop.scenario import load_scenario

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.apart.answer import Refused
+from hpop.apart.child import Refused
 from hpop.apart.pdf import extract
 from hpop.errors import MapError
 from hpop.scenario import load_scenario

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop.apart.answer import Answer, Refused, refusal, unpacked
+from hpop.apart.child import Answer, Refused, refusal, unpacked
 from hpop.errors import MapError
 from hpop.runtime import limits
 from hpop.world import World, files

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hpop.apart.answer import Answer
+from hpop.apart.child import Answer
 from hpop.apart.lines import said
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of

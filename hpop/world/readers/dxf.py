@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hpop.apart.answer import Answer
+from hpop.apart.child import Answer
 from hpop.errors import MapError
 from hpop.world.files import extract, file_source, read_bytes
 from hpop.world.readers import drawing

@@ -1,0 +1,336 @@
+"""Goals of a body's pose: the camera looks at a target, or the camera or a tool is at a place.
+
+Differences of directions and orientations are angles: the logarithm of the remaining rotation, whose derivative has a
+closed form (Solà, Deray and Atchuthan 2018, arXiv 1812.01537). So a search that follows them has exact derivatives
+wherever it stops, not only at the goal.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, Column, FloatArray
+from hpop.base.math import cross, dot, hypot, norm, wrap
+from hpop.base.options import LEAST, MOST, Angle, real, set_reals
+from hpop.base.text import shown
+from hpop.errors import QueryError
+from hpop.goals.base import REACHED, goal
+from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
+from hpop.motions import Pose, Twist, Vector
+
+ALIGNED = 1e-7  # rad: below, the sine of an angle is the angle to the last bit
+CLOSEST = 1e-12  # m or rad: what is divided by is no less
+
+
+def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
+    """Return the angles (M,), rad, of an offset to the left of a body's forward axis and above it; their norm is all.
+
+    What is straight behind is half a turn to the left.
+    """
+    ahead, left, up = (dot(axis, offset) for axis in (pose.ahead, pose.left, pose.up))
+    sine = norm((left, up))
+    left = np.where((sine < CLOSEST) & (ahead < 0.0), CLOSEST, left)
+    sine = np.maximum(sine, CLOSEST)
+    share = np.arctan2(sine, ahead) / sine
+    return share * left, share * up
+
+
+def off_axis_rates(pose: Pose, twist: Twist, offset: Vector, change: Vector) -> tuple[Column, Column]:
+    """Return the rates of these angles, rad/s, as the offset changes by ``change`` and the body turns."""
+    length = np.maximum(norm(offset), CLOSEST)
+    turned = _less(change, cross(twist.rotation, offset))
+    ahead, left, up = (dot(axis, offset) / length for axis in (pose.ahead, pose.left, pose.up))
+    growth = dot(offset, change) / length
+    ahead_rate, left_rate, up_rate = (
+        (dot(axis, turned) - part * growth) / length
+        for axis, part in zip((pose.ahead, pose.left, pose.up), (ahead, left, up), strict=True)
+    )
+    sine = np.maximum(norm((left, up)), CLOSEST)
+    sine_rate = (left * left_rate + up * up_rate) / sine
+    some = sine > ALIGNED
+    share = np.arctan2(sine, ahead) / sine
+    share_rate = np.where(some, (ahead * sine_rate - sine * ahead_rate - share * sine_rate) / sine, 0.0)
+    return share * left_rate + share_rate * left, share * up_rate + share_rate * up
+
+
+def roll_of(pose: Pose) -> Column:
+    """Return the angle (M,), rad, by which a body is rolled to the right; arbitrary where it looks up or down."""
+    return np.arctan2(pose.left[2], pose.up[2])
+
+
+def roll_rate(pose: Pose, twist: Twist) -> Column:
+    """Return the rate of the roll, rad/s."""
+    left, up = pose.left[2], pose.up[2]
+    left_rate, up_rate = (cross(twist.rotation, axis)[2] for axis in (pose.left, pose.up))
+    return (up * left_rate - left * up_rate) / np.maximum(left * left + up * up, CLOSEST)
+
+
+Axes = tuple[Vector, Vector, Vector]
+
+
+def turn_to(pose: Pose, axes: Axes) -> Vector:
+    """Return the rotation vector, rad, world frame, from a body's orientation to given axes ahead, left, up.
+
+    Of half a turn the length is right, and the axis x.
+    """
+    normal, sine, cosine = _turn(pose, axes)
+    some = sine > ALIGNED
+    share = np.where(some, np.arctan2(sine, cosine) / np.maximum(sine, CLOSEST), 1.0)
+    return np.where(some | (cosine > 0.0), share * normal[0], np.pi), share * normal[1], share * normal[2]
+
+
+def turn_to_rates(pose: Pose, twist: Twist, axes: Axes) -> Vector:
+    """Return the rates of `turn_to` as the body turns, rad/s: the inverse right Jacobian of SO(3), times -ω."""
+    vector = turn_to(pose, axes)
+    _, sine, cosine = _turn(pose, axes)
+    angle = np.maximum(np.arctan2(sine, cosine), CLOSEST)
+    bend = 1.0 / angle**2 - (1.0 + cosine) / (2.0 * angle * np.maximum(sine, CLOSEST))
+    bend = np.where(angle > 1e-3, bend, 1.0 / 12.0)  # its limit; nearer, the difference loses more than it is off
+    once = cross(vector, twist.rotation)
+    twice = cross(vector, once)
+    x, y, z = (-w - 0.5 * a - bend * b for w, a, b in zip(twist.rotation, once, twice, strict=True))
+    return x, y, z
+
+
+def _turn(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]:
+    """Return the axis of the remaining rotation, as long as its sine; its sine and its cosine."""
+    own = (pose.ahead, pose.left, pose.up)
+    normals = [cross(one, other) for one, other in zip(own, axes, strict=True)]
+    normal = tuple(0.5 * sum(part) for part in zip(*normals, strict=True))
+    trace = sum(dot(one, other) for one, other in zip(own, axes, strict=True))
+    return (normal[0], normal[1], normal[2]), norm(normal), 0.5 * (trace - 1.0)
+
+
+def _less(one: Vector, other: Vector) -> Vector:
+    x, y, z = (a - b for a, b in zip(one, other, strict=True))
+    return x, y, z
+
+
+@goal("look_at")
+@dataclass(frozen=True)
+class LookAt(Region):
+    """Goal of a camera that looks at a target from within a band of distances.
+
+    target           m    (x, y, z), in the middle of the view
+    distance         m    (least, greatest) from the camera to it
+    roll             rad  of the camera to the right, 0 with the horizon level; None leaves it free. It says nothing of
+                          a camera that looks straight up or down, within 1e-6 rad
+    angle_tolerance  rad  by how much the view may be off, the target from its middle and the roll together
+
+    Whether something stands between camera and target is for a criterion to say (``occlusion``); an answer notes where
+    nothing of the target is seen.
+    """
+
+    target: tuple[float, float, float]
+    distance: tuple[float, float]
+    roll: Angle | None = None
+    angle_tolerance: Angle = DEGREE
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "target", checked_place("target", self.target))
+        form = "(least, greatest) distance in m"
+        least, most = checked_numbers("distance", self.distance, 2, form)
+        for one in (least, most):
+            real("distance", one, LEAST, MOST, f"{form}, each", error=QueryError)
+        if least > most:
+            raise QueryError(f"distance is {form}, the least first, got {written((least, most))}")
+        object.__setattr__(self, "distance", (least, most))
+        if self.roll is not None:
+            object.__setattr__(self, "roll", checked_angle("roll", self.roll))
+        set_reals(self, "angle_tolerance", least=LEAST, most=math.pi, kind="an angle in rad", error=QueryError)
+
+    def __str__(self) -> str:
+        """Return the target and the distances in few characters."""
+        rolled = "" if self.roll is None else f", rolled {math.degrees(self.roll):.4g} degrees"
+        return f"look_at {written(self.target)} from {self.distance[0]:.4g} to {self.distance[1]:.4g} m{rolled}"
+
+    @property
+    def body(self) -> str:
+        """Return the camera."""
+        return "camera"
+
+    @property
+    def looked_at(self) -> Place:
+        """Return the target."""
+        return self.target
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Return the target."""
+        return (self.target,)
+
+    @property
+    def widened(self) -> tuple[str, ...]:
+        """Return distance and tolerance."""
+        return "distance", "angle_tolerance"
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return the band of distances, and zeros for angles."""
+        still = [0.0] * (2 if self.roll is None else 3)
+        return np.array([self.distance[0], *still]), np.array([self.distance[1], *still])
+
+    @property
+    def lengths(self) -> BoolArray:
+        """Mark the distance."""
+        return np.array([True, False, False, *([] if self.roll is None else [False])])
+
+    @property
+    def tolerances(self) -> tuple[float, float]:
+        """Return almost none in distance, which is a band, and the angle tolerance."""
+        return REACHED, self.angle_tolerance
+
+    def coordinates(self, pose: Pose) -> tuple[Column, ...]:
+        """Return the distance, the angles to the left and above the middle, and the roll error."""
+        offset = self._offset(pose)
+        return norm(offset), *off_axis(pose, offset), *(() if self.roll is None else (self._off_roll(pose),))
+
+    def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
+        """Return the rates of the coordinates."""
+        offset = self._offset(pose)
+        x, y, z = (-part for part in twist.velocity)
+        approach = dot(offset, (x, y, z)) / np.maximum(norm(offset), CLOSEST)
+        rolled = () if self.roll is None else (roll_rate(pose, twist),)
+        return approach, *off_axis_rates(pose, twist, offset, (x, y, z)), *rolled
+
+    def _off_roll(self, pose: Pose) -> Column:
+        """Return the roll error; 0 where the camera shows no horizon."""
+        off_vertical = np.arctan2(hypot(pose.left[2], pose.up[2]), np.abs(pose.ahead[2]))
+        return np.where(off_vertical <= REACHED, 0.0, wrap(roll_of(pose) - self.roll))
+
+    def _offset(self, pose: Pose) -> Vector:
+        """Return the offset from the camera to the target, m."""
+        x, y, z = self.target
+        return x - pose.x, y - pose.y, z - pose.z
+
+
+@dataclass(frozen=True)
+class PoseAt(Region):
+    """Goal of a body at a place: in an orientation, along a direction with free roll, or in any orientation."""
+
+    position: tuple[float, float, float]
+    yaw_pitch_roll: tuple[Angle, Angle, Angle] | None = None
+    direction: tuple[float, float, float] | None = None
+    position_tolerance: float = 1e-3
+    angle_tolerance: Angle = DEGREE
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "position", checked_place("position", self.position))
+        if self.yaw_pitch_roll is not None and self.direction is not None:
+            raise QueryError(f"{self.name} takes yaw_pitch_roll, direction or neither, got both")
+        if self.yaw_pitch_roll is not None:
+            angles = checked_numbers("yaw_pitch_roll", self.yaw_pitch_roll, 3, "(yaw, pitch, roll) in rad")
+            object.__setattr__(self, "yaw_pitch_roll", tuple(checked_angle("yaw_pitch_roll", one) for one in angles))
+        if self.direction is not None:
+            vector = checked_numbers("direction", self.direction, 3, "(x, y, z), a vector of any length")
+            if math.hypot(*vector) < LEAST:
+                raise QueryError(f"direction is (x, y, z), a vector of any length but 0, got {shown(self.direction)}")
+            object.__setattr__(self, "direction", vector)
+        set_reals(self, "position_tolerance", least=LEAST, most=MOST, kind="a length in m", error=QueryError)
+        set_reals(self, "angle_tolerance", least=LEAST, most=math.pi, kind="an angle in rad", error=QueryError)
+
+    def __str__(self) -> str:
+        """Return the place and the orientation in few characters."""
+        turned = ""
+        if self.yaw_pitch_roll is not None:
+            yaw, pitch, roll = (f"{math.degrees(angle):.4g}" for angle in self.yaw_pitch_roll)
+            turned = f", yaw {yaw}, pitch {pitch} and roll {roll} degrees"
+        if self.direction is not None:
+            turned = f" along {written(self.direction)}"
+        return f"{self.name} {written(self.position)}{turned}"
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Return the position."""
+        return (self.position,)
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """Return zeros: the tolerances are separate."""
+        return np.zeros(self.lengths.size), np.zeros(self.lengths.size)
+
+    @property
+    def lengths(self) -> BoolArray:
+        """Mark the position."""
+        angles = 3 if self.yaw_pitch_roll is not None else 2 if self.direction is not None else 0
+        return np.array([True] * 3 + [False] * angles)
+
+    @property
+    def tolerances(self) -> tuple[float, float]:
+        """Return the given tolerances."""
+        return self.position_tolerance, self.angle_tolerance
+
+    def coordinates(self, pose: Pose) -> tuple[Column, ...]:
+        """Return the offset of the body from its place, and the angles that remain."""
+        x, y, z = self.position
+        apart = (pose.x - x, pose.y - y, pose.z - z)
+        if self._axes is not None:
+            return *apart, *turn_to(pose, self._axes)
+        return (*apart, *off_axis(pose, self.direction)) if self.direction is not None else apart
+
+    def rates(self, pose: Pose, twist: Twist) -> tuple[Column, ...]:
+        """Return the rates of the coordinates."""
+        if self._axes is not None:
+            return *twist.velocity, *turn_to_rates(pose, twist, self._axes)
+        if self.direction is not None:
+            return *twist.velocity, *off_axis_rates(pose, twist, self.direction, (0.0, 0.0, 0.0))
+        return twist.velocity
+
+    @cached_property
+    def _axes(self) -> Axes | None:
+        """Return the body's axes ahead, left and up: turned by the yaw, then up by the pitch, right by the roll."""
+        if self.yaw_pitch_roll is None:
+            return None
+        (cy, cp, cr), (sy, sp, sr) = (tuple(map(f, self.yaw_pitch_roll)) for f in (math.cos, math.sin))
+        left, up = (-sy, cy, 0.0), (-sp * cy, -sp * sy, cp)  # before the roll
+        return (cp * cy, cp * sy, sp), _mixed(cr, left, sr, up), _mixed(cr, up, -sr, left)
+
+
+def _mixed(a: float, one: Vector, b: float, other: Vector) -> Vector:
+    x, y, z = (a * p + b * q for p, q in zip(one, other, strict=True))
+    return x, y, z
+
+
+@goal("camera_at")
+@dataclass(frozen=True)
+class CameraAt(PoseAt):
+    """Goal of a camera at a place, turned as given.
+
+    position            m    (x, y, z)
+    yaw_pitch_roll      rad  yaw counter-clockwise, then pitch up, then roll to the right
+    direction                (x, y, z) along which it looks, turned about that as may be; give this, or yaw_pitch_roll,
+                             or neither: then it may look anywhere
+    position_tolerance  m    how far it may be off
+    angle_tolerance     rad  by how much it may be turned otherwise
+    """
+
+    @property
+    def body(self) -> str:
+        """Return the camera."""
+        return "camera"
+
+
+@goal("tool_at")
+@dataclass(frozen=True)
+class ToolAt(PoseAt):
+    """Goal of a tool, or of another body, at a place, turned as given.
+
+    position            m    (x, y, z)
+    yaw_pitch_roll      rad  yaw counter-clockwise, then pitch up, then roll to the right
+    direction                (x, y, z) along which it points, turned about that as may be; give this, or yaw_pitch_roll,
+                             or neither: then it may point anywhere
+    position_tolerance  m    how far it may be off
+    angle_tolerance     rad  by how much it may be turned otherwise
+    body                     as the model calls it
+    """
+
+    body: str = "tool"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.body, str) or not self.body:
+            raise QueryError(f"body is the name of a body of the model, such as 'tool', got {shown(self.body)}")
