@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 
+import numpy as np
+
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.registry import completed
@@ -26,6 +28,8 @@ class Collision(Protocol):
                      along each, at most that distance; None where samples of ``clearance`` stand for it
     is_uncompiled    whether the first question takes longer, for kernels that are not compiled yet; False
     posture_matters  whether what is free depends on more than x, y and yaw, in the plane; False
+    differs          in the plane, method of the collision in a world before, positions (P,) and a distance, m: whether
+                     within it the robot may be free otherwise than before (P,); all may
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -59,6 +63,7 @@ COLLISION_DEFAULTS: dict[str, Any] = {
     "least_clearance": None,
     "is_uncompiled": False,
     "posture_matters": False,
+    "differs": lambda collision, before, x, y, within: np.ones(x.shape, dtype=np.bool_),
 }
 """What a collision has of the contract without saying so."""
 
@@ -87,6 +92,9 @@ class PlaneCollision(Collision, Protocol):
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Whether each position (P,) is free at every yaw, and so is every turn there."""
+
+    def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
+        """Mark positions (P,) within a distance, m, of which the robot may be free otherwise than in a world before."""
 
 
 class Separations(NamedTuple):

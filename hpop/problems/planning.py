@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import Any
 
 from hpop.base.arguments import checked_arguments
-from hpop.criteria.base import CriterionSpec
+from hpop.criteria.base import CriterionSpec, make_criterion
+from hpop.criteria.quanta import with_quanta
 from hpop.goals import GoalSpec
 from hpop.motions import Model
 from hpop.motions.space import StateSpec
-from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.planners.base import Planner, PlannerSpec, edge_objectives, make_planner
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.solving import last_answer
@@ -68,5 +69,15 @@ class Planning:
         return last_answer(problem, self.planner)
 
     def updated(self, world: World) -> Planning:
-        """Return the same for a changed world; what the worlds share is not computed again."""
-        return Planning(world, self.model, self.criteria, self.planner, **self._question)
+        """Return planning in a changed world, which computes again only what the change touches.
+
+        Arcs of the lattice are checked again where the robot may meet the change. Costs are computed again for those
+        arcs, and for all arcs by criteria that read of the world what changed: its obstacles, people or zones.
+        """
+        changed = Planning(world, self.model, self.criteria, self.planner, **self._question)
+        family, margin = self.planner.graph_of_drives, self.planner.margin
+        if family is not None:
+            made = with_quanta(tuple(map(make_criterion, self.criteria)), self._question.get("quanta"))
+            criteria = edge_objectives(made, self.planner.name).optimised
+            family.update(self.world.keeping(margin), world.keeping(margin), self.model, criteria)
+        return changed

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, FloatArray, numbered
 from hpop.base.text import shown
 from hpop.models.collision.parts import Part, joints_of
-from hpop.motions import Motions, States, is_curve
+from hpop.motions import Motions, PlaneCollision, States, is_curve
 from hpop.runtime import limits
 from hpop.world.geometry.shapes import overlaps
 
@@ -99,6 +99,16 @@ class PlanarCollision:
             left = np.flatnonzero(free)
             free[left] = space.clearance(x[left], y[left]) >= reach - TOUCH
         return free
+
+    def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
+        """Mark positions (P,) within a distance, m, of which the robot may be free otherwise than in a world before."""
+        if not isinstance(before, PlanarCollision) or before.parts != self.parts or self.posture_matters:
+            return np.ones(x.shape, dtype=np.bool_)
+        spaces = {self._space(part): before._space(part) for part in self.parts}
+        found = np.zeros(x.shape, dtype=np.bool_)
+        for now, then in spaces.items():
+            found |= now.differs(then, x, y, within)
+        return found
 
     def states_free(self, states: States) -> BoolArray:
         """Return whether the robot is free in each state (N,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
@@ -21,8 +21,11 @@ from hpop.planners.spending import Limits, Spending
 from hpop.runtime.status import ProgressCallback, Status
 
 if TYPE_CHECKING:
+    from hpop.criteria.base import Criterion
+    from hpop.motions import Model
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.problems.problem import Problem
+    from hpop.world import World
 
 F = TypeVar("F", bound=type)
 GraphSpec = str | Mapping[str, Mapping[str, Any] | None]
@@ -154,6 +157,9 @@ class GraphFamily:
             if stop.candidates.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt from None
             raise QueryError(f"there is no graph {self.name!r}: {'; '.join(stop.candidates.notes)}") from None
+
+    def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
+        """Let a changed world keep of this family's graphs all that the change leaves as it was; nothing by default."""
 
     def anchored(self) -> Self:
         """Return a family whose graph depends less on the start, or not at all, so that it can be asked again."""

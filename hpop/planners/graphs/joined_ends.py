@@ -237,6 +237,11 @@ class JoinedEnds(TrajectoryGraph):
             self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
         return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Counts of the inner graph."""
+        return self.inner.counts
+
     def costed(self, criteria: Sequence[Criterion]) -> bool:
         """Return whether the costs of all arcs of the inner graph are kept from before."""
         return self.inner.costed(criteria)

@@ -139,22 +139,43 @@ class StateGraph(TrajectoryGraph):
 
     def shared(self, name: Hashable, make: Callable[[], A]) -> A:
         """A part that the world keeps for all equal graphs: another planning run need not make it again."""
-        found = self._found(name)
+        found = self.kept_part(name)
         if found is None:  # not made under the cache's lock: it is made by several threads
             found = make()
-            self._keep(name, found)
+            self.keep_part(name, found)
         return cast(A, found)
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Whether the costs of all edges are kept from an earlier planning run."""
-        return all(self._found(_name(criterion)) is not None for criterion in criteria)
+        """Return whether the costs of all edges are kept from an earlier planning run."""
+        return all(self.kept_part(self.name_of(criterion)) is not None for criterion in criteria)
 
-    def _found(self, name: Hashable) -> Any:
+    def kept_part(self, name: Hashable) -> Any:
+        """Return a part that the world keeps for equal graphs; None where it keeps none."""
         return None if None in (self.key, name) else self.world.cache.find((self.key, name))
 
-    def _keep(self, name: Hashable, value: Any) -> None:
+    def keep_part(self, name: Hashable, value: Any) -> None:
+        """Let the world keep a part for equal graphs, if the graph has a key."""
         if None not in (self.key, name):
             self.world.cache.keep((self.key, name), value)
+
+    @staticmethod
+    def name_of(criterion: Criterion) -> Hashable:
+        """Return the name of a criterion's column of costs, equal for equal criteria; None for one that may change."""
+        try:
+            return identity(criterion), criterion.quantum
+        except TypeError:
+            return None
+
+    def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
+        """Yield some arcs, by their places (N,) in `arcs`, as motions, each portion with the places of its arcs."""
+        tails = np.searchsorted(self.arcs.start, places, side="right") - 1
+        for number, kind in enumerate(self.kinds):
+            own = np.flatnonzero(self.arcs.kinds[places] == number)
+            for begin in range(0, own.size, BATCH):
+                some = own[begin : begin + BATCH]
+                motions = self.motions(kind, tails[some], self.arcs.heads[places[some]].astype(np.int64))
+                for run, portion in motions.portions():
+                    yield places[some][run], portion
 
     @property
     def is_reused(self) -> bool:
@@ -163,13 +184,13 @@ class StateGraph(TrajectoryGraph):
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """The graph with one integer cost a criterion: edge costs in quanta, rounded once."""
-        names = tuple(_name(criterion) for criterion in criteria)
+        names = tuple(self.name_of(criterion) for criterion in criteria)
         if not self.is_reused or None in names:
             return self._graph(criteria)
-        found: Graph | None = self._found(("graph", names))
+        found: Graph | None = self.kept_part(("graph", names))
         if found is None:
             found = self._graph(criteria)
-            self._keep(("graph", names), found)
+            self.keep_part(("graph", names), found)
         else:
             self.spending.hold(found.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from before")
         return found
@@ -186,7 +207,7 @@ class StateGraph(TrajectoryGraph):
 
     def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
         """Costs (m,) of all arcs in each criterion; those that are not kept are made together, block by block."""
-        columns = [self._found(_name(criterion)) for criterion in criteria]
+        columns = [self.kept_part(self.name_of(criterion)) for criterion in criteria]
         missing = [j for j, column in enumerate(columns) if column is None]
         size = self.arcs.heads.size
         made = [Quanta(size) for _ in missing]
@@ -206,7 +227,7 @@ class StateGraph(TrajectoryGraph):
         for j, column in zip(missing, made, strict=True):
             column.counts.setflags(write=False)
             columns[j] = column.counts
-            self._keep(_name(criteria[j]), column.counts)
+            self.keep_part(self.name_of(criteria[j]), column.counts)
         return columns
 
     def costed_in(self, world: World) -> Self:
@@ -223,14 +244,6 @@ class StateGraph(TrajectoryGraph):
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
         laws = [self.model.laws[kind] for kind in self.kinds]
         return Stretches.through(self.model.space, laws, self.states(ids), kinds, sizes)
-
-
-def _name(criterion: Criterion) -> Hashable:
-    """What makes equal columns of costs equal; None of a criterion that may change, or that knows no equals."""
-    try:
-        return identity(criterion), criterion.quantum
-    except TypeError:
-        return None
 
 
 def identity(value: Any) -> Hashable:

@@ -157,6 +157,20 @@ class FreeSpace:
         result[inside] = self.distance(x[inside], y[inside])
         return result
 
+    def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
+        """Mark points (M,) within a distance, m, of which free space may be other than before.
+
+        Where no edge within that distance has come or gone and the point is free as before, all about it is.
+        """
+        if self is before:
+            return np.zeros(x.shape, dtype=np.bool_)
+        both = np.concatenate([_distinct(space.edges) for space in (self, before)])
+        edges, count = np.unique(both, axis=0, return_counts=True)
+        found: BoolArray = self.contains(x, y) != before.contains(x, y)
+        if (count == 1).any():
+            found |= EdgeTree.build(edges[count == 1]).distance(x, y) <= within
+        return found
+
     def signed_clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return `clearance` for points inside, minus the distance to the free region for all others."""
         return np.where(self.contains(x, y), 1.0, -1.0) * self.distance(x, y)
@@ -185,6 +199,13 @@ class FreeSpace:
         free = self.contains(*_first_point(shapes))
         free[self._tree.query(shapes, predicate="dwithin", distance=margin - TOLERANCE)[0]] = False
         return free
+
+
+def _distinct(edges: FloatArray) -> FloatArray:
+    """Return the distinct ones of edges (N, 2, 2), m, as rows (E, 4), each from its lesser end to its greater one."""
+    (x0, y0), (x1, y1) = edges[:, 0].T, edges[:, 1].T
+    swapped = (x0 > x1) | ((x0 == x1) & (y0 > y1))
+    return np.unique(np.where(swapped[:, None, None], edges[:, ::-1], edges).reshape(-1, 4), axis=0)
 
 
 class _Copies(threading.local):

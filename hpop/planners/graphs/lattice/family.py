@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
@@ -17,12 +17,16 @@ from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends, with_ends
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
+from hpop.planners.graphs.lattice.updates import update
 from hpop.planners.needs import in_plane, people_move
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Spending
 
 if TYPE_CHECKING:
+    from hpop.criteria.base import Criterion
+    from hpop.motions import Model
     from hpop.problems.problem import Problem
+    from hpop.world import World
 
 MOST_FIRST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
 LARGE = 2  # times as many: a smaller lattice is built as a whole almost as soon as a part of it, and then a second time
@@ -96,10 +100,21 @@ class LatticeGraph(GraphFamily):
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
         """Return the lattice of a problem; building it may spend what is in the spending."""
+        anchor = start_of(problem)[:2] if self.anchor == "start" else problem.world.bounds[:2]
+        return self._lattice(problem.model, problem.world, anchor, spending)
+
+    def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
+        """Let a changed world keep of the lattice that is anchored at the world what the change leaves as it was."""
+        if self.anchor == "world":
+            update(self._lattice(model, before, before.bounds[:2]), after, criteria)
+
+    def _lattice(
+        self, model: Model, world: World, anchor: tuple[float, float], spending: Spending | None = None
+    ) -> StateLattice:
         return StateLattice(
-            in_plane(problem.model),
-            problem.world,
-            start_of(problem)[:2] if self.anchor == "start" else problem.world.bounds[:2],
+            in_plane(model),
+            world,
+            anchor,
             float(self.step),
             Headings(self.headings),
             self.corner_cutting,

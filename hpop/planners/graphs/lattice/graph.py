@@ -55,7 +55,7 @@ class StateLattice(StateGraph):
 
     def __post_init__(self) -> None:
         rows, columns = self.shape
-        states = rows * columns * self._width
+        states = rows * columns * self.width
         if states > MAX_STATES:
             x_min, y_min, x_max, y_max = self.world.bounds
             raise OptionError(
@@ -74,7 +74,7 @@ class StateLattice(StateGraph):
         """The same in words."""
         cutting = "" if self.corner_cutting else "no "
         part = "" if self.kept is None else f"the {self.cells[0].size:,} positions on the shortest ways on "
-        views = "" if self._width == self.headings.count else f" and {self._width} stations"
+        views = "" if self.width == self.headings.count else f" and {self.width} stations"
         anchor = "" if self.anchored_at == "start" else ", anchored at the corner of the map"
         return (
             f"{part}the lattice of step {self.step:g} m, {self.headings.count} headings{views}, {cutting}corner "
@@ -90,6 +90,12 @@ class StateLattice(StateGraph):
             return None
         key = (type(self), model, self.anchor, self.step, self.headings, self.corner_cutting)
         return key if self.kept is None else None
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Arcs that were checked again after a change of the world, of a lattice that was updated."""
+        rechecked = self.kept_part("rechecked")
+        return {} if rechecked is None else {"edges_rechecked": rechecked}
 
     @property
     def is_reused(self) -> bool:
@@ -115,7 +121,7 @@ class StateLattice(StateGraph):
         return stations
 
     @cached_property
-    def _width(self) -> int:
+    def width(self) -> int:
         """Stations at a position, S."""
         return int(self.stations.headings.size)
 
@@ -130,14 +136,14 @@ class StateLattice(StateGraph):
 
         That is the heading, or, where the posture matters, the station itself.
         """
-        return np.arange(self._width) if self.collision.posture_matters else self.stations.headings
+        return np.arange(self.width) if self.collision.posture_matters else self.stations.headings
 
     @cached_property
     def _at_stance(self) -> IntArray:
         """A station in each stance (Z,) that has one."""
-        count = self._width if self.collision.posture_matters else self.headings.count
+        count = self.width if self.collision.posture_matters else self.headings.count
         stations = np.zeros(count, np.int64)
-        stations[self._stance[::-1]] = np.arange(self._width)[::-1]  # the first of each
+        stations[self._stance[::-1]] = np.arange(self.width)[::-1]  # the first of each
         return stations
 
     def _standing(self, stance: IntArray, x: FloatArray, y: FloatArray) -> States:
@@ -239,14 +245,14 @@ class StateLattice(StateGraph):
     @property
     def size(self) -> int:
         """Number of states, P * S."""
-        return int(self.cells[0].size) * self._width
+        return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:
         """Id of a state, -1 where it is not free or off the grid."""
         inside = 0 <= row < self.shape[0] and 0 <= column < self.shape[1]
         if not inside or not self.free[row, column, self._stance[station]]:
             return -1
-        return int(self.number[row, column]) * self._width + station
+        return int(self.number[row, column]) * self.width + station
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
         """Ids (N,), rising, of the states no farther than a radius, m, from a place; not all of them need be free."""
@@ -259,7 +265,7 @@ class StateLattice(StateGraph):
         at_x, at_y = self.position(row, column)
         number = self.number[row, column]
         number = number[(number >= 0) & (np.hypot(at_x - x, at_y - y) <= radius)]
-        return (number[:, None] * self._width + np.arange(self._width)).ravel()
+        return (number[:, None] * self.width + np.arange(self.width)).ravel()
 
     def _cell(self, x: float, y: float) -> tuple[float, float]:
         """Row and column of a place, fractions for one between positions."""
@@ -267,11 +273,11 @@ class StateLattice(StateGraph):
 
     def places(self, ids: IntArray) -> IntArray:
         """Number (N,) of the grid position of each state."""
-        return ids // self._width
+        return ids // self.width
 
     def states(self, ids: IntArray) -> States:
         """Positions of states (N,), and what their stations are: yaws in [0, 2 pi)."""
-        position, station = np.divmod(ids, self._width)
+        position, station = np.divmod(ids, self.width)
         x, y = self.position(self.cells[0][position], self.cells[1][position])
         return States(**self.stations.states.take(station).__dict__ | {"x": x, "y": y})
 
@@ -282,9 +288,9 @@ class StateLattice(StateGraph):
         tails, heads = (np.concatenate([ends[side] for ends in motions]) for side in (0, 1))
         kinds = np.repeat(np.arange(1, len(motions) + 1, dtype=np.uint8), [ends[0].size for ends in motions])
         order = np.lexsort((heads, kinds, tails))
-        leaving = np.bincount(tails, minlength=self._width)
+        leaving = np.bincount(tails, minlength=self.width)
         column = np.arange(tails.size) - np.repeat(np.cumsum(leaving) - leaving, leaving)
-        to = np.full((self._width, int(leaving.max(initial=0))), -1, np.int32)
+        to = np.full((self.width, int(leaving.max(initial=0))), -1, np.int32)
         of_kind = np.zeros(to.shape, np.uint8)
         to[tails[order], column], of_kind[tails[order], column] = heads[order], kinds[order]
         return to, of_kind
@@ -292,10 +298,10 @@ class StateLattice(StateGraph):
     def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
         """Kind (N,) of the edges between states: that in place between their stations, or a move."""
         to, of_kind = self._in_place
-        table = np.zeros((self._width, self._width), np.int64)
+        table = np.zeros((self.width, self.width), np.int64)
         station, column = np.nonzero(to >= 0)
         table[station, to[station, column]] = of_kind[station, column]
-        (at, tail), (place, head) = (np.divmod(ids, self._width) for ids in (tails, heads))
+        (at, tail), (place, head) = (np.divmod(ids, self.width) for ids in (tails, heads))
         return np.where(at == place, table[tail, head], MOVE)
 
     @cached_property
@@ -307,7 +313,7 @@ class StateLattice(StateGraph):
         return self.shared("arcs", self._arcs)
 
     def _arcs(self) -> Arcs:
-        (to, of_kind), places, width = self._in_place, self.cells[0].size, self._width
+        (to, of_kind), places, width = self._in_place, self.cells[0].size, self.width
         self.spending.check(self._laid, places * width * (to.shape[1] + 1) * (4 + 1 + 4 + 1))
         heads = np.empty((places, width, to.shape[1] + 1), np.int32)
         heads[:, :, :-1] = to + np.arange(0, places * width, width, dtype=np.int32)[:, None, None]
@@ -342,7 +348,7 @@ class StateLattice(StateGraph):
                 tails = tails[tails % count < count // 2]
             place, stance = np.divmod(tails, count)
             station = self._at_stance[stance]
-            ends = (place * self._width + station, steps[tails].astype(np.int64) * self._width + station)
+            ends = (place * self.width + station, steps[tails].astype(np.int64) * self.width + station)
             return tails[~self.collision.motions_free(self.motions("move", *ends))]
 
         for tails in self.spending.each(blocked, blocks(steps.size), self._laid):
@@ -376,7 +382,7 @@ class StateLattice(StateGraph):
 
         def blocked(part: slice) -> tuple[IntArray, ...]:
             place, station, column = np.nonzero(free[part] & ~sure[part, None, None])
-            tails, heads = ((place + part.start) * self._width + at for at in (station, to[station, column]))
+            tails, heads = ((place + part.start) * self.width + at for at in (station, to[station, column]))
             wrong = np.zeros(place.size, dtype=bool)
             kinds = of_kind[station, column]
             for kind in np.unique(kinds).tolist():
@@ -398,7 +404,7 @@ class StateLattice(StateGraph):
         def found(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
             place, a, b = np.nonzero(possible[part] & ~sure[part, None, None])
             tails, heads = (
-                (place + part.start) * self._width + self._at_stance[heading] for heading in (a, others[a, b])
+                (place + part.start) * self.width + self._at_stance[heading] for heading in (a, others[a, b])
             )
             return (place + part.start, a, b), self.collision.motions_free(self.motions("turn", tails, heads))
 

@@ -1,0 +1,112 @@
+"""A changed world: an updated lattice equals one that is built anew, and takes from before what did not change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.planners.graphs.lattice.family import LatticeGraph
+from hpop.planners.objectives import edge_objectives
+from hpop.world import Person, World
+from hpop.world.content.content import Zone
+from tests.watched import watched
+
+EXTENT = shapely.box(0, 0, 9, 6)
+CRITERIA = ("exposure", "clearance", "hall_zones", "turns", "length")
+ROUND = hpop.DifferentialDrive(radius=0.25)
+LONG = hpop.DifferentialDrive(footprint=((0.4, 0.2), (-0.4, 0.2), (-0.4, -0.2), (0.4, -0.2)))
+ENDS = (0.5, 0.5, 0.0), (8.5, 5.5, None)
+
+
+def pieces(rng: np.random.Generator, count: int) -> list[shapely.Polygon]:
+    """Boxes of up to a metre, some of them turned."""
+    return [
+        shapely.affinity.rotate(
+            shapely.box(x, y, x + w, y + h), float(rng.choice([0.0, 17.0])), origin=(float(x), float(y))
+        )
+        for x, y, w, h in rng.uniform((1, 1, 0.1, 0.1), (7, 4.5, 1.0, 1.0), (count, 4))
+    ]
+
+
+def made(shapes: list[shapely.Polygon], people: tuple[Person, ...] = (), zones: tuple[Zone, ...] = ()) -> World:
+    return World.from_polygons(shapes, extent=EXTENT).with_content(people=people, zones=zones)
+
+
+def changed(rng: np.random.Generator, shapes: list[shapely.Polygon], people: tuple[Person, ...]) -> World:
+    """The world with one obstacle more or less or moved, a door that closes, or a person who has stepped aside."""
+    kind = rng.integers(5)
+    if kind == 0:
+        return made([*shapes, *pieces(rng, 1)], people)
+    if kind == 1:
+        return made(shapes[1:], people)
+    if kind == 2:
+        return made([shapely.affinity.translate(shapes[0], *rng.uniform(-0.5, 0.5, 2)), *shapes[1:]], people)
+    if kind == 3:
+        return made(shapes, people).with_content(people=people, zones=[Zone("keep-out", pieces(rng, 1)[0])])
+    return made(shapes).with_content(people=[Person(people[0].x + 0.4, people[0].y - 0.2, 1.0)])
+
+
+def lattice(world: World, robot: Any, **options: Any) -> tuple[Any, Any]:
+    """The lattice of a world, and its costs."""
+    family = LatticeGraph(anchor="world", **options)
+    asked = edge_objectives(hpop.Problem(world, robot, *ENDS, CRITERIA).criteria, "lattice").optimised
+    graph = family._lattice(robot, world, world.bounds[:2])
+    return graph, graph.graph(asked)
+
+
+@pytest.mark.seeds(12, of=120)
+def test_an_updated_lattice_equals_one_that_is_built_anew(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shapes, people = pieces(rng, 5), (Person(*rng.uniform((1, 1), (8, 5)), 0.3),)
+    robot = (ROUND, LONG)[seed % 2]
+    options = {"step": 0.4, "headings": (8, 4, 16)[seed % 3], "corner_cutting": bool(rng.integers(2))}
+    before = made(shapes, people)
+    lattice(before, robot, **options)
+    state = rng.bit_generator.state
+    after = changed(rng, shapes, people)
+    rng.bit_generator.state = state
+    fresh, expected = lattice(changed(rng, shapes, people), robot, **options)
+    asked = edge_objectives(hpop.Problem(before, robot, *ENDS, CRITERIA).criteria, "lattice").optimised
+    LatticeGraph(anchor="world", **options).update(before, after, robot, asked)
+    updated, costs = lattice(after, robot, **options)
+    assert updated.counts["edges_rechecked"] < fresh.arcs.heads.size
+    assert fresh.counts == {}
+    np.testing.assert_array_equal(updated.clear, fresh.clear)
+    np.testing.assert_array_equal(updated.free, fresh.free)
+    for own, anew in zip(updated.arcs, fresh.arcs, strict=True):
+        np.testing.assert_array_equal(own, anew)
+        assert own.dtype == anew.dtype
+    np.testing.assert_array_equal(costs.costs, expected.costs)
+
+
+@pytest.mark.parametrize("planner", [{"lattice": {"step": 0.5}}, {"roadmap": {"samples": 60}}], ids=str)
+@pytest.mark.parametrize("seed", range(3))
+def test_fronts_in_a_changed_world_are_those_of_a_fresh_plan(planner: Any, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shapes = pieces(rng, 4)
+    criteria = ["exposure", "turns", "length"]
+    many = hpop.Planning(made(shapes), ROUND, criteria, planner)
+    many.solve(*ENDS)
+    more = [*shapes, shapely.box(0.1, 4.5, 0.8, 5.0)]
+    found = many.updated(made(more)).solve(*ENDS)
+    expected = hpop.Planning(made(more), ROUND, criteria, planner).solve(*ENDS)
+    assert found.costs.tolist() == expected.costs.tolist()
+
+
+def test_few_arcs_are_checked_and_costed_again_after_a_door_closes() -> None:
+    """Costs of a criterion that reads nothing of the world are computed for the arcs near the door alone."""
+    shapes = [shapely.box(4, 0, 4.2, 2.5), shapely.box(4, 3.5, 4.2, 6)]
+    with watched() as costed:
+        many = hpop.Planning(made(shapes), ROUND, ["watched", "exposure"], {"lattice": {"step": 0.25}})
+        before = many.solve(*ENDS).runs[0]
+        assert sum(number for _, number in costed) >= before["edges"]
+        costed.clear()
+        door = Zone("keep-out", shapely.box(4, 3.0, 4.2, 3.5), name="door")
+        closed = many.updated(many.world.with_content(zones=[door])).solve(*ENDS).runs[0]
+    assert "edges_rechecked" not in before
+    assert 0 < closed["edges_rechecked"] < before["edges"] / 10
+    assert sum(number for _, number in costed) < before["edges"] / 5
