@@ -25,8 +25,8 @@ LEVEL = 1e-3
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
     """Return the last grid on a topic of the bag at ``options["path"]``: percent of occupancy, -1 where unknown."""
     try:
-        from rosbags import rosbag1, rosbag2
-        from rosbags.typesys import Stores, get_typestore
+        from rosbags import rosbag1, rosbag2  # of an extra
+        from rosbags.typesys import Stores, get_typestore  # of an extra
     except ImportError as error:
         raise Refused(f"bags are read by rosbags, the extra hpop[bags] ({error}); pip install 'hpop[bags]'") from None
     path = Path(options["path"])

@@ -75,7 +75,7 @@ MODULES = ("bag", "dxf", "pdf")
 def bound(memory: int, seconds: int) -> None:
     """Bound the memory (bytes) and time (s) of this process, where the system can."""
     try:
-        import resource
+        import resource  # not on every system
     except ImportError:  # no such limits on this system
         return
     for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, seconds), (resource.RLIMIT_FSIZE, DISK)):

@@ -18,8 +18,8 @@ WIDE = ("LWPOLYLINE", "POLYLINE")
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
     """Return the lines of a drawing, in its units; the words include its ``$INSUNITS``."""
     try:
-        from ezdxf import recover
-        from ezdxf.lldxf.const import DXFError
+        from ezdxf import recover  # of an extra
+        from ezdxf.lldxf.const import DXFError  # of an extra
     except ImportError as error:
         raise Refused(
             f"DXF drawings are read by ezdxf, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"
@@ -100,7 +100,7 @@ class _Walk:
 
 
 def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
-    from ezdxf import path
+    from ezdxf import path  # of an extra
 
     entity, matrix, layer = placed
     kind = entity.dxftype()
@@ -125,8 +125,8 @@ def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
 
 def _band(polyline: Any, lines: Lines) -> list[Any]:
     """Return the quadrilaterals (groups 40, 41 and 43) that a wide polyline fills, of four corners each."""
-    from ezdxf.math import Vec3
-    from ezdxf.render.trace import TraceBuilder
+    from ezdxf.math import Vec3  # of an extra
+    from ezdxf.render.trace import TraceBuilder  # of an extra
 
     level = polyline.dxf.get("elevation", 0.0)
     try:

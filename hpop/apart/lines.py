@@ -156,7 +156,7 @@ class Visible:
             return list(parts)
         if x1 <= x0 or y1 <= y0:
             return []
-        import shapely  # slow to import, and most drawings lie within their page
+        import shapely  # slow to import
 
         whole: Any = _area(parts) if filled else shapely.MultiLineString([part for part in parts if len(part) > 1])
         for area in (shapely.box(x0 - NEAR, y0 - NEAR, x1 + NEAR, y1 + NEAR), *self.areas):
@@ -180,7 +180,7 @@ def _is_box(corners: Points) -> bool:
 
 def _area(parts: Sequence[Points]) -> Any:
     """Return the area within an odd number of closed lines."""
-    import shapely
+    import shapely  # slow to import
 
     rings = [shapely.LineString([*part, part[0]]) for part in parts if len(part) > 2]
     return shapely.build_area(shapely.union_all(rings)) if rings else shapely.Polygon()

@@ -126,8 +126,8 @@ Matrix = np.ndarray[Any, np.dtype[np.float64]]
 def extract(data: bytes, options: dict[str, Any]) -> Answer:
     """Return the lines of a page, in points from the lower left corner of the page as it is shown."""
     try:
-        import pypdfium2 as pdfium
-        from pypdfium2 import raw
+        import pypdfium2 as pdfium  # of an extra
+        from pypdfium2 import raw  # of an extra
     except ImportError as error:
         raise Refused(
             f"PDF drawings are read by pypdfium2, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"

@@ -76,7 +76,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
     matrix = cost_matrix(Y)
     if len(matrix) == 0:
         return np.zeros(0, dtype=np.bool_)
-    import moocore
+    import moocore  # slow to import
 
     columns = [np.unique(column, return_inverse=True)[1] for column in matrix.T]
     ranks = np.column_stack(columns).astype(np.float64)  # (n, k)

@@ -117,7 +117,7 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     matrix = finite_costs(Y)
     corner = finite_costs(np.atleast_2d(np.asarray(reference)))
     _same_columns(matrix, corner)
-    import moocore
+    import moocore  # slow to import
 
     return float(moocore.hypervolume(matrix, ref=corner[0]))
 
@@ -168,7 +168,7 @@ def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
         raise ValueError("the reference front is empty; additive_epsilon needs something to cover")
     if len(matrix) == 0:
         return float("inf")
-    import moocore
+    import moocore  # slow to import
 
     return float(moocore.epsilon_additive(matrix, ref=target))
 

@@ -106,7 +106,7 @@ class InverseKinematics:
 
     def distinct(self, rows: FloatArray) -> FloatArray:
         """Return rows (N, n) without repetitions."""
-        from scipy.spatial import KDTree  # on first use
+        from scipy.spatial import KDTree  # slow to import
 
         columns = []
         for name, weight, column in zip(self.space.names, self.space.weights, rows.T, strict=True):

@@ -180,7 +180,7 @@ def _paths(description: Any) -> dict[str, str]:
 
 def _from_files(description: Mapping[str, Any], kind: str) -> World:
     options = dict(description["options"])
-    from hpop.world.readers.readers import read_world
+    from hpop.world.readers.readers import read_world  # readers build worlds
 
     try:
         world = read_world(kind, description["path"], **options)

@@ -88,7 +88,7 @@ def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
     Nesting is counted on the events first: PyYAML's C loader ends the process when it goes too deep. Aliases of aliases
     make values whose size doubles with every line.
     """
-    import yaml
+    import yaml  # slow to import
 
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     depth = 0

@@ -23,14 +23,14 @@ class FromFiles:
         :mod:`~hpop.world.readers.ros_bag` and the other modules called as the readers are;
         :mod:`hpop.world.readers.readers` has all of them.
         """
-        from hpop.world.readers.readers import read_world, reader_of
+        from hpop.world.readers.readers import read_world, reader_of  # readers build worlds
 
         return read_world(reader_of(path) if reader is None else reader, path, **options)
 
     @staticmethod
     def from_moveit_scene(path: str | Path) -> World:
         """Read a planning scene of MoveIt or MotionBenchMaker; see `hpop.world.readers.moveit_scene.read`."""
-        from hpop.world.readers import moveit_scene
+        from hpop.world.readers import moveit_scene  # readers build worlds
 
         return moveit_scene.read(path)
 
@@ -43,14 +43,14 @@ class FromFiles:
         height: Heights | None = None,
     ) -> World:
         """Read a ROS map_server map; see `hpop.world.readers.ros_map.read`."""
-        from hpop.world.readers import ros_map
+        from hpop.world.readers import ros_map  # readers build worlds
 
         return ros_map.read(path, unknown_is_free=unknown_is_free, keep_out=keep_out, height=height)
 
     @staticmethod
     def from_movingai(path: str | Path, *, resolution: float = 1.0) -> World:
         """Read a grid map of the MovingAI benchmark; see `hpop.world.readers.movingai.read`."""
-        from hpop.world.readers import movingai
+        from hpop.world.readers import movingai  # readers build worlds
 
         return movingai.read(path, resolution=resolution)
 
@@ -67,7 +67,7 @@ class FromFiles:
         where: Mapping[str, Any] | None = None,
     ) -> World:
         """Read a vector floor plan, in metres, degrees or a projection; see `hpop.world.readers.geojson.read`."""
-        from hpop.world.readers import geojson
+        from hpop.world.readers import geojson  # readers build worlds
 
         placed: dict[str, Any] = {"scale": scale, "origin": origin, "units": units, "crs": crs}
         return geojson.read(path, **placed, polygons=polygons, wall_width=wall_width, where=where)
@@ -86,7 +86,7 @@ class FromFiles:
         thinnest_obstacle: float | None = None,
     ) -> World:
         """Read a blueprint image; see `hpop.world.readers.image.read`."""
-        from hpop.world.readers import image
+        from hpop.world.readers import image  # readers build worlds
 
         return image.read(
             path,

@@ -75,12 +75,12 @@ class World(FromFiles):
         object.__setattr__(self, "cache", Cache(beside=self.ground.cache))
 
     def __repr__(self) -> str:
-        from hpop.world.description import summary  # it builds worlds
+        from hpop.world.description import summary  # descriptions build worlds
 
         return summary(self)
 
     def _repr_html_(self) -> str:
-        from hpop.world.description import facts  # it builds worlds
+        from hpop.world.description import facts  # descriptions build worlds
 
         notes = [(f"note {number}", note) for number, note in enumerate(self.notes, 1)]
         return facts_html([*facts(self).items(), *notes]) + picture_html(self)
@@ -352,14 +352,14 @@ class World(FromFiles):
         A world read from files stores the reader, its options, the absolute path and the files' SHA-256;
         others store coordinates or compressed cells.
         """
-        from hpop.world.description import describe
+        from hpop.world.description import describe  # descriptions build worlds
 
         return describe(self)
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> World:
         """Build the world that `describe` described; `MapError` if a file has changed since or is missing."""
-        from hpop.world.description import build
+        from hpop.world.description import build  # descriptions build worlds
 
         return build(description)
 

@@ -157,7 +157,7 @@ class Blurred:
         detail: float,
         harmonic: Literal[0, 1] = 0,
     ) -> None:
-        from scipy.ndimage import spline_filter
+        from scipy.ndimage import spline_filter  # slow to import
 
         self.end = end
         self._steps, nodes = (int(np.clip(a * end / detail, *limits)) for a, limits in ((45, FAR), (7, NODES)))
@@ -191,7 +191,7 @@ def _means(
     sigma: FloatArray,
 ) -> FloatArray:
     """The integrals (N,) at distances and deviations (N,), by so many nodes where the density is not 0."""
-    from scipy.special import i0e, i1e
+    from scipy.special import i0e, i1e  # slow to import
 
     nodes, weights = np.polynomial.legendre.leggauss(count)
     means = np.zeros(nu.size)

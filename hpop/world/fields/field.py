@@ -106,7 +106,7 @@ class Field:
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""
-        from hpop.world.fields._kernels import quadratics
+        from hpop.world.fields._kernels import quadratics  # numba is slow to import
 
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         u, v = (np.ravel(at) for at in self._grid(x, y))
@@ -140,7 +140,7 @@ class Field:
 
     def places(self, x: Column, y: Column) -> Places:
         """Return CasADi columns of points in grid steps; all fields on one grid can be read there."""
-        import casadi
+        import casadi  # slow to import
 
         u, v = self._grid(x, y)
         u, v = u + 0.0 * v, v + 0.0 * u  # a number beside a column becomes a column
@@ -155,7 +155,7 @@ class Field:
         """Return the values at places in this grid, as CasADi symbols."""
         u, v, points, size = places
         if points is None:
-            from hpop.world.fields.symbols import look  # CasADi, an optional program's library, takes time to import
+            from hpop.world.fields.symbols import look  # CasADi is slow to import
 
             return lift(look(self, u, v), size)
         function = self.__dict__.get("_function")
@@ -167,7 +167,7 @@ class Field:
 
     def _build(self) -> Any:
         """Build a CasADi B-spline with the same coefficients and uniform knots (3 ms at 160 x 160)."""
-        import casadi
+        import casadi  # slow to import
 
         rows, columns = self.coefficients.shape
         knots = [np.arange(-2.0, count + 2.0) for count in (columns, rows)]
@@ -185,7 +185,7 @@ def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
 @lru_cache(maxsize=1)
 def _kernel() -> Any:
     """Return the compiled spline, imported on first use: numba takes half a second to import."""
-    from hpop.world.fields._kernels import spline
+    from hpop.world.fields._kernels import spline  # numba is slow to import
 
     return spline
 

@@ -145,7 +145,7 @@ def prism_obstruction(
     parts: Sequence[BaseGeometry], heights: FloatArray, x: Column, y: Column, z: Column, radius: float
 ) -> FloatArray:
     """Return `polygon_obstruction` of disjoint prisms, as :func:`disjoint_prisms` gives them."""
-    from hpop.world.fields._kernels import ball_volumes
+    from hpop.world.fields._kernels import ball_volumes  # numba is slow to import
 
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
     x, y, z = (np.ravel(c) for c in np.broadcast_arrays(*columns))

@@ -66,7 +66,7 @@ class EdgeTree:
 
     def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the distance (M,), m, of points to the nearest edge."""
-        from hpop.world.geometry._kernels import nearest
+        from hpop.world.geometry._kernels import nearest  # numba is slow to import
 
         out, levels = np.empty(x.shape), len(self.members).bit_length() + 1
         nearest(self.edges, self.members, self.boxes, np.empty(2 * levels, np.int64), np.empty(2 * levels), x, y, out)

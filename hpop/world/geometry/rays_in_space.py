@@ -72,7 +72,7 @@ class Surfaces:
         A ray ends where it enters a body. What contains or touches the origin, as a hand the camera in it, is no
         hindrance.
         """
-        from hpop.world.geometry._kernels import first_hits
+        from hpop.world.geometry._kernels import first_hits  # numba is slow to import
 
         out = np.full(directions.shape[:2], float(reach))
         if len(self):
@@ -90,7 +90,7 @@ class Surfaces:
 
         Bodies are these and ``own``, each in a frame of its own, of which ``poses`` (B, N, 4, 4) say where it is.
         """
-        from hpop.world.geometry._sight_in_space import blocked
+        from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
 
         limits.check(RAYS)
         out = np.empty(len(origins))
@@ -111,7 +111,7 @@ class Surfaces:
         largest: bool,
     ) -> FloatArray:
         """Mean or largest angular speed (N,), rad/s, of what a camera sees: see the kernel of the same name."""
-        from hpop.world.geometry._kernels import flow
+        from hpop.world.geometry._kernels import flow  # numba is slow to import
 
         out = np.empty(len(places))
         for begin in range(0, len(places), CAST):
@@ -123,7 +123,7 @@ class Surfaces:
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
         """Share (N,), in [0, 1], of the ball of ``radius`` m round each centre (N, 3), m, that bodies fill."""
-        from hpop.world.geometry._kernels import filled
+        from hpop.world.geometry._kernels import filled  # numba is slow to import
 
         out = np.zeros(len(centres))
         if len(self):
@@ -169,7 +169,7 @@ def towards_ball(
 
     It is 0 for places in the ball, which see nothing of it.
     """
-    from hpop.world.geometry._kernels import towards_ball
+    from hpop.world.geometry._kernels import towards_ball  # numba is slow to import
 
     directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
     towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)

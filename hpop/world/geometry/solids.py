@@ -121,7 +121,7 @@ class Hull:
     points: FloatArray
 
     def __post_init__(self) -> None:
-        from scipy.spatial import ConvexHull, QhullError
+        from scipy.spatial import ConvexHull, QhullError  # slow to import
 
         try:
             points = np.asarray(self.points, dtype=np.float64)
@@ -152,7 +152,7 @@ class Hull:
     @cached_property
     def triangles(self) -> IntArray:
         """Corners (F, 3) of its faces, counter-clockwise as seen from outside."""
-        from scipy.spatial import ConvexHull
+        from scipy.spatial import ConvexHull  # slow to import
 
         hull = ConvexHull(self.points)
         a, b, c = (self.points[hull.simplices[:, i]] for i in range(3))
@@ -306,7 +306,7 @@ def pose_at(
 
     A quaternion is (x, y, z, w); one of another length than 1 is taken as the one of length 1 in its direction.
     """
-    from scipy.spatial.transform import Rotation
+    from scipy.spatial.transform import Rotation  # slow to import
 
     pose = np.eye(4)
     pose[:3, 3] = _numbers("a position", position, 3)

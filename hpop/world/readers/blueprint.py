@@ -143,7 +143,7 @@ def lettering(raster: Raster) -> Iterator[str]:
             f"{9 * raster.resolution**2:.2g} (m²) leaves out those of less than nine pixels"
         )
         return
-    from scipy import ndimage
+    from scipy import ndimage  # slow to import
 
     area = areas_of(labels, count)[1:]
     found = ndimage.find_objects(labels)
@@ -178,8 +178,8 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
     r0, c0, r1, c1 = specks.boxes.T if not turned else specks.boxes[:, [1, 0, 3, 2]].T
     if not len(r0):
         return []
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+    from scipy.sparse import coo_array  # slow to import
+    from scipy.sparse.csgraph import connected_components  # slow to import
 
     height = r1 - r0
     reach = 0.4 * height  # half of a gap: two letters whose boxes so widened meet are neighbours
@@ -204,7 +204,7 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
 
 def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
     """Numbers of connected cells, from 1, and how many there are."""
-    from scipy import ndimage
+    from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, LABELS * cells.size)
     labels = np.empty(cells.shape, dtype=np.int32)
@@ -275,7 +275,7 @@ def closing(raster: Raster) -> Iterator[str]:
     thin = cells & ~thick
     if not thin.any() or np.count_nonzero(thick) < WALLS * np.count_nonzero(cells):
         return
-    from scipy import ndimage
+    from scipy import ndimage  # slow to import
 
     lines, count = numbered(thin, _ROUND)
     if count > MOST_SPECKS:
@@ -317,7 +317,7 @@ def _thick(cells: BoolArray, pixels: int) -> BoolArray:
     """Cells of which a square of some pixels fits into the obstacles, or which are next to one."""
     if pixels <= 1:
         return cells
-    from scipy import ndimage
+    from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, 3 * cells.size)
     found = cells.astype(np.uint8)

@@ -94,7 +94,7 @@ def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> Pictu
     Its cells, a byte each, are charged as what stays of it. ``upright`` turns it as its EXIF orientation says, as what
     shows pictures does, and map_server does not.
     """
-    from PIL import Image, ImageOps, UnidentifiedImageError
+    from PIL import Image, ImageOps, UnidentifiedImageError  # slow to import
 
     try:
         with warnings.catch_warnings():

@@ -74,7 +74,7 @@ def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
     if crs == DEGREES:
         return points
     try:  # here: an extra, and slow to import
-        import pyproj
+        import pyproj  # of an extra
     except ImportError:
         raise MapError(
             f"{what}: its coordinates are in {crs}, which pyproj turns into metres, of the extra hpop[plans]: pip "

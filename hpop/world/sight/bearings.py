@@ -199,7 +199,7 @@ class Bearings:
         *,
         largest: bool,
     ) -> FloatArray:
-        from hpop.world.sight._kernels import flow
+        from hpop.world.sight._kernels import flow  # numba is slow to import
 
         u, v = (x - self.origin[0]) / self.spacing + PAD, (y - self.origin[1]) / self.spacing + PAD
         shape = np.broadcast_shapes(*(np.shape(c) for c in (u, v, *velocity, *rotation)))
@@ -271,7 +271,7 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
     """Return the distances (M, B), m, to the first edge along each direction."""
     out = np.full((x.size, len(directions)), REACH)
     if len(edges):
-        from hpop.world.sight._kernels import cast
+        from hpop.world.sight._kernels import cast  # numba is slow to import
 
         grid = EdgeGrid.build(edges)
         shape = grid.shape

@@ -216,7 +216,7 @@ def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
     """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
-    from hpop.world.sight._kernels import unseen
+    from hpop.world.sight._kernels import unseen  # numba is slow to import
 
     ground, landmarks = world.ground, world.content.landmarks
 
@@ -258,7 +258,7 @@ def _unseen_in_view(
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
     """Share of free lines of sight round each sample that is no more than ``far`` m away in x and y, and some more."""
-    from hpop.world.sight._kernels import lit, shadows
+    from hpop.world.sight._kernels import lit, shadows  # numba is slow to import
 
     limits.check(SIGHT)
     xs, ys, spacing = _grid(ground)
@@ -317,7 +317,7 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
 
 
 def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
-    from hpop.world.sight._kernels import isovists
+    from hpop.world.sight._kernels import isovists  # numba is slow to import
 
     xs, ys, spacing = _grid(ground, min(radius / FINENESS, COARSEST))
     limits.hold(OPENNESS, xs.size * ys.size * SAMPLE, xs.size * ys.size * SCRATCH)

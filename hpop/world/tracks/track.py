@@ -205,7 +205,7 @@ def _column(name: str, given: Any, most: float) -> FloatArray:
 
 def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
     """A function that gives the value of the leg in which symbols t lie, of values of which there is one a leg."""
-    import casadi
+    import casadi  # slow to import
 
     expression = t.to_casadi()
     if isinstance(expression, casadi.SX):  # cannot be looked up in a table: a sum of steps
