@@ -22,9 +22,9 @@ from hpop.base.text import shown
 from hpop.errors import MapError, OptionError
 from hpop.world.bodies import closed_bodies
 from hpop.world.content.content import Content, Landmark, Person, Zone
+from hpop.world.description import FromFiles, build, describe, facts, summary
 from hpop.world.fields.field import Field
 from hpop.world.fields.sampling import obstructed
-from hpop.world.from_files import FromFiles
 from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.planar import FreeSpace, without
 from hpop.world.geometry.shapes import Obstacle, Raster, check_heights, prisms_of
@@ -75,13 +75,9 @@ class World(FromFiles):
         object.__setattr__(self, "cache", Cache(beside=self.ground.cache))
 
     def __repr__(self) -> str:
-        from hpop.world.description import summary  # descriptions build worlds
-
         return summary(self)
 
     def _repr_html_(self) -> str:
-        from hpop.world.description import facts  # descriptions build worlds
-
         notes = [(f"note {number}", note) for number, note in enumerate(self.notes, 1)]
         return facts_html([*facts(self).items(), *notes]) + picture_html(self)
 
@@ -352,15 +348,11 @@ class World(FromFiles):
         A world read from files stores the reader, its options, the absolute path and the files' SHA-256;
         others store coordinates or compressed cells.
         """
-        from hpop.world.description import describe  # descriptions build worlds
-
         return describe(self)
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> World:
         """Build the world that `describe` described; `MapError` if a file has changed since or is missing."""
-        from hpop.world.description import build  # descriptions build worlds
-
         return build(description)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import shapely
@@ -15,94 +15,35 @@ from shapely.geometry.base import BaseGeometry
 from hpop.apart.child import Answer
 from hpop.apart.lines import said
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.base.options import one_of
+from hpop.base.options import one_of, whole
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.runtime import limits
 from hpop.runtime.limits import READING
+from hpop.world.files import extract, file_source, read_bytes
 from hpop.world.geometry.outlines import check_joinable, check_widenable
 from hpop.world.geometry.shapes import LARGEST, SMALLEST, Obstacle, check_inside, check_positive
 from hpop.world.ground import Ground
 from hpop.world.readers.placement import Placement
-from hpop.world.readers.rooms import widened
+from hpop.world.readers.rooms import Arc, DoorArcs, door_arcs, said_of_doors, widened
 from hpop.world.world import World
 
-DoorArcs = Literal["closed", "open"]
-RADII = (0.4, 1.6)
-"""Least and greatest width of the leaf of a door, m."""
-SWEEPS = (math.radians(55), math.radians(125))
-"""Least and greatest angle by which it turns."""
-ROUND = 0.01
-"""How far points of an arc are from a circle, for each unit of its radius, at most."""
-POINTS = (5, 200)
-"""Fewest and most points of such a line."""
-LINES_AT_ONCE = 1_000
-"""Lines that are looked at between two looks at the limits."""
-PLACES_TOLD = 3
-
-
-class Arc(NamedTuple):
-    """The arc of a door in a line.
-
-    line         which
-    first, last  its points in the line's array, both included
-    radius       m
-    middle       (x, y), m
-    """
-
-    line: int
-    first: int
-    last: int
-    radius: float
-    middle: tuple[float, float]
-
-
-def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator[Arc]:
-    """Yield the arcs of doors in lines of points (n, 2), m; a line may also hold the leaf, at either end of its arc."""
-    sizes = starts[lines + 1] - starts[lines]
-    for number, line in enumerate(lines[(sizes >= POINTS[0]) & (sizes <= POINTS[1])].tolist()):
-        if number % LINES_AT_ONCE == 0:
-            limits.check(READING)
-        begin, end = int(starts[line]), int(starts[line + 1])
-        for first, last in ((begin, end), (begin + 1, end), (begin, end - 1), (begin + 1, end - 1)):
-            radius = _radius(points[first:last])
-            if radius is not None:
-                x, y = points[(first + last) // 2].tolist()
-                yield Arc(line, first, last - 1, radius, (x, y))
-                break
-
-
-def _radius(arc: FloatArray) -> float | None:
-    """The radius, m, of points (n, 2) that a door swings through; None where they are no such arc."""
-    if len(arc) < POINTS[0]:
-        return None
-    a, b, c = arc[0], arc[len(arc) // 2], arc[-1]
-    (ux, uy), (vx, vy) = b - a, c - a
-    doubled = 2 * (ux * vy - uy * vx)
-    if abs(doubled) < 1e-9:
-        return None
-    u, v = ux * ux + uy * uy, vx * vx + vy * vy
-    centre = a + np.array([vy * u - uy * v, ux * v - vx * u]) / doubled
-    spokes = arc - centre
-    radius = float(np.hypot(*spokes[0]))
-    if not RADII[0] <= radius <= RADII[1] or not (np.abs(np.hypot(*spokes.T) - radius) < ROUND * radius).all():
-        return None
-    turns = np.diff(np.unwrap(np.arctan2(spokes[:, 1], spokes[:, 0])))
-    swept = abs(float(turns.sum()))
-    return radius if SWEEPS[0] <= swept <= SWEEPS[1] and (turns > 0).all() | (turns < 0).all() else None
-
-
-def said_of_doors(arcs: list[Arc], treated: DoorArcs) -> str:
-    """Return a note on arcs of doors."""
-    places = ", ".join(f"({arc.middle[0]:.2f}, {arc.middle[1]:.2f})" for arc in arcs[:PLACES_TOLD])
-    radii = sorted(arc.radius for arc in arcs)
-    size = f"{radii[0]:.2g}" if radii[-1] - radii[0] < 0.01 else f"{radii[0]:.2g} to {radii[-1]:.2g}"
-    what = f"{len(arcs):,} arcs look like the swing of a door, {size} m wide, such as at {places}"
-    if treated == "open":
-        return f"{what}: they are left out"
-    return f"{what}, and close passages; door_arcs: open leaves them out"
-
-
+MOST_BYTES = 100_000_000
+"""Largest file, bytes: a minute or so."""
+MOST_PAGES = 100_000
+POINT = 0.0254 / 72
+"""A point of a page, m on paper."""
+METRES = {
+    1: ("inches", 0.0254),
+    2: ("feet", 0.3048),
+    4: ("millimetres", 0.001),
+    5: ("centimetres", 0.01),
+    6: ("metres", 1.0),
+    10: ("yards", 0.9144),
+    14: ("decimetres", 0.1),
+    21: ("US survey feet", 1200 / 3937),
+}
+"""What ``$INSUNITS`` of a drawing's header says of units in which buildings are drawn, and their metres."""
 WALL_WIDTH = 0.05
 """Thickness of a wall along a line, m: drawings have walls as two lines, their faces."""
 LONG = 400
@@ -126,7 +67,7 @@ class Options(NamedTuple):
     door_arcs: DoorArcs
 
 
-def options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> Options:
+def checked_options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> Options:
     """The options checked, or `MapError`."""
     one_of("door_arcs", door_arcs, get_args(DoorArcs), error=MapError)
     return Options(check_positive("wall_width", wall_width), _names(layers), check_inside(inside), door_arcs)
@@ -274,3 +215,143 @@ def _reached(free: BaseGeometry, inside: tuple[float, float], extent: BaseGeomet
         f"{path}: inside ({inside[0]:g}, {inside[1]:g}) is in a wall or beyond; expected a point of the free space of "
         f"a plan that spans x {x0:.2f} to {x1:.2f} m, y {y0:.2f} to {y1:.2f} m. Move it."
     )
+
+
+def read_dxf(
+    path: str | Path,
+    *,
+    scale: float | None = None,
+    layers: str | Sequence[str] | None = None,
+    wall_width: float = WALL_WIDTH,
+    inside: tuple[float, float] | None = None,
+    origin: tuple[float, float] = (0.0, 0.0),
+    door_arcs: DoorArcs = "closed",
+) -> World:
+    """Read the model space of a DXF drawing, ASCII or binary, as a `World`.
+
+    Parameters
+    ----------
+    path : path of the file
+    scale : float, optional
+        Metres per unit of the drawing; without it the drawing's header must say its units (``$INSUNITS``).
+    layers : name or names, optional
+        The layers that are read; all that are neither off nor frozen without it.
+    wall_width : float
+        Thickness of the walls along lines, m.
+    inside : (x, y), optional
+        A point of the free space, m: what cannot be reached from it is solid, such as the inside of walls that are
+        drawn as two lines, and all outside of the building. Without it the extent is the bounding box of the walls.
+    origin : (x, y)
+        The drawing's point that becomes (0, 0), in its units.
+    door_arcs : "closed" or "open"
+        Whether arcs that look like the swing of a door (0.4 to 1.6 m, about a quarter of a circle) are walls, or left
+        out. ``world.notes`` say where they are.
+
+    Lines, polylines, arcs, circles, ellipses, splines and the lines of MLINEs are walls, and so are those of blocks
+    where these are inserted; wide polylines, solid hatches, solids and traces are obstacles. What is invisible, or on
+    layers that are off or frozen, is left out. That and all else is counted in ``world.notes``, which name the
+    layers. A curve is a polyline within a two thousandth of its size.
+
+    Raises
+    ------
+    MapError
+        If the file is missing or no drawing, says no units, has no lines or not the layers asked for, or takes more
+        time or memory than `hpop.world.files` allows.
+    """
+    asked = checked_options(wall_width, layers, inside, door_arcs)
+    Placement(1.0 if scale is None else scale, origin)  # checked before the file is read
+    content = read_bytes(path, "DXF drawing", limit=MOST_BYTES)
+    found = extract("dxf", path, content, {"layers": asked.layers})
+    elsewhere = found.words["elsewhere"]
+    nothing = "its model space is empty" + f", {elsewhere:,} things are on its sheets" * bool(elsewhere)
+    unit, metres = ("units", scale) if scale is not None else _units(path, found)
+    world = build(path, found, Placement(metres, origin), asked, nothing=nothing)
+    note = f"{path}: drawn in {unit} of {metres:g} m{' by its header; scale says otherwise' * (scale is None)}."
+    options = {"scale": scale, **asked._asdict(), "origin": list(origin)}
+    return World(world.ground, notes=(note, *world.notes)).read_from(file_source("dxf", path, options, content))
+
+
+def _units(path: str | Path, found: Answer) -> tuple[str, float]:
+    """The units of a drawing by its header, and their metres."""
+    code = found.words["insunits"]
+    if code in METRES:
+        return METRES[code]
+    if not len(found.arrays["points"]):
+        return "no units", 1.0  # that there are no lines is worse
+    width, height = np.ptp(found.arrays["points"], axis=0)
+    says = "does not say its units ($INSUNITS is 0)" if code == 0 else f"has $INSUNITS {code}, no unit of a building"
+    raise MapError(
+        f"{path} {says}; it spans {width:.5g} x {height:.5g} units. Give scale, metres a unit: 0.001 where they are "
+        "millimetres, 0.01 centimetres, 1 metres, 0.0254 inches."
+    )
+
+
+def read_pdf(
+    path: str | Path,
+    *,
+    scale: float | None = None,
+    ratio: float | None = None,
+    page: int = 1,
+    layers: str | Sequence[str] | None = None,
+    wall_width: float = WALL_WIDTH,
+    inside: tuple[float, float] | None = None,
+    origin: tuple[float, float] = (0.0, 0.0),
+    door_arcs: DoorArcs = "closed",
+) -> World:
+    """Read a page of a PDF with lines, as drawing programs write it, as a `World`; exactly one of scale and ratio.
+
+    Parameters
+    ----------
+    path : path of the file
+    scale : float
+        Metres per point of the page (1/72 inch on paper).
+    ratio : float
+        The ratio that the plan states: 100 where it says 1:100, and the page has its true size.
+    page : int
+        Which page, from 1.
+    layers : name or names, optional
+        The layers (optional content) that are read; all that are on when the file is opened without it.
+    wall_width, inside
+        As `hpop.world.readers.drawing.read_dxf` has them.
+    origin : (x, y)
+        The point that becomes (0, 0), in points from the lower left corner of the page as it is shown.
+    door_arcs : "closed" or "open"
+        As `hpop.world.readers.drawing.read_dxf` has it.
+
+    Dark lines are walls; those of more than 1 mm on paper are as thick as they are drawn. Dark fills are obstacles,
+    lighter ones colour rooms and are left out, as are texts, images, annotations, and what lies outside of the page or
+    of a clip path. All that is counted in ``world.notes``. A page whose unit is no point (UserUnit) is as large as it
+    says.
+
+    Raises
+    ------
+    MapError
+        If the file is missing or no PDF, has no such page, no lines or not the layers asked for, or takes more time or
+        memory than `hpop.world.files` allows.
+    """
+    asked = checked_options(wall_width, layers, inside, door_arcs)
+    page = whole("page", page, 1, MOST_PAGES, error=MapError)
+    if (scale is None) == (ratio is None):
+        raise MapError(
+            f"{path}: a PDF does not say its scale. Give ratio, 100 for a plan at 1:100 on paper of its true size, or "
+            f"scale, metres a point (1/72 inch on paper); got {'none' if scale is None else 'both'} of them."
+        )
+    metres = check_positive("ratio", ratio) * POINT if scale is None else check_positive("scale", scale)
+    placement = Placement(metres, origin)
+    content = read_bytes(path, "PDF", limit=MOST_BYTES)
+    found = extract("pdf", path, content, {"layers": asked.layers, "page": page})
+    nothing = f"page {page} of {found.words['pages']:,} is empty"
+    try:
+        world = build(path, found, placement, asked, nothing=nothing)
+    except MapError as error:
+        if not found.words["left_out"].get("images") or len(found.arrays["points"]):
+            raise
+        raise MapError(
+            f"{error} Is it scanned? Save the page as an image, such as by pdftoppm -r 150 -gray -png, and read that "
+            f"by image with resolution {metres * 72 / 150:.4g}."
+        ) from None
+    options = {"scale": metres, "page": page, **asked._asdict(), "origin": list(origin)}
+    if (unit := found.words["unit"]) != 1.0:
+        note = f"{path}: a unit of page {page} is {unit:g} points by its UserUnit."
+        world = replace(world, notes=(note, *world.notes))
+    return world.read_from(file_source("pdf", path, options, content))

@@ -22,16 +22,16 @@ from hpop.base.text import shown
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.runtime.limits import LimitPassed
 from hpop.world.files import named
-from hpop.world.readers import dxf, geojson, image, moveit_scene, movingai, pdf, ros_bag, ros_map
+from hpop.world.readers import drawing, geojson, image, moveit_scene, movingai, ros_map
 from hpop.world.world import World
 
-readers.add("dxf", dxf.read)
+readers.add("dxf", drawing.read_dxf)
 readers.add("geojson", geojson.read)
 readers.add("image", image.read)
 readers.add("moveit_scene", moveit_scene.read)
 readers.add("movingai", movingai.read)
-readers.add("pdf", pdf.read)
-readers.add("ros_bag", ros_bag.read)
+readers.add("pdf", drawing.read_pdf)
+readers.add("ros_bag", ros_map.read_bag)
 readers.add("ros_map", ros_map.read)
 
 ENDINGS = {
