@@ -16,12 +16,12 @@ RUN = """\
 import json, sys, warnings
 from pathlib import Path
 
-import hpop.view.canvas, hpop.view.notebook, nbformat
+import hpop.view.page, hpop.view.save, nbformat
 from IPython.core.interactiveshell import InteractiveShell
 from traitlets.config import Config
 
 name, expression = sys.argv[1:]
-hpop.view.canvas.SCREEN = hpop.view.notebook.DPI = 30  # the same pictures of fewer pixels
+hpop.view.page.SCREEN = hpop.view.save.DPI = 30  # the same pictures of fewer pixels
 settings = Config()
 settings.HistoryManager.enabled = False
 shell = InteractiveShell.instance(config=settings, colors="nocolor")

@@ -19,7 +19,7 @@ from hpop.planners.base import Candidates
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
-from hpop.view.ends import end_poses
+from hpop.view.marks import end_poses
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(0, 0, 6, 4))
 

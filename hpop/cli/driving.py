@@ -174,7 +174,7 @@ def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
 
 def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
     """The record and the picture of a drive, also of one that a fault ended."""
-    from hpop.view.drive import draw_drive
+    from hpop.view.moments import draw_drive
     from hpop.view.save import save_figure
 
     with results.output_errors(f"cannot write to {target}", "choose another --out"):

@@ -16,7 +16,7 @@ from hpop.base.text import counted
 from hpop.errors import StudyError
 from hpop.study.results import BEFORE, label, placed
 from hpop.study.statistics import describe
-from hpop.view.canvas import new_figure
+from hpop.view.page import new_figure
 from hpop.view.style import COLOURS, HALO, LARGE, NORMAL, QUIET, SMALL, plain
 
 if TYPE_CHECKING:

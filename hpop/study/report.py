@@ -25,7 +25,7 @@ from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
 from hpop.study.statistics.pairs import STEP
 from hpop.study.tables import Column, Contents, csv_bytes
-from hpop.view.canvas import png_of
+from hpop.view.page import png_of
 
 if TYPE_CHECKING:
     from hpop.study.analysis import Analysis

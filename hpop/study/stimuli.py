@@ -24,10 +24,8 @@ from hpop.problems.problem import Problem
 from hpop.runtime.status import Progress, ProgressCallback, followed
 from hpop.study.words import Words, words
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.ride.bodies import links_of, tilted_solids
-from hpop.view.ride.page import licence
+from hpop.view.ride.page import licence, links_of, tilted_solids, track
 from hpop.view.ride.scene import Scene
-from hpop.view.ride.track import track
 from hpop.view.ride.video import save_video
 from hpop.view.single_page import single_page
 

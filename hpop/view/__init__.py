@@ -15,24 +15,20 @@ from hpop.runtime import matplotlib_folder
 matplotlib_folder.provide()
 matplotlib_folder.forget_current_folder()
 
-from hpop.view import notebook
-from hpop.view.drive import draw_drive
-from hpop.view.encounters import draw_encounters
-from hpop.view.explorer.save import save_explorer
-from hpop.view.explorer.widget import widget
-from hpop.view.front_plot import draw_front
+from hpop.view import save
+from hpop.view.explorer.save import save_explorer, widget
+from hpop.view.front_plot import draw_front, draw_preference
 from hpop.view.map import draw_map
-from hpop.view.preferred import draw_preference
+from hpop.view.moments import draw_drive, draw_encounters
 from hpop.view.ride.equirect import render_360, save_360
 from hpop.view.ride.page import save_ride
 from hpop.view.ride.video import save_frames, save_video
 from hpop.view.save import save_pictures
 from hpop.view.side import draw_side
-from hpop.view.states import draw_states
-from hpop.view.trace import draw_trace
+from hpop.view.trace import draw_states, draw_trace
 from hpop.view.where import draw_where
 
-notebook.provide()
+save.provide()
 
 __all__ = [
     "draw_drive",

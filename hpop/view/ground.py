@@ -20,9 +20,8 @@ from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria import Exposure, Obstruction
 from hpop.problems.problem import Problem
 from hpop.runtime.limits import LimitPassed
-from hpop.view.ends import end_poses
-from hpop.view.paths import Heights
-from hpop.view.style import HALO, QUIET, SMALL
+from hpop.view.marks import end_poses
+from hpop.view.style import HALO, QUIET, SMALL, Heights
 from hpop.world import World
 from hpop.world.geometry.shapes import Raster
 

@@ -18,17 +18,14 @@ from hpop.motions import States
 from hpop.planners.programs.free_map import FreeMap
 from hpop.planners.usable import elsewhere, nearest_free
 from hpop.problems.problem import Problem
-from hpop.view.canvas import new_figure
 from hpop.view.content import draw_content
-from hpop.view.ends import end_poses
 from hpop.view.ground import View, outline, view_of
 from hpop.view.map import draw_frame, draw_headed_ends
-from hpop.view.page import WHOLE, Handle, lay_out, paragraphs
-from hpop.view.paths import camera_heights
+from hpop.view.marks import draw_targets, end_poses
+from hpop.view.page import WHOLE, Handle, lay_out, new_figure, paragraphs
 from hpop.view.robot import LOOK, from_above, outlines_at
 from hpop.view.silhouettes import draw_map_obstacles
-from hpop.view.style import plain
-from hpop.view.targets import draw_targets
+from hpop.view.style import camera_heights, plain
 
 SEEN = 0.05  # of the longer side of the map: a smaller robot lies under the letter of its start
 REACHED, APART, NARROW = "#cfe8cf", "#fbd9a5", "#e6e6ea"

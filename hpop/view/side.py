@@ -18,20 +18,25 @@ from hpop.base.arrays import FloatArray
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.canvas import checked, new_figure
 from hpop.view.content import INK, MOST_NAMES, STAR, write
-from hpop.view.ends import draw_ends, end_positions, goal_words
 from hpop.view.ground import View
-from hpop.view.lines import draw_all, draw_named, planner_entries, scale_of
-from hpop.view.page import WHOLE, Handle, claim_of, draw_caption, lay_on, lay_out, title_of
-from hpop.view.paths import Heights, camera_path
-from hpop.view.robot import corners_of, draw_robot, robot_outlines
-from hpop.view.section import Section
-from hpop.view.sheet import stretch_of
-from hpop.view.sight import draw_cones, sight_entry
-from hpop.view.silhouettes import Surroundings, draw_silhouettes, ends_of
-from hpop.view.style import NORMAL, SMALL, drawn_rows, marks, plain, whole_ticks
-from hpop.view.targets import draw_targets, targets_of
+from hpop.view.map import draw_all, draw_named, planner_entries, scale_of
+from hpop.view.marks import draw_ends, draw_targets, end_positions, goal_words, targets_of
+from hpop.view.page import (
+    WHOLE,
+    Handle,
+    checked,
+    claim_of,
+    draw_caption,
+    lay_on,
+    lay_out,
+    new_figure,
+    stretch_of,
+    title_of,
+)
+from hpop.view.robot import corners_of, draw_cones, draw_robot, robot_outlines, sight_entry
+from hpop.view.silhouettes import Section, Surroundings, draw_silhouettes, ends_of
+from hpop.view.style import NORMAL, SMALL, Heights, camera_path, drawn_rows, marks, plain, whole_ticks
 from hpop.world.content.content import Landmark
 
 BORDER = 0.1  # round the paths, as a share of the longer side of the picture

@@ -22,30 +22,27 @@ from hpop.criteria.base import Criterion
 from hpop.problems.problem import Problem
 from hpop.problems.trace import Trace
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.canvas import figure_for, whole
 from hpop.view.content import draw_content
-from hpop.view.ends import CIRCLE, RING, draw_ends
 from hpop.view.ground import outline, view_of
-from hpop.view.holds import Colour, Held, draw_holds, hold_entry, is_held
 from hpop.view.map import turn_dot
-from hpop.view.page import Handle, height_of
-from hpop.view.paths import camera_heights, path_points
+from hpop.view.marks import CIRCLE, RING, Colour, Held, draw_ends, draw_holds, draw_targets, hold_entry, is_held
+from hpop.view.page import LINE, Handle, figure_for, height_of, whole
 from hpop.view.robot import from_above
-from hpop.view.sheet import LINE
 from hpop.view.silhouettes import draw_map_obstacles
 from hpop.view.style import (
     LARGE,
     NORMAL,
     QUIET,
     SMALL,
+    camera_heights,
     mapped_body,
     mapped_points,
+    path_points,
     plain,
     turns_in_place,
     whole_ticks,
     written,
 )
-from hpop.view.targets import draw_targets
 
 COLUMNS = 2  # of maps
 ENTRIES = 3  # of the legend in a row, below two maps

@@ -19,7 +19,7 @@ from hpop.planners.weighted_sum import WeightedSum
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.view.targets import targets_of
+from hpop.view.marks import targets_of
 
 WORLD = hpop.World.from_polygons([shapely.box(2, 0, 3, 2)], extent=shapely.box(0, 0, 6, 4))
 LOOK = LookAt((5.0, 1.0, 1.5), (0.5, 1.5))

@@ -11,10 +11,10 @@ from matplotlib.colors import to_hex
 
 import hpop
 from hpop.view import draw_map
-from hpop.view.canvas import new_figure
 from hpop.view.content import MOST_NAMES, draw_content
 from hpop.view.ground import KEEP_OUT, View, view_of
 from hpop.view.map import path_points
+from hpop.view.page import new_figure
 from hpop.world import Track
 from hpop.world.content.content import Landmark, Person, Zone
 

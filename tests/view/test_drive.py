@@ -8,7 +8,7 @@ import pytest
 import hpop
 from hpop.drive.script import Event, performed
 from hpop.errors import OptionError
-from hpop.view.drive import MOST, draw_drive
+from hpop.view.moments import MOST, draw_drive
 from hpop.world import Future, Person
 from tests.drive.rooms import planned
 

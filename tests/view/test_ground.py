@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 import hpop
 from hpop.view.ground import CELLS, View, draw_obstacles
-from hpop.view.paths import Heights
+from hpop.view.style import Heights
 
 FINE = 0.002  # m
 THIN = 4321  # the one column of a wall

@@ -5,8 +5,8 @@ import pytest
 
 from hpop.problems.front import Front
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.holds import holds_of
 from hpop.view.map import draw_map
+from hpop.view.marks import holds_of
 from hpop.view.trace import draw_trace
 from hpop.view.where import RATE_COLOURS, draw_where
 

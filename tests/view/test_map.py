@@ -18,7 +18,7 @@ from hpop.models.laws import Move
 from hpop.motions import States
 from hpop.view import draw_map
 from hpop.view.ground import FIELD_COLOURS, outline
-from hpop.view.paths import path_points
+from hpop.view.style import path_points
 
 
 def part(figure: Figure, label: str):

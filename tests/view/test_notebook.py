@@ -13,7 +13,7 @@ from PIL import Image
 from hpop.base.table import PICTURES, facts_html, picture_html, table_html
 from hpop.scenario import load_scenario
 from hpop.view import draw_front
-from hpop.view.notebook import small_map
+from hpop.view.save import small_map
 from hpop.world import World
 from tests.test_reprs import EXAMPLES
 

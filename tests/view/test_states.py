@@ -9,7 +9,7 @@ import pytest
 
 import hpop
 from hpop.view import draw_states
-from hpop.view.states import changing
+from hpop.view.trace import changing
 from tests.view.robots import Lift, Reacher
 from tests.view.test_side import LEVEL, LIFTED, REACHED, seen, through
 from tests.view.test_sight import HEAD, trajectory

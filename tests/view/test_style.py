@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hpop.view.canvas import new_figure
+from hpop.view.page import new_figure
 from hpop.view.style import whole_ticks
 
 

@@ -17,8 +17,7 @@ from hpop.problems.front import Front
 from hpop.problems.further import claimable, criteria_of
 from hpop.problems.problem import Problem
 from hpop.problems.trace import Trace, trace
-from hpop.view.explorer.corners import millimetres
-from hpop.view.explorer.packed import Packer
+from hpop.view.explorer.corners import Packer, millimetres
 from hpop.view.style import label
 
 MOST_PIECES = 160  # of a trajectory: a screen tells hardly more apart

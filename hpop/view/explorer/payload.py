@@ -1,30 +1,173 @@
-"""What the explorer's page is given: ``hpop-page`` version 1, strict JSON; web/src/explorer/payload.ts reads it.
+"""The data of the explorer's page: ``hpop-page`` version 1, strict JSON; web/src/explorer/payload.ts reads it.
 
-Costs are the floats that front.json holds, bit for bit. Lengths are whole millimetres from an origin. A page of 8,000
+Costs are the floats of front.json, bit for bit. Lengths are whole millimetres from an origin. A page of 8,000
 trajectories takes 2 MB at most.
+
+Outlines of all areas are in one table of rings; an area is a range of rings, outlines counter-clockwise and holes
+clockwise: filled by the nonzero rule, several areas cover their union. Cells of a raster are outlined too; on a map
+with too many cells, neighbouring cells are merged, which a note says.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
+from hpop.base.arrays import FloatArray
 from hpop.base.text import printable
 from hpop.criteria.base import Criterion
+from hpop.errors import MapError
 from hpop.frontier.choices import Preferring
 from hpop.frontier.union import JOINT
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status
-from hpop.view.explorer import along, world
-from hpop.view.explorer.corners import MILLIMETRES, corners
-from hpop.view.explorer.packed import Packer
-from hpop.view.paths import Heights
-from hpop.view.style import marks, quantities
+from hpop.view.explorer import along
+from hpop.view.explorer.corners import MILLIMETRES, Packer, corners, millimetres
+from hpop.view.ground import View, view_of
+from hpop.view.marks import camera_ends, targets_by_name
+from hpop.view.style import Heights, marks, quantities
+from hpop.world import World
+from hpop.world.content.content import Person, Zone
 from hpop.world.files import by_names
+from hpop.world.geometry.shapes import Raster
+
+MOST_CELLS = 2000  # of a raster along its longer side that are told apart: more than a screen does
+MOST_CORNERS = 60_000  # of the outlines of a raster: some 100 kB
+
+
+class _Rings:
+    """The table of rings."""
+
+    def __init__(self) -> None:
+        self._rings: list[FloatArray] = []
+
+    def area(self, *geometries: BaseGeometry) -> dict[str, int]:
+        """The polygons of some geometries, as a stretch of the table."""
+        first = len(self._rings)
+        for part in shapely.orient_polygons(shapely.get_parts(shapely.get_parts(list(geometries)))):
+            if part.geom_type == "Polygon" and not part.is_empty:
+                self._rings += [shapely.get_coordinates(ring)[:-1] for ring in (part.exterior, *part.interiors)]
+        return {"first": first, "count": len(self._rings) - first}
+
+    def packed(self, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
+        """The table, and how many corners each ring has."""
+        points = np.concatenate([np.zeros((0, 2)), *self._rings])
+        x, y = (packer.integers(column, order=1) for column in millimetres(points, origin).T)
+        return {"x": x, "y": y, "counts": packer.integers([len(ring) for ring in self._rings])}
+
+
+def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
+    """The rectangle of all there is to draw: where the robot may be, and points (N, 2), m."""
+    places = np.concatenate([np.array(world.bounds).reshape(2, 2), *points])
+    places = places[np.isfinite(places).all(axis=1)]
+    return View(*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
+
+
+def described(
+    problem: Problem, front: Front, paths: FloatArray, heights: Heights, packer: Packer, origin: tuple[float, float]
+) -> tuple[dict[str, Any], list[str]]:
+    """A world as the page's payload has it, and notes on what the map leaves out.
+
+    paths  (P, 2) m, corners of the trajectories' paths
+    """
+    world, rings, notes = problem.world, _Rings(), list[str]()
+    obstacles = [rings.area(o.polygon) | {"z": _open_ended(o.heights)} for o in world.obstacles]
+    if world.raster is not None:
+        cells, side = _outlines(world.raster)
+        obstacles.append(rings.area(cells) | {"z": _open_ended(world.raster.heights)})
+        if side > 1:
+            notes.append(
+                f"the map is drawn in cells of {side * world.raster.resolution:g} m, occupied where one of "
+                f"{side} x {side} is; the search knows all of them"
+            )
+    start, goals = camera_ends(problem, front.trajectories)
+    content = world.content
+    found = {
+        "extent": rings.area(world.extent),
+        "closed": rings.area(world.keep_out),
+        "zones": [_zone(zone, rings) for zone in content.zones],
+        "obstacles": obstacles,
+        "outside": bool(world.outside_is_obstacle),
+        "people": [_person(person) for person in content.people],
+        "groups": [list(group) for group in content.groups],
+        "landmarks": [
+            {"x": mark.x, "y": mark.y, "z": mark.z, "facing": mark.facing, "name": printable(mark.name)}
+            for mark in content.landmarks
+        ],
+        "targets": [{"x": x, "y": y, "name": printable(name)} for name, (x, y, _) in targets_by_name(problem)],
+        "start": start._asdict(),
+        "goals": [goal._asdict() for goal in goals],
+        "heights": [heights.low, heights.high],
+        "caption": _caption(problem, heights),
+    }
+    shown = view_of(problem, [paths] if len(paths) else ())
+    corners = [np.array([goal[:2] for goal in (start, *goals)])]
+    for name, view in (("view", shown), ("bounds", bounds_of(world, [paths, *corners]))):
+        found[name] = [view.x_min, view.y_min, view.x_max, view.y_max]
+    found["rings"] = rings.packed(packer, origin)
+    return found, notes
+
+
+def _person(person: Person) -> Mapping[str, Any]:
+    """A person where and as they first are there; of several futures the likeliest."""
+    first = person.likeliest
+    now = np.float64(first.begin)
+    (x, y), velocity = first.at(now), first.velocity_at(now)
+    return {
+        "x": float(x),
+        "y": float(y),
+        "yaw": float(first.yaw_at(now)),
+        "velocity": [float(part) for part in velocity],
+        "radius": person.radius,
+        "name": printable(person.name),
+    }
+
+
+def _zone(zone: Zone, rings: _Rings) -> Mapping[str, Any]:
+    return {
+        "kind": zone.kind,
+        "area": rings.area(zone.area),
+        "limit": zone.limit,
+        "path": None if zone.path is None else shapely.get_coordinates(zone.path).ravel().tolist(),
+        "name": printable(zone.name),
+    }
+
+
+def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
+    """Outlines, m, of the occupied cells, and how many by how many were taken together for them to be few."""
+    side = -(-max(raster.cells.shape) // MOST_CELLS)
+    while True:
+        cells = raster.cells
+        for axis in (0, 1):
+            cells = np.logical_or.reduceat(cells, np.arange(0, cells.shape[axis], side), axis=axis)
+        coarse = replace(raster, cells=cells, resolution=side * raster.resolution)
+        try:
+            found = coarse.solid()
+        except MapError:  # more corners than are outlined at all
+            found = None
+        if found is not None and shapely.get_num_coordinates(found) <= MOST_CORNERS:
+            return found, side
+        side *= 2
+
+
+def _open_ended(heights: tuple[float, float]) -> list[float | None]:
+    return [height if math.isfinite(height) else None for height in heights]
+
+
+def _caption(problem: Problem, heights: Heights) -> str:
+    """What the map shows, in words: whoever reads only the map shall know what it does not show."""
+    if not heights.vary:
+        return "Seen from above: paths of the camera"
+    carried = "" if "base" in problem.model.provides else "; the arm itself is not drawn"
+    return f"Seen from above: paths of the camera, whose height, {heights}, the map does not show{carried}"
+
 
 SCHEMA = "hpop-page"
 VERSION = 1
@@ -57,9 +200,7 @@ def payload(
         "corners": packer.integers(drawn.corners),
         "counts": packer.integers(drawn.counts),
     }
-    ground, left_out = world.described(
-        problem, front, drawn.places / MILLIMETRES + np.array(origin), heights, packer, origin
-    )
+    ground, left_out = described(problem, front, drawn.places / MILLIMETRES + np.array(origin), heights, packer, origin)
     criteria = along.columns_of(problem, front)
     rows = along.traced_rows(front, [mark.row for mark in named])
     return {

@@ -5,15 +5,15 @@ interval of rows that follows from its height and distance; what is nearer has b
 takes so much of the colour: edges that are not upright are smooth without further rays.
 """
 
-# mypy: disable-error-code="no-untyped-def"
-
 from __future__ import annotations
 
 import math
+from typing import cast
 
 import numpy as np
 
-from hpop.runtime.compiled import lean
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.runtime.compiled import kernel, lean
 from hpop.view.ride.rows import (
     EXTENT,
     FAR,
@@ -27,6 +27,8 @@ from hpop.view.ride.rows import (
     draw_plate,
     row_of,
 )
+
+# mypy: disable-error-code="no-untyped-def"
 
 
 @lean
@@ -212,3 +214,100 @@ def draw(begin, end, met, things, view, tile, room, colours, numbers):
                 colours[row, column, channel] = min(max(value, 0), 255)
             if view.hard:
                 numbers[row, column] = sheet.numbers[row]
+
+
+# mypy: disable-error-code="no-untyped-def"
+
+
+HALF_TURN = 3.1
+"""rad: an edge that seems longer is so close that the angle cannot tell on which side of the camera it passes."""
+
+
+@lean
+def crossings(edges, x, y, directions, last, distance, edge, before):
+    """Meetings of rays from (x, y), m, with edges (E, 4), m; directions (N, 2) are counter-clockwise, evenly apart.
+
+    Fills of each ray its last meeting (N,), or -1; and of each meeting its distance, m, its edge, and the meeting of
+    the same ray before it, or -1. Returns how many meetings there are: where these are more than there is room for,
+    only so many are told. An edge is met where its ends are on either side of the ray, one end on the ray being counted
+    as on its left: so a ray leaves a ring as often as it enters it, whichever corners it passes. Angles only say which
+    rays are asked.
+    """
+    count, room, found = len(directions), len(distance), 0
+    to_ray = count / (2.0 * math.pi)
+    first = math.atan2(directions[0, 1], directions[0, 0])
+    for ray in range(count):
+        last[ray] = -1
+    for e in range(len(edges)):
+        ax, ay = edges[e, 0] - x, edges[e, 1] - y
+        bx, by = edges[e, 2] - x, edges[e, 3] - y
+        along_x, along_y = bx - ax, by - ay
+        through = ax * along_y - ay * along_x
+        begin = math.atan2(ay, ax)
+        turned = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+        if turned < 0.0:
+            begin, turned = begin + turned, -turned
+        ray = math.floor((begin - first) * to_ray) - 1
+        steps = count if turned > HALF_TURN else min(int(turned * to_ray) + 4, count)
+        for _ in range(steps):
+            ray = ray % count
+            dx, dy = directions[ray, 0], directions[ray, 1]
+            if (dx * ay - dy * ax >= 0.0) != (dx * by - dy * bx >= 0.0):
+                t = through / (dx * along_y - dy * along_x)
+                if t > 0.0:
+                    if found < room:
+                        distance[found], edge[found], before[found] = t, e, last[ray]
+                        last[ray] = found
+                    found += 1
+            ray += 1
+    return found
+
+
+@lean
+def longest(last, before):
+    """The most meetings of one ray."""
+    most = 0
+    for ray in range(len(last)):
+        count, k = 0, last[ray]
+        while k >= 0:
+            count, k = count + 1, before[k]
+        most = max(most, count)
+    return most
+
+
+def boxes(cells: BoolArray) -> IntArray:
+    """Rectangles (B, 4) that cover each True cell (H, W) once and no other: column and row, first and beyond the last.
+
+    >>> boxes(np.array([[True, True, False], [True, True, True]])).tolist()
+    [[0, 0, 2, 2], [2, 1, 3, 2]]
+    """
+    return cast(IntArray, _boxes(np.array(cells, dtype=np.bool_)))
+
+
+@kernel
+def _boxes(cells):  # type: ignore[no-untyped-def]
+    """Greedy: the first cell that is left, as far as its row goes on, then row by row; ``cells`` is used up."""
+    rows, columns = cells.shape
+    found = np.empty((64, 4), np.int64)
+    count = 0
+    for row in range(rows):
+        column = 0
+        while column < columns:
+            if not cells[row, column]:
+                column += 1
+                continue
+            end = column + 1
+            while end < columns and cells[row, end]:
+                end += 1
+            top = row + 1
+            while top < rows and cells[top, column:end].all():
+                top += 1
+            cells[row:top, column:end] = False
+            if count == len(found):
+                grown = np.empty((2 * count, 4), np.int64)
+                grown[:count] = found
+                found = grown
+            found[count] = column, row, end, top
+            count += 1
+            column = end
+    return found[:count].copy()

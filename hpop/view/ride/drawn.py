@@ -1,14 +1,23 @@
-"""What the kernels that draw pictures all round are given: tuples of arrays and numbers."""
+"""The arrays that the kernels of panoramas take: surfaces, textures, plates of landmarks, views and results."""
 
 from __future__ import annotations
 
+import math
+from functools import cache
+from pathlib import Path
+from textwrap import wrap
 from typing import NamedTuple
 
+import matplotlib
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.text import printable
 from hpop.view.ride import surfaces
+from hpop.view.ride.scene import Plate
+from hpop.view.ride.surfaces import PERIOD, waves
 
 Rgb = tuple[float, float, float]
 
@@ -176,3 +185,113 @@ class Room(NamedTuple):
         sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
         opened, order = np.empty(items, np.int64), np.empty(meetings, np.int64)
         return cls(sheet, np.zeros(items, np.bool_), opened, order, np.empty(meetings))
+
+
+FINEST = 512
+"""Pixels along a side of the finest level."""
+WIDEST = 4.0
+"""Width of the widest pixels, m: nothing is left of the texture then."""
+PER_OCTAVE = 2
+"""Levels while pixels become twice as wide."""
+STEP = 2.0**-20
+"""Values of the texture are multiples of it, so that cosines that differ in their last digits give the same."""
+PLATE_PIXELS = (384, 240)
+"""Of the finest picture on a plate."""
+LINES = 4
+"""Of a name, at most."""
+INK, FRAME, GOLD = (46, 44, 40), (92, 78, 62), (168, 134, 72)
+
+
+@cache
+def texture() -> Tile:
+    """The texture, each level as pixels of its width show it.
+
+    A pixel sees a mean weighted by a bell curve whose standard deviation is half its width; of each wave it leaves
+    exp(-(pi f w)² / 2), f being its frequency and w the width.
+    """
+    i, j, amplitude, phase = waves().T
+    widths, levels = [], []
+    width = PERIOD / FINEST
+    while width <= WIDEST:
+        size = 1 << max(3, math.ceil(math.log2(PERIOD / width) - 1e-9))
+        kept = amplitude * np.exp(-0.5 * (math.pi * np.hypot(i, j) / PERIOD * width) ** 2)
+        turns = 2.0 * math.pi * np.arange(size) / size
+        across, along = i[:, None] * turns + phase[:, None], j[:, None] * turns
+        # cos(a + b) as products: of each wave a row and a column
+        level = (kept[:, None] * np.cos(along)).T @ np.cos(across) - (kept[:, None] * np.sin(along)).T @ np.sin(across)
+        widths.append(width)
+        levels.append(np.round(level / STEP) * STEP)
+        width *= 2.0 ** (1.0 / PER_OCTAVE)
+    sizes = np.array([len(level) for level in levels], np.int64)
+    starts = np.concatenate([[0], np.cumsum(sizes**2)[:-1]])
+    values = np.concatenate([level.ravel() for level in levels]).astype(np.float32)
+    return Tile(values, starts, sizes, np.array(widths), PERIOD)
+
+
+def plates(drawn: tuple[Plate, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+    """Pictures on plates, each at ever half as many pixels: values, and where each begins, its width and height."""
+    values, places, start = [np.zeros(0, np.uint8)], [], 0
+    for plate in drawn:
+        picture, levels = _picture(plate), []
+        while min(picture.size) >= 4:
+            pixels = np.asarray(picture, np.uint8)
+            values.append(pixels.ravel())
+            levels.append((start, picture.width, picture.height))
+            start += pixels.size
+            picture = picture.resize((picture.width // 2, picture.height // 2), Image.Resampling.BOX)
+        places.append(levels)
+    return np.concatenate(values), np.array(places, np.int64).reshape(len(drawn), -1 if places else 0, 3)
+
+
+def _picture(plate: Plate) -> Image.Image:
+    """The name; a painting without one hangs in a frame, and what has no name and no front is marked by a star."""
+    image = Image.new("RGB", PLATE_PIXELS, plate.colour)
+    pen = ImageDraw.Draw(image)
+    width, height = PLATE_PIXELS
+    if plate.landmark.name.strip():
+        pen.rectangle((0, 0, width - 1, height - 1), outline=FRAME, width=10)
+        _write(pen, printable(plate.landmark.name))
+    elif plate.landmark.facing is None:
+        pen.rectangle((0, 0, width - 1, height - 1), outline=FRAME, width=10)
+        angles = math.pi * (0.2 * np.arange(10) + 0.5)
+        reach = np.where(np.arange(10) % 2, 0.4, 1.0) * 0.36 * height
+        corners = np.stack([width / 2 + reach * np.cos(angles), height / 2 - reach * np.sin(angles)], axis=1)
+        pen.polygon([tuple(corner) for corner in corners.tolist()], fill=(236, 178, 32), outline=INK)
+    else:
+        _paint(pen, plate.number)
+    return image
+
+
+def _write(pen: ImageDraw.ImageDraw, text: str) -> None:
+    """A name, as large as it fits, in at most some lines."""
+    width, height = PLATE_PIXELS
+    font_file = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
+    for size in range(80, 14, -4):
+        font = ImageFont.truetype(str(font_file), size, layout_engine=ImageFont.Layout.BASIC)
+        lines = wrap(text, max(int(1.5 * width / size), 4), break_long_words=size < 32)
+        boxes = [pen.textbbox((0, 0), line, font=font) for line in lines]
+        if len(lines) <= LINES and len(lines) * 1.25 * size <= height - 44 and max(b[2] for b in boxes) <= width - 48:
+            break
+    lines = lines[:LINES]
+    top = (height - 1.25 * size * (len(lines) - 1)) / 2
+    for k, line in enumerate(lines):
+        pen.text((width / 2, top + 1.25 * size * k), line, font=font, fill=INK, anchor="mm")
+
+
+def _paint(pen: ImageDraw.ImageDraw, number: int) -> None:
+    """A landscape: sky, sun, two ranges of hills, in hues that differ from one number to the next."""
+    width, height = PLATE_PIXELS
+    turn = number * 0.618034 % 1.0
+    skies = ((196, 216, 232), (240, 214, 176), (206, 222, 204), (226, 206, 220))
+    near = ((96, 122, 92), (112, 96, 120), (70, 104, 124), (140, 104, 76))
+    kind = number % 4
+    pen.rectangle((0, 0, width, height), fill=skies[kind])
+    x, y = width * (0.25 + 0.5 * turn), height * 0.36
+    pen.ellipse((x - 26, y - 26, x + 26, y + 26), fill=(250, 240, 206))
+    for depth, lift in ((0, 0.42), (1, 0.66)):
+        colour = tuple((near[kind][c] * (1 + depth) + skies[kind][c] * (1 - depth)) // 2 for c in range(3))
+        across = np.arange(0, width + 8, 8)
+        ridge = height * (lift + 0.10 * np.sin(across / 47.0 + 6.3 * turn + 2 * depth) + 0.05 * np.sin(across / 19.0))
+        pen.polygon([(0, height), *zip(across.tolist(), ridge.tolist(), strict=True), (width, height)], fill=colour)
+    pen.rectangle((0, 0, width - 1, height - 1), outline=GOLD, width=22)
+    pen.rectangle((21, 21, width - 22, height - 22), outline=FRAME, width=3)

@@ -1,30 +1,176 @@
-"""The ride: one page in which one sees what the viewer of a trajectory would see, and compares trajectories.
+"""The ride: one page that shows what a viewer sees along a trajectory, and compares trajectories.
 
-It needs no network and no programme but a browser. Its view is drawn by three.js, which is in the page.
+It needs no network and no programme but a browser. Its view is drawn by three.js, which is in the page. The page holds
+poses of the camera and of the robot's links twenty times a second, and convex bodies as triangles.
 """
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull
 
 from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.files import replacing
 from hpop.base.text import printable
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, OutputError
+from hpop.motions import Model, States
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.problem import Problem
-from hpop.view.explorer.along import columns_of, words
-from hpop.view.ride.bodies import links_of, tilted_solids
+from hpop.problems.trace import trace
+from hpop.trajectories.poses import on_one_side, poses, quaternions_of
+from hpop.trajectories.trajectory import Trajectory
+from hpop.view.explorer.along import columns_of, taken_together, told_ends, words
 from hpop.view.ride.scene import Scene
-from hpop.view.ride.track import rates, track
+from hpop.view.ride.surfaces import Colour
 from hpop.view.single_page import page_file, single_page
 from hpop.view.style import quantities, written
+from hpop.world import World
+from hpop.world.geometry.solids import Shape, Sphere
+
+LINKS: tuple[Colour, ...] = ((206, 208, 210), (120, 128, 138))
+"""Of the links of a robot, in turns."""
+DIRECTIONS = 120
+"""Points on a sphere."""
+DIGITS = 4
+"""Of coordinates, m: tenths of millimetres."""
+
+
+class Body(NamedTuple):
+    """Triangles of a convex body.
+
+    points     (V, 3)  m
+    triangles  (T, 3)  corners, counter-clockwise as seen from outside
+    """
+
+    points: FloatArray
+    triangles: IntArray
+
+    def description(self, number: int, colour: Colour) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "points": np.round(self.points, DIGITS).tolist(),
+            "triangles": self.triangles.tolist(),
+            "number": number,
+            "colour": list(colour),
+        }
+
+
+def body_of(shape: Shape, pose: FloatArray | None = None) -> Body:
+    """The triangles of a shape, placed by a pose (4, 4), where one is given.
+
+    >>> from hpop.world.geometry.solids import Box
+    >>> len(body_of(Box((1.0, 2.0, 3.0))).triangles)
+    12
+    """
+    points = _on_sphere(shape.radius) if isinstance(shape, Sphere) else np.asarray(shape.corners)
+    if pose is not None:
+        points = points @ pose[:3, :3].T + pose[:3, 3]
+    hull = ConvexHull(points)
+    kept = np.unique(hull.simplices)
+    triangles = np.searchsorted(kept, hull.simplices)
+    points = points[kept]
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    inwards = np.einsum("ti,ti->t", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
+    triangles[inwards] = triangles[inwards][:, ::-1]
+    return Body(points, triangles)
+
+
+def tilted_solids(scene: Scene) -> list[dict[str, Any]]:
+    """As JSON, the solids of a scene of which its prisms are only the upright hull."""
+    return [
+        body_of(prism.solid.shape, prism.solid.pose).description(prism.number, prism.colour)
+        for prism in scene.prisms
+        if prism.solid is not None
+    ]
+
+
+def links_of(model: Model, states: States) -> list[dict[str, Any]]:
+    """As JSON, the shapes of a robot's links, each in its own frame; none of a robot that says of none."""
+    placed = model.bodies(states.take(slice(0, 1)))
+    return [body_of(shape).description(0, LINKS[i % len(LINKS)]) for i, (shape, _) in enumerate(placed)]
+
+
+def link_poses(model: Model, states: States) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Where each link is in each of N states: positions (N, 3), m, and quaternions (N, 4), x, y, z, w."""
+    for _, matrices in model.bodies(states):
+        links = np.broadcast_to(matrices, (states.size, 4, 4))
+        yield links[:, :3, 3], on_one_side(quaternions_of(links[:, :3, :3]))
+
+
+def _on_sphere(radius: float) -> FloatArray:
+    """Points (DIRECTIONS, 3), m, spread evenly over a sphere, along a spiral."""
+    k = np.arange(DIRECTIONS) + 0.5
+    up = 1.0 - 2.0 * k / DIRECTIONS
+    turned = math.pi * (1.0 + math.sqrt(5.0)) * k
+    wide = np.sqrt(1.0 - up * up)
+    return radius * np.stack([wide * np.cos(turned), wide * np.sin(turned), up], axis=1)
+
+
+RATE = 20.0
+"""Poses a second."""
+LENGTH, TURN = 1e-5, 1e-7
+"""Steps in which positions, m, and quaternions are told."""
+LINK_LENGTH, LINK_TURN = 1e-4, 1e-4
+"""The same of links, which are only looked at."""
+FIGURES = 4
+"""Of rates."""
+MOST_PIECES = 1500
+"""Of a trace, between which rates are told."""
+
+
+def track(trajectory: Trajectory) -> dict[str, Any]:
+    """Where the camera is when the trajectory is executed, as JSON; the page takes what is between from neighbours."""
+    seen = poses(trajectory, rate=RATE)
+    links: list[FloatArray] = []
+    turns: list[FloatArray] = []
+    for positions, quaternions in link_poses(trajectory.model, seen.states):
+        links.append(positions)
+        turns.append(quaternions)
+    columns = [np.hstack([p / LINK_LENGTH, q / LINK_TURN]) for p, q in zip(links, turns, strict=True)]
+    return {
+        "duration": float(seen.times[-1]),
+        "rate": RATE,
+        "positions": packed(seen.positions, LENGTH),
+        "quaternions": packed(seen.quaternions, TURN),
+        "links": packed(np.hstack(columns) * LINK_TURN if columns else np.zeros((len(seen), 0)), LINK_TURN),
+    }
+
+
+def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> dict[str, Any] | None:
+    """How criteria arise while the trajectory is executed, as JSON; None where it stays at its start."""
+    run = trajectory.execution()
+    if not len(run) or not criteria:
+        return None
+    found = trace(criteria, run, world)
+    ends = told_ends(len(found.pieces), MOST_PIECES)
+    columns = [
+        [float(f"{value:.{FIGURES}g}") for value in taken_together(found, column, ends).tolist()]
+        for column in range(len(found.criteria))
+    ]
+    return {"times": np.round(found.times[ends], 4).tolist(), "values": columns}
+
+
+def packed(values: FloatArray, scale: float) -> dict[str, Any]:
+    """Columns of numbers (N, C) in whole steps, each differenced twice: of even motion most are 0.
+
+    >>> packed(np.array([[1.0], [2.0], [3.0]]), 0.5)
+    {'scale': 0.5, 'columns': [[2, 0, 0]]}
+    """
+    counts = np.rint(values / scale).astype(np.int64)
+    for _ in range(2):
+        counts = np.diff(counts, axis=0, prepend=0)
+    return {"scale": scale, "columns": counts.T.tolist()}
+
 
 SCHEMA, VERSION = "hpop-ride", 1
 NAMES = "ABCDEFGH"

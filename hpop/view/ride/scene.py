@@ -237,7 +237,7 @@ class Scene:
         number = len(prisms) + 1
         cells = None
         if world.raster is not None:
-            from hpop.view.ride.boxes import boxes  # a kernel, see hpop.runtime.compiled
+            from hpop.view.ride.columns import boxes  # a kernel, see hpop.runtime.compiled
 
             low, high = _ends(world.raster.heights, storey)
             cells = Cells(boxes(world.raster.cells), world.raster, low, high, number, surfaces.WALL)

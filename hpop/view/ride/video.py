@@ -29,9 +29,8 @@ from hpop.problems.problem import Problem
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.status import Progress, ProgressCallback, followed
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, panorama, png
+from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, mark_spherical, panorama, png
 from hpop.view.ride.scene import VERSION
-from hpop.view.ride.spherical import mark_spherical
 
 if TYPE_CHECKING:
     from hpop.view.ride.panorama import Picture

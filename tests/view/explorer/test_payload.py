@@ -200,7 +200,7 @@ def test_cells_are_drawn_as_the_areas_that_they_fill(make_front):
 
 
 def test_cells_too_ragged_to_be_outlined_are_taken_together_and_a_note_says_so(make_front, monkeypatch):
-    from hpop.view.explorer import world as drawn
+    from hpop.view.explorer import payload as drawn
 
     monkeypatch.setattr(drawn, "MOST_CORNERS", 300)
     cells = np.random.default_rng(3).random((40, 60)) < 0.2

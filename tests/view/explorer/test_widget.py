@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hpop.view import widget
-from hpop.view.explorer import widget as home
+from hpop.view.explorer import save as home
 from hpop.view.single_page import bundle
 from tests.view.explorer.decoder import Page
 

@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 
 import hpop
 from hpop.view.ride import surfaces
-from hpop.view.ride.boxes import boxes
+from hpop.view.ride.columns import boxes
 from hpop.view.ride.scene import Scene
 from hpop.world import Box, Solid, pose_at
 from hpop.world.content.content import Landmark, Person, Zone

@@ -1,0 +1,241 @@
+"""Marks on a picture: start and goal, targets of criteria and goals, and clocks where a robot holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.path import Path
+from matplotlib.transforms import offset_copy
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.motions import HOLD, States
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
+from hpop.view.style import GOAL, HALO, QUIET, SMALL, START, mapped, mapped_points, positions
+
+CIRCLE = 12.0  # points across
+RING = 19.0  # points across
+LOOKS = {"start": ("S", START), "goal": ("G", GOAL)}
+END_DIGITS = 6  # digits, m: ends that agree to so many are one
+Place = Sequence[float]
+
+
+class EndPose(NamedTuple):
+    """Where a robot is at an end: m, m, rad; None where its yaw is free, or it has no base that looks anywhere."""
+
+    x: float
+    y: float
+    yaw: float | None
+
+
+Ends = tuple[EndPose, tuple[EndPose, ...]]
+
+
+def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
+    """Where a problem starts on a map, and all places where it may end.
+
+    A goal that does not list them is where the trajectories end that were ``found``.
+    """
+    model, poses = problem.model, []
+    for state in _end_states(problem, found):
+        pose = mapped(model, state)
+        x, y, yaw = (float(column[0]) for column in (pose.x, pose.y, pose.yaw))
+        if not math.isnan(x + y):
+            poses.append(EndPose(x, y, None if math.isnan(yaw) or "base" not in model.provides else yaw))
+    return poses[0], tuple(dict.fromkeys(poses[1:]))
+
+
+def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[FloatArray, FloatArray]:
+    """Where the camera starts (3,) and may end (n, 3), m: see :func:`end_poses`."""
+    poses = [positions(problem.model.pose("camera", state)) for state in _end_states(problem, found)]
+    places = np.concatenate(poses)
+    known = places[1:][~np.isnan(places[1:]).any(axis=1)]
+    return places[0], np.unique(known.round(END_DIGITS), axis=0)
+
+
+def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
+    """Where the camera starts, seen from above, and all places where it may end: see :func:`end_poses`.
+
+    A heading that the goal leaves free is none. Where that lets the camera be in many places it ends where the
+    trajectories do that were ``found``, or nowhere.
+    """
+    states, poses = _end_states(problem, found), []
+    start, *listed = (problem.model.pose("camera", state) for state in states)
+    if any(np.isnan(pose.x).any() for pose in listed):
+        listed = [problem.model.pose("camera", trajectory.states.take([-1])) for trajectory in found]
+    for pose in (start, *listed):
+        x, y, yaw = (float(np.broadcast_to(column, (1,))[0]) for column in (pose.x, pose.y, pose.yaw))
+        poses.append(EndPose(x, y, None if math.isnan(yaw) else yaw))
+    spots = {
+        (round(pose.x, END_DIGITS), round(pose.y, END_DIGITS), pose.yaw and round(pose.yaw, END_DIGITS)): pose
+        for pose in poses[1:]
+    }
+    return poses[0], tuple(spots.values())
+
+
+def goal_words(problem: Problem, count: int) -> str:
+    """What a legend says of so many goals that are drawn."""
+    if not problem.target.listed:
+        return ", where trajectories end"
+    return f", any of {count}" * (count > 1)
+
+
+def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
+    """The start, then the goals; what is free in them is NaN."""
+    space = problem.model.space
+    states = [space.state(problem.start)]
+    if problem.target.listed:
+        return states + [space.state(values, free=space.angles) for values in problem.goals]
+    return states + [trajectory.states.take([-1]) for trajectory in found]
+
+
+def draw_ends(axes: Axes, start: Place, goals: Sequence[Place], words: tuple[str, str] = ("", "")) -> list[Line2D]:
+    """Draw a letter at each; returns the legend entries, which may say more."""
+    handles = []
+    for (name, (letter, fill)), places, more in zip(LOOKS.items(), ([start], goals), words, strict=True):
+        look: dict[str, Any] = {"marker": "o", "markerfacecolor": fill, "markeredgecolor": "black"}
+        for x, y in places:
+            ring = name == "goal" and (x, y) == tuple(start)
+            size = RING if ring else CIRCLE
+            axes.plot([x], [y], linestyle="none", markersize=size, zorder=7.9 if ring else 8, gid=name, **look)
+            if not ring:
+                axes.text(x, y, letter, ha="center", va="center_baseline", fontsize=7.5, weight="bold", zorder=9)
+        if len(places):
+            entry = f"{letter}: {name}{more}"
+            handles.append(Line2D([], [], linestyle="none", markersize=8, label=entry, **look))
+    return handles
+
+
+TARGET: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none", "markeredgecolor": "#d62728"}
+SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the target
+
+
+def targets_of(problem: Problem) -> FloatArray:
+    """The places (n, 3), m, each once."""
+    places = dict.fromkeys(place for _, place in _named(problem))
+    return np.array(list(places), float).reshape(-1, 3)
+
+
+def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
+    """The places, m, each once, with all that name it."""
+    names: dict[tuple[float, float, float], list[str]] = {}
+    for name, place in _named(problem):
+        names.setdefault(place, []).append(name)
+    return [(", ".join(dict.fromkeys(several)), place) for place, several in names.items()]
+
+
+def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], FloatArray]) -> list[Line2D]:
+    """Draw a ring round each, where ``flatten`` has it in the picture; returns the legend entry."""
+    places = targets_of(problem)
+    if not len(places):
+        return []
+    axes.plot(*flatten(places).T, markersize=SIZE, markeredgewidth=WIDTH, zorder=5.8, gid="targets", **TARGET)
+    names = ", ".join(dict.fromkeys(name for name, _ in _named(problem)))
+    return [Line2D([], [], markersize=0.7 * SIZE, markeredgewidth=WIDTH, label=f"target of {names}", **TARGET)]
+
+
+def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
+    """Who names a place, and which."""
+    named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
+    return [*named, *(("the goal", place) for place in problem.target.places)]
+
+
+HOLD_DIGITS = 6  # digits, m, to which the places of holds agree that are on one spot
+BESIDE = 11.0  # points to the right and above the spot: on it are dots of turns, and the letters of start and goal
+ROW = 13.0  # points between the clocks of two trajectories
+ASIDE = 44.0  # points between two clocks of one trajectory whose spots are near each other: a clock and its time
+NEAR = (0.12, 0.04)  # of the width of what is shown: spots nearer than that, along x and along y
+Colour = tuple[float, float, float, float]
+WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
+DARK = 1.5  # sum of red, green and blue
+HANDS = Path([(0.0, 0.6), (0.0, 0.0), (0.45, 0.0)])
+CLOCK = Path.make_compound_path(Path.unit_circle(), HANDS)
+
+
+class Held(NamedTuple):
+    """Where a robot stands still, m, for how long in all, s, and in which motions."""
+
+    x: float
+    y: float
+    seconds: float
+    motions: tuple[int, ...]
+
+
+def is_held(trajectory: Trajectory) -> BoolArray:
+    """Which motions (n,) are holds."""
+    return np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
+
+
+def holds_of(trajectory: Trajectory) -> list[Held]:
+    """The places where it holds, in order of time, those on one spot together."""
+    spots: dict[tuple[float, float], list[int]] = {}
+    points = np.round(mapped_points(trajectory.model, trajectory.states), HOLD_DIGITS)
+    for i in np.flatnonzero(is_held(trajectory)).tolist():
+        spots.setdefault((float(points[i, 0]), float(points[i, 1])), []).append(i)
+    return [Held(*spot, float(trajectory.durations[own].sum()), tuple(own)) for spot, own in spots.items()]
+
+
+def written_time(seconds: float) -> str:
+    """How long, in words.
+
+    >>> written_time(3.0), written_time(2.25), written_time(0.04), written_time(600.0)
+    ('3 s', '2.2 s', '0.04 s', '10 min')
+    """
+    if seconds >= 120.0:
+        return f"{seconds / 60.0:.3g} min"
+    return f"{round(seconds, 1) or seconds:.3g} s"
+
+
+def draw_holds(
+    axes: Axes,
+    trajectory: Trajectory,
+    colour: str,
+    width: float,
+    *,
+    row: int = 0,
+    gid: str = "hold",
+    face: Callable[[Held], Colour] = lambda held: WHITE,
+) -> None:
+    """Draw the clocks of a trajectory in its colour, in a row of their own above their spots; ``face`` fills them.
+
+    ``width`` is that of what is shown, m: clocks whose spots are near each other stand side by side.
+    """
+    figure = axes.get_figure(root=True)
+    up = BESIDE + ROW * row
+    drawn = holds_of(trajectory)
+    for number, held in enumerate(drawn):
+        right = BESIDE + ASIDE * sum(_are_near(held, other, width) for other in drawn[:number])
+        beside = offset_copy(axes.transData, figure, right, up, units="points")
+        lead: dict[str, Any] = {"arrowstyle": "-", "color": colour, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 3}
+        axes.annotate("", (held.x, held.y), xytext=(right, up), textcoords="offset points", arrowprops=lead, zorder=8.5)
+        axes.add_line(hold_clock(colour, held.x, held.y, face(held), transform=beside, zorder=9, gid=gid))
+        axes.annotate(
+            written_time(held.seconds), (held.x, held.y), xytext=(right + 8, up), textcoords="offset points",
+            fontsize=SMALL, color=colour, va="center", zorder=9, path_effects=HALO, gid=gid,
+        )  # fmt: skip
+
+
+def _are_near(one: Held, other: Held, width: float) -> bool:
+    """Whether two spots are so near that their clocks would lie on each other, in a picture so many metres wide."""
+    along, across = NEAR
+    return abs(one.x - other.x) < along * width and abs(one.y - other.y) < across * width
+
+
+def hold_clock(
+    colour: str, x: float | None = None, y: float | None = None, face: Colour = WHITE, **more: Any
+) -> Line2D:
+    """A clock, its hands white on a dark face; without a place the legend entry for it."""
+    xs, ys = ([], []) if x is None or y is None else ([x], [y])
+    edge = colour if sum(face[:3]) > DARK else "white"
+    look: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 1.2}
+    return Line2D(xs, ys, linestyle="none", marker=CLOCK, markersize=10, **look, **more)
+
+
+def hold_entry() -> Line2D:
+    """What a legend says of clocks."""
+    return hold_clock(QUIET, label="stands still, for so long")
