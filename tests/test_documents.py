@@ -23,7 +23,7 @@ from click.testing import CliRunner
 import hpop
 from hpop import study
 from hpop.cli import main
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.errors import MapError
 from hpop.frontier import Front
 from hpop.scenario import load_scenario

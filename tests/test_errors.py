@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hpop.errors
-from hpop.cli.command import INTERRUPTED
 from hpop.cli.commands import NO_PATH, NOTHING_FOUND
+from hpop.cli.terminal import INTERRUPTED
 
 
 def test_each_kind_of_error_has_an_exit_code_of_its_own() -> None:

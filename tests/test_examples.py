@@ -17,7 +17,7 @@ from click.testing import CliRunner
 
 import hpop
 from hpop.cli import main
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.frontier import is_nondominated
 from hpop.goals import LookAt
 from hpop.planners.lattice import Lattice

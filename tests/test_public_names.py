@@ -169,7 +169,7 @@ hpop.study.prepare
 hpop.study.replace
 hpop.study.save_stimuli
 hpop.study.score
-hpop.study.scoring.prorated
+hpop.study.forms.prorated
 hpop.study.session_page
 hpop.study.simulate
 hpop.study.statistics.Comparison

@@ -26,8 +26,8 @@ from typing import IO, Any
 COMMAND = "from hpop.entry import main; main()"
 _ENDING = """\
 import atexit, os, sys, threading
-import hpop.cli.pictures
-hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
+import hpop.cli.beside
+hpop.cli.beside.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
 from hpop.entry import main
 try:
     main()

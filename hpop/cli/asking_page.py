@@ -20,7 +20,7 @@ from hpop.errors import OutputError
 from hpop.runtime.page_server import PageHandler, PageServer
 
 if TYPE_CHECKING:
-    from hpop.cli.preferred import Difference
+    from hpop.cli.picking import Difference
 
 MOST_BYTES = 1_000
 """Of an answer."""

@@ -21,19 +21,25 @@ from hpop import __version__, examples
 from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import listing, results
-from hpop.cli.bridging import ros
-from hpop.cli.command import INTERRUPTED, NO_PATH, NOTHING_FOUND, imports_option, user_errors, verbose_option
+from hpop.cli.beside import LivePage, PicturesBeside
 from hpop.cli.driving import drive
-from hpop.cli.exporting import export
-from hpop.cli.live import LivePage
+from hpop.cli.exporting import export, ros
 from hpop.cli.looking import look, new
-from hpop.cli.pictures import PicturesBeside
 from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
 from hpop.cli.riding import ride
 from hpop.cli.saved import pick, show
 from hpop.cli.studying import study
-from hpop.cli.terminal import Commands, echo
+from hpop.cli.terminal import (
+    INTERRUPTED,
+    NO_PATH,
+    NOTHING_FOUND,
+    Commands,
+    echo,
+    imports_option,
+    user_errors,
+    verbose_option,
+)
 from hpop.errors import OptionError, OutputError
 from hpop.runtime.interrupts import stopping_told
 
@@ -104,7 +110,7 @@ def plan(
     from hpop.runtime import garbage
 
     garbage.seldom()
-    from hpop.cli import preferred, report, user_code
+    from hpop.cli import picking, report, user_code
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
     from hpop.planners.searches.exact import kernels_beside
@@ -147,7 +153,7 @@ def plan(
         told: dict[str, Any] = {"saved": out / SAVED, "verbose": verbose, "preference": loaded.preference}
         report.print_front(loaded.problem, front, **told)
         if loaded.preference is not None and len(front):
-            preferred.print_preference(loaded.preference, front)
+            picking.print_preference(loaded.preference, front)
         report.print_contributions([planner.name for planner in loaded.planners], fronts)
         if checkpoint is not None:
             _tidy(checkpoint, front)

@@ -11,9 +11,8 @@ import click
 
 from hpop.base.text import counted
 from hpop.cli import results
-from hpop.cli.command import imports_option, user_errors
-from hpop.cli.front_file import loaded, problem_of
-from hpop.cli.terminal import echo
+from hpop.cli.results import loaded, problem_of
+from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.runtime.status import Status, why_none
 
 if TYPE_CHECKING:

@@ -25,8 +25,7 @@ from threading import Condition, Thread
 from urllib.parse import parse_qs, urlsplit
 
 from hpop.base.text import printable
-from hpop.cli.live import TOKEN
-from hpop.cli.pictures import NICENESS
+from hpop.cli.beside import NICENESS, TOKEN
 from hpop.runtime.page_server import PageHandler, PageServer
 
 ALIVE = 15.0  # s between two signs of life to a page that waits

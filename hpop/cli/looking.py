@@ -11,8 +11,7 @@ import click
 
 from hpop.base.text import argument, shown
 from hpop.cli import results
-from hpop.cli.command import NO_PATH, NOTHING_FOUND, imports_option, user_errors
-from hpop.cli.terminal import echo
+from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, user_errors
 from hpop.errors import OptionError, OutputError, QueryError
 
 if TYPE_CHECKING:

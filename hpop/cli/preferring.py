@@ -12,13 +12,12 @@ import click
 
 from hpop.base.text import argument
 from hpop.cli import results
-from hpop.cli.command import imports_option, user_errors
-from hpop.cli.front_file import loaded, problem_of
-from hpop.cli.terminal import echo
+from hpop.cli.results import loaded, problem_of
+from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.errors import OutputError, StudyError
 
 if TYPE_CHECKING:
-    from hpop.cli.preferred import Difference
+    from hpop.cli.picking import Difference
     from hpop.preference import Preference
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem
@@ -71,7 +70,7 @@ class Asking:
 
     def differences(self) -> list[Difference]:
         """What the two cost."""
-        from hpop.cli.preferred import differences
+        from hpop.cli.picking import differences
 
         assert self.pair is not None
         return differences(self.front, self.pair)
@@ -136,7 +135,7 @@ def prefer(
     """
     from hpop.cli import user_code
     from hpop.cli.asking_page import serve
-    from hpop.cli.preferred import print_preference
+    from hpop.cli.picking import print_preference
 
     user_code.register(imports)
     path, front = loaded(folder)
@@ -186,7 +185,7 @@ def _ask(asking: Asking, picture: Path) -> None:
     """Ask on the terminal."""
     from rich.console import Console
 
-    from hpop.cli.preferred import pair_table
+    from hpop.cli.picking import pair_table
     from hpop.cli.report import print_wide
 
     try:

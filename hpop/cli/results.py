@@ -1,4 +1,4 @@
-"""The folder that `hpop plan` writes and `hpop show` reads: a front, its pictures and the page to choose from."""
+"""The folder that `hpop plan` writes and other commands read: a front, its problem, its pictures and its page."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from pathlib import Path
 from tempfile import TemporaryFile, mkdtemp
 from typing import TYPE_CHECKING, Any, cast
 
-from hpop.errors import OutputError
+from hpop.errors import OutputError, UnknownName
+
+if TYPE_CHECKING:
+    from hpop.preference import Preference
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
 
 try:
     import fcntl
 except ImportError:  # no such locks on this system
     fcntl = None  # type: ignore[assignment]
 
-if TYPE_CHECKING:
-    from hpop.preference import Preference
-    from hpop.problems.front import Front
-    from hpop.problems.problem import Problem
 
 SAVED = "front.json"
 LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
@@ -160,3 +161,22 @@ def draw(
     except Exception as error:
         what = "the pictures are not" if drawn is None else f"{PAGE} is not"
         raise OutputError(f"the front is saved in {out / SAVED}, but {what}: {error!r}") from error
+
+
+def loaded(folder: Path) -> tuple[Path, Front]:
+    """The file of a front, and the front in it."""
+    from hpop.problems.front import Front
+
+    path = folder / SAVED if os.path.isdir(folder) else folder
+    with output_errors(f"cannot read {path}", "give the folder that `hpop plan` wrote"):
+        return path, Front.load(path)
+
+
+def problem_of(path: Path, front: Front) -> Problem:
+    """The problem that a saved front answers."""
+    from hpop.problems.problem import Problem
+
+    try:
+        return Problem.from_description(front.problem or {})
+    except UnknownName as error:
+        raise UnknownName(f"{path} was planned with a criterion that is not known here: {error}") from None

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from hpop.cli import results
-from hpop.cli.command import imports_option, preference_option, user_errors, verbose_option
-from hpop.cli.front_file import loaded, problem_of
-from hpop.cli.results import PAGE
-from hpop.cli.terminal import echo, open_page
+from hpop.cli.results import PAGE, loaded, problem_of
+from hpop.cli.terminal import echo, imports_option, open_page, preference_option, user_errors, verbose_option
 from hpop.errors import OutputError
 
 if TYPE_CHECKING:
@@ -74,21 +72,21 @@ def show(
     imports: tuple[str, ...],
 ) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
-    from hpop.cli import preferred, report, user_code
+    from hpop.cli import picking, report, user_code
     from hpop.problems.verify import lost_trajectories, verify
     from hpop.runtime import status
     from hpop.runtime.status import Progress
 
     user_code.register(imports)
     path, front = loaded(folder)
-    preference = preferred.loaded_preference(person)
+    preference = picking.loaded_preference(person)
     problem = problem_of(path, front)
     _refuse_faults(path, lost_trajectories(problem, front))
     echo(f"as saved in {path}, not yet checked:")
     more = _with_further(problem, front, also)
     report.print_front(problem, more, saved=path, verbose=verbose, preference=preference)
     if preference is not None and len(front):
-        preferred.print_preference(preference, more)
+        picking.print_preference(preference, more)
     echo("checking costs, ends and collisions")
     with status.progress_bar() as progress:
         faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
@@ -146,7 +144,7 @@ def pick(
     Give one of --least, --wish, --row, --knee and --preference; --at-most says among which. What --also adds can be
     asked for by --at-most and --wish.
     """
-    from hpop.cli import picking, preferred, user_code
+    from hpop.cli import picking, user_code
 
     ways = {"--least": bool(least), "--wish": bool(wish), "--row": row is not None, "--knee": knee}
     ways["--preference"] = person is not None
@@ -159,7 +157,7 @@ def pick(
     path, front = loaded(folder)
     if also:
         front = _with_further(problem_of(path, front), front, also)
-    preference = preferred.loaded_preference(person)
+    preference = picking.loaded_preference(person)
     picked = picking.picked(front, at_most, least=least, wish=wish, row=row, preference=preference)
     picking.print_picked(front, picked, saved=path)
     if csv is not None:

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from hpop.cli.command import user_errors
-from hpop.cli.terminal import echo
+from hpop.cli.terminal import echo, user_errors
 
 if TYPE_CHECKING:
     from hpop.study import Answers
     from hpop.study.results import Method
-    from hpop.study.statistics.corrections import Correction
+    from hpop.study.statistics.scores import Correction
 
 folder_argument = click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
 
@@ -29,8 +28,8 @@ def score(folder: Path) -> None:
     """
     from hpop.study import Answers, Design
     from hpop.study.design_file import FILE
+    from hpop.study.documents import changing
     from hpop.study.folder import front_of
-    from hpop.study.locks import changing
 
     design = Design.load(folder)
     with changing(folder):  # not while somebody withdraws

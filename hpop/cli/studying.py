@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 import click
 
 from hpop.base.text import argument, counted
-from hpop.cli.command import user_errors
 from hpop.cli.exporting import listed
-from hpop.cli.front_file import loaded
+from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
-from hpop.cli.terminal import Commands, echo
+from hpop.cli.terminal import Commands, echo, user_errors
 from hpop.errors import StudyError
 
 if TYPE_CHECKING:
@@ -208,7 +207,7 @@ def check(folder: Path) -> None:
 
     Exit code 17 where the front, stimuli, pages or answers of the study in DIR have faults.
     """
-    from hpop.study.checks import check as checked
+    from hpop.study.folder import check as checked
 
     found = checked(folder)
     for note in found.notes:

@@ -13,30 +13,23 @@ from hpop.base.lazy import on_first_use
 from hpop.export.base import Content, Exported, Frames, export_format
 
 if TYPE_CHECKING:
-    from hpop.export.formats.bag import bag
-    from hpop.export.formats.euroc import euroc
-    from hpop.export.formats.glb import glb
-    from hpop.export.formats.mcap import mcap
-    from hpop.export.formats.nav2 import nav2_yaml
-    from hpop.export.formats.pose_csv import pose_csv
-    from hpop.export.formats.pose_json import pose_json
-    from hpop.export.formats.tum import tum
-    from hpop.export.formats.unity import unity_csv
-    from hpop.export.formats.unreal import unreal_csv
+    from hpop.export.glb import glb
+    from hpop.export.poses import euroc, pose_csv, pose_json, tum, unity_csv, unreal_csv
+    from hpop.export.ros import bag, mcap, nav2_yaml
     from hpop.export.writing import save, write
 
 _HOMES = {
-    "bag": "hpop.export.formats.bag",
-    "euroc": "hpop.export.formats.euroc",
-    "glb": "hpop.export.formats.glb",
-    "mcap": "hpop.export.formats.mcap",
-    "nav2_yaml": "hpop.export.formats.nav2",
-    "pose_csv": "hpop.export.formats.pose_csv",
-    "pose_json": "hpop.export.formats.pose_json",
+    "bag": "hpop.export.ros",
+    "euroc": "hpop.export.poses",
+    "glb": "hpop.export.glb",
+    "mcap": "hpop.export.ros",
+    "nav2_yaml": "hpop.export.ros",
+    "pose_csv": "hpop.export.poses",
+    "pose_json": "hpop.export.poses",
     "save": "hpop.export.writing",
-    "tum": "hpop.export.formats.tum",
-    "unity_csv": "hpop.export.formats.unity",
-    "unreal_csv": "hpop.export.formats.unreal",
+    "tum": "hpop.export.poses",
+    "unity_csv": "hpop.export.poses",
+    "unreal_csv": "hpop.export.poses",
     "write": "hpop.export.writing",
 }
 

@@ -1,8 +1,8 @@
-"""A trajectory as messages of ROS 2, in a bag that rosbags writes; it needs the extra ``bags``."""
+"""Trajectories for ROS 2: messages in a bag or an MCAP file (extra ``bags``), and a goal of Nav2's FollowPath."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -12,12 +12,10 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.lazy import library
 from hpop.base.text import printable
-from hpop.export.base import Exported
-from hpop.export.turning import back, matrices, product
-from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, header, pose_stamped, transform
-from hpop.ros.paths import message_of
-from hpop.ros.spaced import spaced
-from hpop.ros.typed import typed
+from hpop.errors import OptionError
+from hpop.export.base import Exported, back, export_format, matrices, product
+from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, header, pose_stamped, transform, typed
+from hpop.ros.paths import message_of, spaced
 from hpop.trajectories.poses import Poses, nanoseconds, on_one_side
 
 FOLDER = "poses"  # the bag's, until it is where it belongs: the file in it is called so
@@ -149,3 +147,67 @@ def _qos() -> list[Any]:
             False,
         )
     ]
+
+
+@export_format("bag", suffix="_bag", axes=AXES)
+def bag(given: Exported) -> Mapping[str, bytes]:
+    """A bag of ROS 2, a folder with ``metadata.yaml`` (version 9) and an MCAP file; it needs the extra ``bags``.
+
+    Topics, axes, units and times are those of the format ``mcap``; ``ros2 bag play knee_70_bag`` sends them.
+    """
+    return bag_files(given)
+
+
+@export_format("mcap", suffix=".mcap", axes=AXES)
+def mcap(given: Exported) -> bytes:
+    """An MCAP file of ROS 2 messages, for Foxglove and MCAP readers; it needs the extra ``bags``.
+
+    ``/plan`` (nav_msgs/Path, of the base, or of the body where there is none: poses at the ends of motions, and between
+    these about every 5 cm or 45 degrees; a hold is a pose that is there twice, when it is reached and when it is left),
+    ``/camera_pose`` (geometry_msgs/PoseStamped; ``/base_pose`` of a base),
+    ``/tf`` (the base in ``map``, and what moves on it), ``/tf_static`` (the camera on the base, where it is fixed),
+    ``/costs`` (diagnostic_msgs/DiagnosticArray, a key and a value a criterion). Right-handed, z up (REP-103), m,
+    quaternions x, y, z, w. ``camera_link`` looks along its x: it is no optical frame. Stamps are s and ns from the
+    start, as are the times at which messages are sent.
+    """
+    return bag_files(given)[f"{FOLDER}.mcap"]
+
+
+GOAL_AXES = (
+    "right-handed, x and y on the floor, z up (REP-103), m; orientation x, y, z, w of the base (x ahead, y left); "
+    "components that are left out are 0; no times"
+)
+DIGITS = 9  # behind the point: 1 nm, without exponents, which YAML 1.1 takes for text
+
+
+@export_format("nav2-yaml", suffix=".nav2.yaml", axes=GOAL_AXES)
+def nav2_yaml(given: Exported) -> bytes:
+    """The goal of Nav2's ``FollowPath`` action: the path of the base as YAML, to be sent as it is.
+
+    ``ros2 action send_goal --stdin /follow_path nav2_msgs/action/FollowPath < knee_70.nav2.yaml``. ``path`` is a
+    nav_msgs/Path in the frame of the world (``map``): poses of the base at the ends of each motion, and between these
+    about every 5 cm or 45 degrees; m, quaternion x, y, z, w, right-handed, z up (REP-103); components that are left out
+    are 0. A turn in place is a sequence of poses at one position. There are no stamps, which controllers ignore:
+    speeds and holds are lost.
+
+    Raises OptionError for a robot without a base.
+    """
+    if not given.has_base:
+        raise OptionError("nav2-yaml is the path of a base, but this robot has none; take mcap, bag, tum or csv")
+    path = spaced(given.run, "base", planned=given.planned)
+    frame = "'" + printable(given.frames.world).replace("'", "''") + "'"
+    lines = [f"# {line}" for line in given.statement(GOAL_AXES, "the path of the base")]
+    lines += ["path:", f"  header: {{frame_id: {frame}}}", "  poses:"]
+    for place, turned in zip(path.positions.tolist(), path.quaternions.tolist(), strict=True):
+        position, orientation = _components("xyz", place, "xy"), _components("xyzw", turned, "zw")
+        pose = f"{{position: {position}, orientation: {orientation}}}"
+        lines.append(f"  - {{header: {{frame_id: {frame}}}, pose: {pose}}}")
+    lines += ["controller_id: ''", "goal_checker_id: ''"]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _components(names: str, values: Sequence[float], always: str) -> str:
+    """Components by name; those that are 0 are left out, but for some."""
+    rounded = {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)}  # no -0.0
+    told = [f"{name}: {value:.{DIGITS}f}" for name, value in rounded.items() if value or name in always]
+    return f"{{{', '.join(told)}}}"

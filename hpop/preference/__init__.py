@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from hpop.preference.answers import Answer
-from hpop.preference.best import Best
 from hpop.preference.people import People
+from hpop.preference.posterior import Best
 from hpop.preference.preference import Preference
 from hpop.preference.prior import Prior
 

@@ -18,10 +18,8 @@ from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import storage
 from hpop.preference.answers import Answer, answer_of, checked_question, evidence, of_choices, of_ratings
-from hpop.preference.best import NEAR, Best, judged, judged_alone, row_of
-from hpop.preference.draws import COUNT, Draws
+from hpop.preference.posterior import COUNT, NEAR, Best, Draws, judged, judged_alone, most_telling, row_of
 from hpop.preference.prior import Prior
-from hpop.preference.questions import most_telling
 from hpop.preference.scale import Feature, Scale, fingerprint
 
 QUESTIONS = 12

@@ -9,12 +9,11 @@
 from __future__ import annotations
 
 from hpop.ros.bridge import Bridge
-from hpop.ros.interface import Interface
-from hpop.ros.messages import PlanarPose, planar_pose, pose_message
+from hpop.ros.messages import PlanarPose, plain, planar_pose, pose_message, typed
 from hpop.ros.path_server import PathServer
 from hpop.ros.paths import path_message, trajectory_of
 from hpop.ros.planning import Planning
-from hpop.ros.typed import plain, typed
+from hpop.ros.protocol import Interface
 
 __all__ = [
     "Bridge",

@@ -17,7 +17,7 @@ from hpop.errors import RosError
 from hpop.ros import protocol
 from hpop.ros.messages import Message, PlanarPose, planar_pose
 from hpop.ros.planning import Planning
-from hpop.ros.result import Answer, ErrorCode, Failure, canceled, failed
+from hpop.ros.protocol import Answer, ErrorCode, Failure, canceled, failed
 from hpop.runtime.status import Progress, log
 
 Send = Callable[[str], None]

@@ -19,11 +19,9 @@ from hpop.planners.base import Planner
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.problem import Problem
-from hpop.ros.interface import LONGEST_CHOICE, Interface
 from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
-from hpop.ros.protocol import GoalStatus
-from hpop.ros.result import Answer, ErrorCode, Failure, failed, values_of
+from hpop.ros.protocol import LONGEST_CHOICE, Answer, ErrorCode, Failure, GoalStatus, Interface, failed, values_of
 from hpop.runtime.status import ProgressCallback, Status, why_none
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")

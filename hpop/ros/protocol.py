@@ -1,22 +1,83 @@
-"""Messages of the rosbridge v2 protocol, as far as an action server needs them; pure.
+"""Messages of the rosbridge v2 protocol and of ComputePathToPose, as far as an action server needs them; pure.
 
 Written from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite, commit 01cc6a1, sections 3.2.1 to 3.2.5 (topics)
-and 3.2.10 to 3.2.15 (actions). What comes in is bounded before it is parsed, and is an object with an ``op``, or
-nothing.
+and 3.2.10 to 3.2.15 (actions). A message that comes in is bounded before it is parsed, and is an object with an
+``op``, or is ignored.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
-from hpop.base.text import shown
-from hpop.errors import RosError
+from hpop.base.arguments import checked_arguments
+from hpop.base.options import one_of
+from hpop.base.text import printable, shown
+from hpop.errors import OptionError, RosError
 from hpop.frontier import strict_json
-from hpop.ros.interface import Interface
-from hpop.ros.messages import Message
+from hpop.ros.messages import SECOND, Message, header, stamp
+
+NAME = re.compile(r"[A-Za-z/][A-Za-z0-9_/]{0,199}")
+FRAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}")  # it stands in each pose of a path
+POSES = (
+    "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "geometry_msgs/msg/PoseStamped",
+    "nav_msgs/msg/Odometry",
+)
+LONGEST_CHOICE = 200  # characters
+FIELDS = {
+    "humble": ("path", "planning_time"),
+    "iron": ("path", "planning_time", "error_code"),
+    "jazzy": ("path", "planning_time", "error_code", "error_msg"),
+    "kilted": ("path", "planning_time", "error_code", "error_msg"),
+    "rolling": ("path", "planning_time", "error_code", "error_msg"),
+}
+"""Of the result of nav2_msgs/action/ComputePathToPose by distribution: a bridge drops a result with others."""
+
+
+@checked_arguments
+@dataclass(frozen=True)
+class Interface:
+    """How the planner appears in ROS.
+
+    action         name of the action, which must be no other server's
+    distribution   of ROS 2, whose nav2_msgs the bridge has
+    frame_id       frame of the map, in which goals are taken and paths given
+    pose_topic     where the robot's pose in that frame is told, for goals with ``use_start`` false
+    pose_type      of its messages, one of three
+    options_topic  where the front of each plan is told, as JSON in a std_msgs/msg/String
+    choice         what an empty planner_id means
+
+    Raises OptionError for a name that is none.
+    """
+
+    action: str = "/hpop/compute_path_to_pose"
+    distribution: str = "jazzy"
+    frame_id: str = "map"
+    pose_topic: str = "/amcl_pose"
+    pose_type: str = POSES[0]
+    options_topic: str = "/hpop/options"
+    choice: str = "knee"
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            value = getattr(self, one.name)
+            if one.name in ("action", "pose_topic", "options_topic") and (
+                not isinstance(value, str) or not NAME.fullmatch(value) or "//" in value or value.endswith("/")
+            ):
+                raise OptionError(f"{one.name} must be a name of ROS, such as {one.default}, got {shown(value)}")
+        one_of("distribution", self.distribution, FIELDS)
+        one_of("pose_type", self.pose_type, POSES)
+        frame = self.frame_id
+        if not isinstance(frame, str) or not FRAME.fullmatch(frame):
+            raise OptionError(f"frame_id must be the name of a frame, such as map, got {shown(frame)}")
+        if not isinstance(self.choice, str) or not 0 < len(self.choice) <= LONGEST_CHOICE:
+            raise OptionError(f"choice must be a name such as knee or 'fewest turns', got {shown(self.choice)}")
+
 
 ACTION = "nav2_msgs/action/ComputePathToPose"
 TEXT = "std_msgs/msg/String"
@@ -107,3 +168,60 @@ def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> 
 def publication(known: Interface, told: Message) -> Message:
     """What is told on the topic of options."""
     return {"op": "publish", "topic": known.options_topic, "msg": {"data": encoded(told)}}
+
+
+LONGEST = 1000  # characters of an error's message
+
+
+class ErrorCode(IntEnum):
+    """What went wrong, as numbered since Iron (docs.ros.org, nav2_msgs of Iron, Jazzy and Kilted); Humble has none."""
+
+    NONE = 0
+    UNKNOWN = 200
+    INVALID_PLANNER = 201
+    TF_ERROR = 202
+    START_OUTSIDE_MAP = 203
+    GOAL_OUTSIDE_MAP = 204
+    START_OCCUPIED = 205
+    GOAL_OCCUPIED = 206
+    TIMEOUT = 207
+    NO_VALID_PATH = 208
+
+
+class Failure(Exception):
+    """A goal that has no path: the code, and why, in words."""
+
+    def __init__(self, code: ErrorCode, why: str) -> None:
+        super().__init__(why)
+        self.code, self.why = code, why
+
+
+class Answer(NamedTuple):
+    """How a goal ended: its status, the fields of the result, and the front that is told beside it, if there is one."""
+
+    status: GoalStatus
+    values: Message
+    options: Message | None = None
+
+
+def values_of(
+    known: Interface, path: Message | None, seconds: float, code: ErrorCode = ErrorCode.NONE, why: str = ""
+) -> Message:
+    """The fields of a result that the distribution has; without a path an empty one."""
+    whole: Message = {
+        "path": path or {"header": header(0, known.frame_id), "poses": []},
+        "planning_time": stamp(round(seconds * SECOND)),
+        "error_code": int(code),
+        "error_msg": printable(why)[:LONGEST],
+    }
+    return {name: whole[name] for name in FIELDS[known.distribution]}
+
+
+def failed(known: Interface, failure: Failure, seconds: float) -> Answer:
+    """A goal that was aborted, and why."""
+    return Answer(GoalStatus.ABORTED, values_of(known, None, seconds, failure.code, failure.why))
+
+
+def canceled(known: Interface) -> Answer:
+    """A goal that was given up because its client asked for that."""
+    return Answer(GoalStatus.CANCELED, values_of(known, None, 0.0))

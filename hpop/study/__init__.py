@@ -10,19 +10,16 @@ if TYPE_CHECKING:
     from hpop.preference import Best, People, Preference, Prior
     from hpop.study.analysis import Analysis, analyse
     from hpop.study.answers import Answers, Choice
-    from hpop.study.checks import Checked, check
-    from hpop.study.conditions import Baseline, Condition
+    from hpop.study.conditions import Baseline, Condition, pick
     from hpop.study.design import Design
-    from hpop.study.folder import prepare
-    from hpop.study.forms import Form
-    from hpop.study.identity import front_digest
+    from hpop.study.design_file import Protocol
+    from hpop.study.documents import front_digest
+    from hpop.study.folder import Checked, check, prepare
+    from hpop.study.forms import Form, score
     from hpop.study.learning import Fitted, fit_criterion
     from hpop.study.leaving import Withdrawal, replace, withdraw
     from hpop.study.page import session_page
     from hpop.study.participants import Participant
-    from hpop.study.picking import pick
-    from hpop.study.protocol import Protocol
-    from hpop.study.scoring import score
     from hpop.study.simulating import simulate
     from hpop.study.statistics import Power, power
     from hpop.study.stimuli import save_stimuli
@@ -65,7 +62,7 @@ _HOMES = {
     "Answers": "hpop.study.answers",
     "Baseline": "hpop.study.conditions",
     "Best": "hpop.preference",
-    "Checked": "hpop.study.checks",
+    "Checked": "hpop.study.folder",
     "Choice": "hpop.study.answers",
     "Condition": "hpop.study.conditions",
     "Design": "hpop.study.design",
@@ -76,18 +73,18 @@ _HOMES = {
     "Power": "hpop.study.statistics",
     "Preference": "hpop.preference",
     "Prior": "hpop.preference",
-    "Protocol": "hpop.study.protocol",
+    "Protocol": "hpop.study.design_file",
     "Withdrawal": "hpop.study.leaving",
     "analyse": "hpop.study.analysis",
-    "check": "hpop.study.checks",
+    "check": "hpop.study.folder",
     "fit_criterion": "hpop.study.learning",
-    "front_digest": "hpop.study.identity",
-    "pick": "hpop.study.picking",
+    "front_digest": "hpop.study.documents",
+    "pick": "hpop.study.conditions",
     "power": "hpop.study.statistics",
     "prepare": "hpop.study.folder",
     "replace": "hpop.study.leaving",
     "save_stimuli": "hpop.study.stimuli",
-    "score": "hpop.study.scoring",
+    "score": "hpop.study.forms",
     "session_page": "hpop.study.page",
     "simulate": "hpop.study.simulating",
     "withdraw": "hpop.study.leaving",

@@ -1,12 +1,16 @@
-"""The answers of a study: what all participants said, as tables, as matrices for statistics, and as choices."""
+"""The answers of a study: on the disk, one event at a time, and of all participants as tables, matrices and choices.
+
+No answer on the disk is changed or removed.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,13 +19,12 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of
 from hpop.base.text import counted, shown
 from hpop.errors import StudyError
+from hpop.study import documents
 from hpop.study.design import Design
-from hpop.study.documents import write_bytes
-from hpop.study.forms import Form
+from hpop.study.documents import Column, Contents, csv_bytes, sqlite_bytes, write_bytes
+from hpop.study.forms import Form, score
 from hpop.study.participants import unequal
-from hpop.study.scoring import score
-from hpop.study.session import Session, asked_at, questions_of
-from hpop.study.tables import Column, Contents, csv_bytes, sqlite_bytes
+from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, AnswersFile, Session, asked_at, questions_of
 
 FOLDER = "answers"
 MOST_FILES = 2000
@@ -304,3 +307,57 @@ def _how_far(session: Session) -> str:
 def _letter(session: Session, place: int) -> str | None:
     """What somebody saw at a place."""
     return session.person.order[place - 1] if 1 <= place <= len(session.person.order) else None
+
+
+WHAT = "the answers of a participant"
+
+
+@dataclass(frozen=True)
+class Ledger:
+    """A file of answers, which may not be there yet. What is on the disk is always a whole file that can be read.
+
+    path         of the file
+    design
+    participant  id
+    """
+
+    path: Path
+    design: Design
+    participant: str
+
+    @property
+    def events(self) -> list[dict[str, Any]]:
+        """All events so far, as the file has them; StudyError for a file that is none, or of another design."""
+        return list(self._stored()["events"])
+
+    def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:
+        """Add an event; False for the last one come again, which its sender did not hear had arrived.
+
+        Raises StudyError for an event that the design does not ask for or that is not later than the last one, and
+        where it cannot be written; the file is then as it was.
+        """
+        stored = self._stored()
+        events = stored["events"]
+        if events and dict(event) == events[-1]:
+            return False
+        if len(events) >= MOST_EVENTS:
+            raise StudyError(f"a session has at most {MOST_EVENTS:,} events; this one has them")
+        longer = {**stored, "device": dict(device), "events": [*events, dict(event)]}
+        checked = documents.checked("what was sent", longer, AnswersFile, WHAT)
+        Session.of(checked, self.design)
+        if len(checked.events) > 1 and checked.events[-1].t <= checked.events[-2].t:
+            raise StudyError(f"time must rise: {checked.events[-1].t:g} s comes after {checked.events[-2].t:g} s")
+        documents.write(self.path, longer)
+        return True
+
+    def _stored(self) -> dict[str, Any]:
+        """The contents of the file, checked; those of a new one where there is none."""
+        if not self.path.exists():
+            known = {"schema": SCHEMA, "version": VERSION, "design": self.design.digest}
+            return {**known, "participant": self.participant, "device": {}, "events": []}
+        data = documents.parsed(self.path, documents.read_bytes(self.path, MOST_BYTES), WHAT)
+        session = Session.of(documents.checked(self.path, data, AnswersFile, WHAT), self.design)
+        if session.person.id != self.participant:
+            raise StudyError(f"{self.path} holds answers of {session.person.id}; give it that name")
+        found: dict[str, Any] = data
+        return found

@@ -1,4 +1,4 @@
-"""What participants are shown, under letters that tell nothing of it."""
+"""Conditions of a study: rows of a front that differ most, shown under letters that tell nothing of them."""
 
 from __future__ import annotations
 
@@ -9,11 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hpop.base.text import printable
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.options import one_of, real, whole
+from hpop.base.text import counted, printable
 from hpop.errors import StudyError
+from hpop.frontier.choosing import farthest, scaled
+from hpop.motions.body_table import check_body
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
-from hpop.study.orders import MOST_STIMULI
+from hpop.study.participants import MOST_STIMULI
 from hpop.trajectories.trajectory import Trajectory
 
 VIEW = "view"
@@ -123,3 +128,90 @@ def unlike(conditions: Sequence[Condition]) -> str:
         f"stimuli last {first.duration:.1f} s ({first}) to {last.duration:.1f} s ({last}): longer exposure makes "
         "sicker by itself"
     )
+
+
+DIFFERENCES = ("costs", "paths")
+MOST = 26
+"""Stimuli of a study: each has a letter."""
+PLACES = 101
+"""Along a way, equally far apart, at which it is compared with others."""
+MOMENTS = 2001
+"""Of a trajectory, at which the length of its way is measured."""
+ROUNDING = 1e-9
+
+
+@checked_arguments
+def pick(
+    front: Front,
+    count: int,
+    *,
+    always: Sequence[int | str] = ("knee",),
+    by: str = "costs",
+    share: float | None = None,
+) -> tuple[NamedRow, ...]:
+    """Rows that differ most, those of ``always`` first: farthest-point selection (Gonzalez 1985).
+
+    Parameters
+    ----------
+    count : how many, of at most 26
+    always : rows that are among them: numbers, "knee", or "least NAME"
+    by : "costs", each scaled by its range over the front; or "paths", by the mean distance in m between the camera's
+        executed places at equal shares of the way, so that two ways of equal cost differ
+    share : the longest may last so much longer than the shortest, as executed; rows that do not fit are passed over,
+        for longer exposure makes sicker, whatever the trajectory. None takes any, and the design says how they differ
+
+    Raises StudyError where there are too few rows, or too few that last as long as those of ``always``.
+
+    Cost: for "paths" and ``share`` every trajectory of the front is executed, some 3 ms each.
+    """
+    count = whole("count", count, 1, MOST, error=StudyError)
+    one_of("by", by, DIFFERENCES, error=StudyError)
+    known = named_rows(front, always)
+    if len(known) > count:
+        raise StudyError(f"count is {count}, but always names {len(known)} rows: {', '.join(map(str, known))}")
+    runs = [trajectory.execution() for trajectory in front.trajectories] if by == "paths" or share is not None else []
+    first = [row.number for row in known]
+    fitting = np.arange(len(front)) if share is None else _alike(runs, first, share)
+    if fitting.size < count:
+        alike = "" if share is None else f" that last as long, within a share of {share:g}; allow a larger one"
+        raise StudyError(f"{counted(count, 'row')} asked for, but the front has {fitting.size:,}{alike}")
+    points = scaled(front.costs) if by == "costs" else np.array([_way(run) for run in runs])
+
+    def distances(place: int) -> FloatArray:
+        apart = points[fitting] - points[fitting[place]]
+        far = np.linalg.norm(apart, axis=-1)
+        return np.asarray(far if far.ndim == 1 else far.mean(axis=1), dtype=np.float64)
+
+    places = np.searchsorted(fitting, first).tolist()
+    chosen = fitting[farthest(distances, fitting.size, count, always=places)].tolist()
+    return (*known, *named_rows(front, chosen[len(known) :]))
+
+
+def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> IntArray:
+    """The most rows of which the longest lasts at most a share longer than the shortest, those of ``first`` included.
+
+    Raises StudyError where those of ``first`` alone differ by more.
+    """
+    more = 1 + real("share", share, 0, 1, "a share of the duration", error=StudyError) + ROUNDING
+    lasts = np.array([run.duration for run in runs])
+    shortest, longest = (lasts[first].min(), lasts[first].max()) if first else (lasts.max(), 0.0)
+    if longest > more * shortest:
+        raise StudyError(
+            f"rows {', '.join(map(str, first))} last {shortest:.1f} to {longest:.1f} s, executed; expected a share of "
+            f"{share:g} at most: choose others, or allow {longest / shortest - 1:.2g}"
+        )
+    begins = np.sort(lasts[(lasts <= shortest) & (longest <= more * lasts)])
+    sizes = np.searchsorted(np.sort(lasts), more * begins, "right") - np.searchsorted(np.sort(lasts), begins)
+    begin = begins[np.argmax(sizes)]
+    return np.flatnonzero((begin <= lasts) & (lasts <= more * begin))
+
+
+def _way(run: Trajectory) -> FloatArray:
+    """Places (PLACES, 3) of the camera, m, at equal shares of its way; all the same where it only turns."""
+    check_body(run.model, "camera")
+    times = np.linspace(0.0, run.duration, MOMENTS)
+    pose = run.model.pose("camera", run.at(times))
+    places = np.stack([np.broadcast_to(column, times.shape) for column in (pose.x, pose.y, pose.z)], axis=1)
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    at = np.linspace(0.0, length[-1], PLACES)
+    return np.stack([np.interp(at, length, column) for column in places.T], axis=1)

@@ -23,11 +23,21 @@ from hpop.errors import StudyError
 from hpop.frontier.strict_json import pieces
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow
-from hpop.study import documents, orders
+from hpop.study import documents
 from hpop.study.conditions import KINDS, VIEW, Baseline, Condition, lettered, unlike
-from hpop.study.design_file import FILE, FRONT, MOST_BYTES, PEOPLE, SCHEDULE, DesignFile, PeopleFile
+from hpop.study.design_file import (
+    FILE,
+    FRONT,
+    MOST_BYTES,
+    PEOPLE,
+    SCHEDULE,
+    DesignFile,
+    Protocol,
+    checked_text,
+    departures,
+)
+from hpop.study.documents import front_digest
 from hpop.study.forms import Form
-from hpop.study.identity import front_digest
 from hpop.study.participants import (
     MOST,
     Departure,
@@ -37,9 +47,9 @@ from hpop.study.participants import (
     checked_strata,
     enrolled,
     named,
+    sequences,
     uneven,
 )
-from hpop.study.protocol import Protocol, checked_text
 
 SCHEMA, VERSION = "hpop-study", 1
 FORM_SCHEMA = "hpop-form"
@@ -123,11 +133,11 @@ class Design:
         rng = np.random.default_rng(seed)
         conditions = lettered(front, rows, kind, rng, baselines)
         letters = [condition.id for condition in conditions]
-        sequences = orders.sequences(order, letters, participants, rng)
+        dealt = sequences(order, letters, participants, rng)
         return cls(
             front_sha256=front_digest(front),
             conditions=conditions,
-            enrolled=enrolled(sequences, participants, checked_strata(strata or {}), rng),
+            enrolled=enrolled(dealt, participants, checked_strata(strata or {}), rng),
             questionnaires=tuple(questionnaires),
             protocol=protocol or Protocol(),
             consent=consent,
@@ -159,7 +169,7 @@ class Design:
                 language=stored.language,
                 seed=stored.seed,
                 order=stored.order,
-                left=_left(Path(folder) / PEOPLE),
+                left=departures(Path(folder) / PEOPLE),
             )
         except StudyError as error:
             raise StudyError(f"{path}: {error}") from None
@@ -264,7 +274,7 @@ class Design:
         """The distinct orders among which participants were dealt; of random ones those that were drawn."""
         if self.order == "random":
             return tuple(sorted({person.order for person in self.enrolled}))
-        return orders.sequences(self.order, self.letters, len(self.enrolled), np.random.default_rng(self.seed))
+        return sequences(self.order, self.letters, len(self.enrolled), np.random.default_rng(self.seed))
 
     def form(self, name: str) -> Form:
         """A questionnaire by its id."""
@@ -387,11 +397,3 @@ class Design:
             row = [person.strata[level] for level in levels]
             table.writerow([person.id, *row, *person.order, left.get(person.id, ""), before.get(person.id, "")])
         return text.getvalue()
-
-
-def _left(path: Path) -> tuple[Departure, ...]:
-    """Who left, by a file; nobody where there is none."""
-    if not path.exists():
-        return ()
-    stored = documents.read(path, PeopleFile, "who left a study", MOST_BYTES)
-    return tuple(Departure(one.participant, one.successor, one.withdrawn) for one in stored.left)

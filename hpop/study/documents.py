@@ -1,17 +1,31 @@
-"""JSON files of a study: strict, of bounded size, each with its schema and version; StudyError for anything else."""
+"""Files of a study: strict JSON with schema and version, tables, locks on the folder, and the record of a report.
+
+The system releases a lock when its holder ends, however it ends; nothing is left behind.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import json
 import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from hashlib import sha256
+from math import isnan
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.files import read_regular, replacing
 from hpop.base.text import printable, shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse, pieces
+from hpop.problems.front import Front
 
 MOST_FAULTS = 3
 """Faults of a file that are told one by one."""
@@ -81,3 +95,179 @@ def _said(fault: dict[str, Any]) -> str:
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{printable(part)}" for part in fault["loc"])
     came = "" if fault["type"] == "missing" else f", got {shown(fault['input'], 40)}"
     return f"at {where.lstrip('.') or 'the top'}: {fault['msg']}{came}"
+
+
+try:
+    import fcntl
+except ImportError:  # no such locks on this system: only one program may be at work on a study
+    fcntl = None  # type: ignore[assignment]
+
+
+@contextmanager
+def changing(folder: Path) -> Iterator[None]:
+    """Change what is in a study's folder alone, after who does so already; not to be nested."""
+    held = hold(folder, wait=True)
+    try:
+        yield
+    finally:
+        release(held)
+
+
+def serve_alone(folder: Path) -> int | None:
+    """Hold a folder for the one server of its answers, until :func:`release`; StudyError where another server does."""
+    try:
+        return hold(folder, wait=False)
+    except BlockingIOError:
+        raise StudyError(
+            f"{folder.parent} is served already, by another `hpop study serve`: two would take answers from each "
+            "other; use the addresses that it printed, or end it with Ctrl-C first"
+        ) from None
+
+
+def release(held: int | None) -> None:
+    """Let go of a lock."""
+    if held is not None:
+        os.close(held)
+
+
+def hold(folder: Path, *, wait: bool) -> int | None:
+    """A folder, open and locked, for :func:`release`; None on systems without such locks.
+
+    BlockingIOError where somebody else holds it and there is no waiting, StudyError where it cannot be locked.
+    """
+    if fcntl is None:
+        return None
+    held = None
+    try:
+        held = os.open(folder, os.O_RDONLY)
+        fcntl.flock(held, fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        release(held)
+        if isinstance(error, BlockingIOError):
+            raise
+        raise StudyError(
+            f"cannot lock {folder}: {error.strerror or error}; put the study on a disk of this machine"
+        ) from None
+    return held
+
+
+FORMULA = "=+-@\t\r\n＝＋－＠"
+"""What a cell begins with that a spreadsheet takes for a formula."""
+
+
+class Column(NamedTuple):
+    """A column: its name, and its type in SQLite."""
+
+    name: str
+    kind: str
+
+
+class Contents(NamedTuple):
+    """A table's columns and rows."""
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Any]]
+
+
+def csv_bytes(table: Contents) -> bytes:
+    r"""A table as CSV: UTF-8, commas, points, a heading; nothing where there is no value.
+
+    Text that a spreadsheet would run as a formula begins with an apostrophe.
+
+    >>> csv_bytes(Contents([Column("a", "TEXT"), Column("b", "REAL")], [("=1+1", 0.5), ("x", None), ("\n=1", 2)]))
+    b'a,b\n\'=1+1,0.5\nx,\n"\'\n=1",2\n'
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([column.name for column in table.columns])
+    writer.writerows([_cell(value) for value in row] for row in table.rows)
+    return text.getvalue().encode()
+
+
+def sqlite_bytes(tables: Mapping[str, Contents]) -> bytes:
+    """Tables as a file of SQLite."""
+    with sqlite3.connect(":memory:") as base:
+        for name, table in tables.items():
+            columns = ", ".join(f'"{column.name}" {column.kind}' for column in table.columns)
+            base.execute(f'CREATE TABLE "{name}" ({columns})')
+            gaps = ", ".join("?" * len(table.columns))
+            base.executemany(f'INSERT INTO "{name}" VALUES ({gaps})', _without_nan(table.rows))
+        base.commit()
+        data = base.serialize()
+    base.close()
+    return data
+
+
+def _cell(value: Any) -> Any:
+    if value is None or (isinstance(value, float) and isnan(value)):
+        return ""
+    return f"'{value}" if isinstance(value, str) and value[:1] and value[0] in FORMULA else value
+
+
+def _without_nan(rows: Iterable[Sequence[Any]]) -> list[list[Any]]:
+    return [[None if isinstance(value, float) and isnan(value) else value for value in row] for row in rows]
+
+
+@checked_arguments
+def front_digest(front: Front) -> str:
+    """SHA-256 of a front: its criteria, costs and trajectories, and the problem without the places of its files.
+
+    The same before and after the front is saved, loaded and moved; another where a cost, a state or the map differs.
+    """
+    criteria = list(zip(front.names, front.units, front.quanta.tolist(), strict=True))
+    digest = sha256(json.dumps([criteria, front.question], sort_keys=True).encode())
+    digest.update(front.integers.astype("<i8").tobytes())
+    for trajectory in front.trajectories:
+        states = trajectory.states
+        digest.update(json.dumps([list(trajectory.kinds), list(states.names)]).encode())
+        for name in states.names:
+            digest.update(np.asarray(getattr(states, name), dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+REPORT = "report.json"
+REPORT_SCHEMA, REPORT_VERSION = "hpop-study-report", 1
+MOST_REPORT = 100_000
+REPORT_NAME = r"^[a-z][a-z_-]{0,60}\.(html|csv|png|py)$"
+
+
+class ReportFile(Part):
+    """What report.json holds."""
+
+    schema_: Annotated[Literal["hpop-study-report"], Field(alias="schema")]
+    version: Literal[1]
+    score: Annotated[list[str], Field(min_length=2, max_length=2)]
+    method: Literal["default", "paper"]
+    correction: Literal["holm", "bonferroni", "none"]
+    mark: Annotated[str, StringConstraints(max_length=200)]
+    files: Annotated[list[Annotated[str, StringConstraints(pattern=REPORT_NAME)]], Field(max_length=100)]
+
+
+def read_report(folder: Path) -> ReportFile:
+    """What the report in a folder was made of; StudyError where the file is none."""
+    return read(folder / REPORT, ReportFile, "what a report was made of", MOST_REPORT)
+
+
+def write_report(folder: Path, score: tuple[str, str], how: dict[str, str], mark: str, files: Iterable[str]) -> None:
+    """Write down what the report in a folder is made of, and its files."""
+    known = {
+        "schema": REPORT_SCHEMA,
+        "version": REPORT_VERSION,
+        "score": list(score),
+        **how,
+        "mark": mark,
+        "files": list(files),
+    }
+    write(folder / REPORT, known)
+
+
+def remove_report(folder: Path) -> None:
+    """Remove the files of the report that was made in a folder, if one was; StudyError where they cannot be."""
+    if not (folder / REPORT).exists():
+        return
+    try:
+        for name in read_report(folder).files:
+            (folder / name).unlink(missing_ok=True)
+        (folder / REPORT).unlink()
+    except OSError as error:
+        raise StudyError(f"cannot remove the report in {folder}: {error.strerror or error}") from None

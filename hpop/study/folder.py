@@ -1,4 +1,4 @@
-"""A study's folder, made whole or not at all."""
+"""A study's folder: made whole or not at all, and checked."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from glob import escape
 from pathlib import Path
+from typing import NamedTuple
 
 from hpop.base.arguments import checked_arguments
 from hpop.errors import HpopError, StudyError
@@ -16,12 +17,11 @@ from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import ProgressCallback
 from hpop.study.answers import FOLDER as ANSWERS
+from hpop.study.answers import Answers, read_sessions
 from hpop.study.conditions import VIEW, Baseline
 from hpop.study.design import Design
 from hpop.study.design_file import FRONT
-from hpop.study.documents import read_bytes, write_bytes
-from hpop.study.identity import front_digest
-from hpop.study.locks import hold, release
+from hpop.study.documents import front_digest, hold, read_bytes, release, write_bytes
 from hpop.study.page import rides_of, session_page
 from hpop.study.stimuli import save_stimuli
 from hpop.study.words import FOLDER as WORDS
@@ -161,3 +161,32 @@ def _sweep(target: Path) -> None:
             if (held := hold(made, wait=False)) is not None:
                 shutil.rmtree(made, ignore_errors=True)
                 release(held)
+
+
+class Checked(NamedTuple):
+    """What a check found.
+
+    faults  that want doing something: files that cannot be read, half sessions, missing items
+    notes   that are no faults: who is still to come, stimuli of unequal duration
+    """
+
+    faults: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+@checked_arguments
+def check(folder: str | os.PathLike[str]) -> Checked:
+    """Look at the front, stimuli, pages and answers of a study; StudyError where there is no design to go by."""
+    target = Path(folder)
+    design = Design.load(target)
+    faults = []
+    try:
+        front_of(target, design)
+    except StudyError as error:
+        faults.append(str(error))
+    needed = [condition.stimulus for condition in design.conditions]
+    needed += [f"{PAGES}/{person.id}.html" for person in design.expected]
+    faults += [f"{target / name} is missing" for name in needed if not (target / name).is_file()]
+    sessions, refused = read_sessions(target, design)
+    answers = Answers(design, tuple(sessions))
+    return Checked((*faults, *refused, *answers.faults), (*design.notes, *answers.notes))

@@ -11,15 +11,13 @@ from typing import NamedTuple
 from hpop.base.arguments import checked_arguments
 from hpop.base.files import sweep
 from hpop.errors import StudyError
-from hpop.study import report_file
 from hpop.study.analysis import analyse
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers
 from hpop.study.answers import FOLDER as ANSWERS
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, FRONT, PEOPLE, SCHEDULE
+from hpop.study.documents import REPORT, changing, read_report, remove_report
 from hpop.study.folder import PAGES, STIMULI, write_pages
-from hpop.study.locks import changing
-from hpop.study.report_file import FILE as REPORT
 
 BEGINNING = 2**20
 MOST_READ = 2**26
@@ -165,8 +163,8 @@ def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
 def _reported_again(report: Path, answers: Answers | None) -> str:
     """Remove a report, and make it again of answers where there are any; what is to be said of it, or nothing."""
     try:
-        made = report_file.read(report)
-        report_file.remove(report)
+        made = read_report(report)
+        remove_report(report)
     except StudyError as error:
         return f"the report in {report} may still show who withdrew: remove it ({error})"
     if answers is None:

@@ -23,7 +23,7 @@ from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import parse
 from hpop.study import stimuli
-from hpop.study.protocol import STOP_RULE
+from hpop.study.design_file import STOP_RULE
 from hpop.study.words import words
 from hpop.view.single_page import single_page
 

@@ -17,14 +17,13 @@ import hpop
 from hpop.base.table import table_html
 from hpop.base.text import printable
 from hpop.errors import StudyError
-from hpop.study import design_file, report_file
+from hpop.study import design_file
 from hpop.study.conditions import unlike
-from hpop.study.documents import write_bytes
+from hpop.study.documents import Column, Contents, csv_bytes, remove_report, write_bytes, write_report
 from hpop.study.figures import draw, figures
 from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
 from hpop.study.statistics.pairs import STEP
-from hpop.study.tables import Column, Contents, csv_bytes
 from hpop.view.page import png_of
 
 if TYPE_CHECKING:
@@ -93,8 +92,8 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
     }
     files |= {f"{name}.png": png for name, png in pictures.items()}
     files |= {SCRIPT: code(analysis).encode(), PAGE: page(analysis, pictures).encode()}
-    report_file.remove(target)  # an earlier one may have had other tables
-    report_file.write(target, (analysis.form, analysis.score), _how(analysis), analysis.mark, files)
+    remove_report(target)  # an earlier one may have had other tables
+    write_report(target, (analysis.form, analysis.score), _how(analysis), analysis.mark, files)
     for name, data in files.items():
         write_bytes(target / name, data)
     return target / PAGE

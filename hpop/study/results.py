@@ -16,10 +16,9 @@ from hpop.errors import StudyError
 from hpop.study import statistics
 from hpop.study.answers import Answers, Matrix
 from hpop.study.design import Design
-from hpop.study.orders import places
+from hpop.study.participants import places
 from hpop.study.session import Comparison, questions_of
-from hpop.study.statistics.corrections import Correction
-from hpop.study.statistics.related import LEAST_STIMULI
+from hpop.study.statistics.scores import LEAST_STIMULI, Correction
 
 Method = Literal["default", "paper"]
 Cell = str | int | float

@@ -26,12 +26,10 @@ from hpop.base.files import open_regular
 from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
 from hpop.runtime.page_server import LOCAL, PIECE, PageHandler, PageServer
-from hpop.study.answers import FOLDER
+from hpop.study.answers import FOLDER, Ledger
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE
-from hpop.study.documents import read_bytes, write_bytes
-from hpop.study.ledger import Ledger
-from hpop.study.locks import changing, release, serve_alone
+from hpop.study.documents import changing, read_bytes, release, serve_alone, write_bytes
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 MOST_BODY = 16_384

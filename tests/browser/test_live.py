@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from benchmarks.seeded_fronts import front, problem
-from hpop.cli.live import LivePage
+from hpop.cli.beside import LivePage
 from tests.browser.explored import READY, bounds, selected, state, until, within
 
 

@@ -12,7 +12,7 @@ from click.testing import Result
 import hpop.runtime.compiled
 import hpop.view
 from hpop.cli import results
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.planners.lattice import Lattice
 from hpop.problems.front import Front
 from hpop.search.machinery import beside

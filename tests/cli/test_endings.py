@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.cli.results import check_writable
 from hpop.errors import OutputError
 from hpop.problems.front import Front

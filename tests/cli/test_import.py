@@ -9,7 +9,7 @@ from subprocess import CompletedProcess
 
 import pytest
 
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.problems.front import Front
 from tests.warm import UNDRAWN, Warm
 

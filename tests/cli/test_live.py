@@ -14,7 +14,7 @@ from threading import Thread
 import pytest
 from click.testing import Result
 
-from hpop.cli.live import HOST, LivePage
+from hpop.cli.beside import HOST, LivePage
 from hpop.cli.live_server import Shown, server_of
 from hpop.errors import OutputError
 from tests.view.explorer.decoder import Page

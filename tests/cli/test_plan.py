@@ -16,7 +16,7 @@ from click.testing import Result
 
 import hpop.view
 from hpop.base import registry
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.criteria.base import criterion
 from hpop.motions import Motions
 from hpop.planners.base import Candidates

@@ -19,7 +19,7 @@ from click.testing import Result
 
 import hpop
 from hpop.cli import asking_page, preferring
-from hpop.cli.preferred import differences
+from hpop.cli.picking import differences
 from hpop.errors import OutputError
 from hpop.frontier import Front
 from hpop.preference import Preference

@@ -20,9 +20,9 @@ MOST = 1.5  # processor seconds; .4 on an idle machine
 #: `hpop plan` that presses Ctrl-C itself, when the search reports so many points, and counts from then on.
 INTERRUPTED = f"""\
 import signal, time
-import hpop.cli.pictures, hpop.runtime.status
+import hpop.cli.beside, hpop.runtime.status
 from hpop.entry import main
-hpop.cli.pictures.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
+hpop.cli.beside.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
 described, begun = hpop.runtime.status.described, []
 
 def interrupting(progress):

@@ -16,7 +16,7 @@ from click.testing import CliRunner, Result
 
 import hpop.view
 from hpop.cli import main, report
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates
 from hpop.planners.lattice import Lattice
@@ -176,7 +176,7 @@ def test_of_a_stage_that_stands_the_map_is_drawn_and_of_others_nothing(
     with PicturesBeside(saved) as pictures:
         pictures.stage()  # the next front comes at once
     assert pictures._process is None
-    monkeypatch.setattr("hpop.cli.pictures.STANDS", 0.0)
+    monkeypatch.setattr("hpop.cli.beside.STANDS", 0.0)
     with PicturesBeside(saved) as pictures:
         pictures.stage()
         assert pictures._timer is not None

@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import hpop.runtime.status
 import hpop.view
 from hpop.cli import main
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 from hpop.runtime.status import Progress
 
 SCENARIO = """\

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hpop
-from hpop.export.meshes import extruded, meshes_of
+from hpop.export.glb import extruded, meshes_of
 from hpop.view.ride.scene import Scene
 from tests.export.given import FRAME, TABLE, problem
 

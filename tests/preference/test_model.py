@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.preference.model import LAPSE, log_answers, probabilities
+from hpop.preference.answers import LAPSE, log_answers, probabilities
 
 GAINS = st.floats(-40, 40)
 NUS = st.floats(0.001, 20)

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import Preference, Prior
-from hpop.preference.best import judged_alone, row_of
-from hpop.preference.questions import NOTICEABLE, information
+from hpop.preference.posterior import NOTICEABLE, information, judged_alone, row_of
 from tests import preferring as people
 
 THREE: Front[int] = Front.of([[0.0, 1.0], [0.3, 0.3], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])

@@ -13,7 +13,7 @@ import hpop
 from hpop.errors import OptionError, QueryError
 from hpop.planners.lattice import Lattice
 from hpop.ros import Interface, PlanarPose, Planning, plain, planar_pose, pose_message, trajectory_of
-from hpop.ros.result import ErrorCode
+from hpop.ros.protocol import ErrorCode
 from tests.export.given import robots
 from tests.ros.bridge import ABORTED, CANCELED, SUCCEEDED, fake_bridge
 from tests.ros.conftest import running

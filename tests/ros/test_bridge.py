@@ -18,8 +18,7 @@ from hpop.ros import Bridge, Interface, PathServer, pose_message
 from hpop.ros.bridge import Pace
 from hpop.ros.messages import pose_stamped
 from hpop.ros.paths import MOST_POSES
-from hpop.ros.protocol import MOST_BYTES, GoalStatus, encoded, result
-from hpop.ros.result import values_of
+from hpop.ros.protocol import MOST_BYTES, GoalStatus, encoded, result, values_of
 from tests.ros.bridge import ABORTED, SUCCEEDED, fake_bridge
 from tests.ros.conftest import DELAYS, running
 from tests.ros.test_action_server import ACTION, POSE, asked

@@ -15,8 +15,8 @@ import hpop
 from hpop import study
 from hpop.errors import StudyError
 from hpop.study import Answers, Design, folder
-from hpop.study.checks import check
 from hpop.study.documents import write_bytes
+from hpop.study.folder import check
 from tests.study.sessions import answered, events_of, put, session
 
 WORD = re.compile(rb"(?<![A-Za-z0-9+/])p02(?![A-Za-z0-9+/])")  # not by chance, in what is written as base64

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import StudyError
-from hpop.study.orders import neighbours, places, sequences
+from hpop.study.participants import neighbours, places, sequences
 
 COUNTS = range(2, 9)
 

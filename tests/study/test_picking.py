@@ -10,7 +10,7 @@ import pytest
 import hpop
 from hpop.base.arrays import FloatArray
 from hpop.errors import OptionError, StudyError, UnknownName
-from hpop.study.picking import pick
+from hpop.study.conditions import pick
 from hpop.trajectories.trajectory import Trajectory
 
 

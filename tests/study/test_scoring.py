@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import StudyError
-from hpop.study.forms import Form
-from hpop.study.scoring import missing, prorated, score
+from hpop.study.forms import Form, missing, prorated, score
 
 SSQ = Form.load("ssq")
 ZEROS = {item.id: 0 for item in SSQ.items}

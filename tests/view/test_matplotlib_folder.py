@@ -16,7 +16,7 @@ from hpop.runtime import matplotlib_folder
 
 USE = """\
 from pathlib import Path
-from hpop.cli.pictures import PicturesBeside
+from hpop.cli.beside import PicturesBeside
 with PicturesBeside(Path()) as pictures:
     pictures.start()
 import hpop.view

@@ -7,14 +7,21 @@ Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, and power by si
 
 from __future__ import annotations
 
-from hpop.study.statistics.bradley_terry import Strengths, bradley_terry
-from hpop.study.statistics.corrections import adjusted
-from hpop.study.statistics.describing import Described, describe
-from hpop.study.statistics.independent import Comparison, Independent, dunn, kruskal
+from hpop.study.statistics.choices import Multinomial, Share, Strengths, bradley_terry, multinomial, share
 from hpop.study.statistics.pairs import Pair, wilcoxon
 from hpop.study.statistics.power import Power, power
-from hpop.study.statistics.related import Related, cochran, friedman
-from hpop.study.statistics.shares import Multinomial, Share, multinomial, share
+from hpop.study.statistics.scores import (
+    Comparison,
+    Described,
+    Independent,
+    Related,
+    adjusted,
+    cochran,
+    describe,
+    dunn,
+    friedman,
+    kruskal,
+)
 
 __all__ = [
     "Comparison",

@@ -13,7 +13,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.base.options import one_of
 from hpop.errors import StudyError
-from hpop.study.statistics.related import checked
+from hpop.study.statistics.scores import checked
 
 Zeros = Literal["pratt", "wilcox"]
 STEP = 1e-9

@@ -20,9 +20,9 @@ from hpop.base.options import MOST_SEED, one_of, real, whole
 from hpop.base.scalars import python_value
 from hpop.base.text import counted, shown
 from hpop.errors import StudyError
+from hpop.study.statistics.choices import share
 from hpop.study.statistics.pairs import exact_p, rank_sum_chances
-from hpop.study.statistics.related import checked, complete_rows, friedman_statistics
-from hpop.study.statistics.shares import share
+from hpop.study.statistics.scores import checked, complete_rows, friedman_statistics
 
 Test = Literal["friedman", "wilcoxon", "kruskal"]
 TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal")

@@ -216,9 +216,6 @@ def draw(begin, end, met, things, view, tile, room, colours, numbers):
                 numbers[row, column] = sheet.numbers[row]
 
 
-# mypy: disable-error-code="no-untyped-def"
-
-
 HALF_TURN = 3.1
 """rad: an edge that seems longer is so close that the angle cannot tell on which side of the camera it passes."""
 
@@ -285,7 +282,7 @@ def boxes(cells: BoolArray) -> IntArray:
 
 
 @kernel
-def _boxes(cells):  # type: ignore[no-untyped-def]
+def _boxes(cells):
     """Greedy: the first cell that is left, as far as its row goes on, then row by row; ``cells`` is used up."""
     rows, columns = cells.shape
     found = np.empty((64, 4), np.int64)

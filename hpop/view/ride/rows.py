@@ -254,9 +254,6 @@ def draw_plate(t, p, dx, dy, sheet, view, things):
             sheet.summed[row, channel] += share * shade * (a + y * (b - a))
 
 
-# mypy: disable-error-code="no-untyped-def"
-
-
 @lean
 def _angle(x, y):
     """Angle of a vector, rad, as `math.atan2` gives it."""

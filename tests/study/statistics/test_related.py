@@ -11,7 +11,7 @@ from scipy import stats
 
 from hpop.errors import StudyError
 from hpop.study.statistics import cochran, friedman
-from hpop.study.statistics.related import friedman_statistics
+from hpop.study.statistics.scores import friedman_statistics
 from tests.study.statistics.printed import ROUNDING
 
 tables = hnp.arrays(np.int64, st.tuples(st.integers(2, 6), st.integers(3, 5)), elements=st.integers(0, 4))

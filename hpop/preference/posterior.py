@@ -1,20 +1,28 @@
-"""The posterior of a person's weights as weighted draws.
+"""The posterior of a person's weights as weighted draws, the best point for the person, and the next question.
 
-Draws of the prior are weighted by how probable they make the answers. That is exact but for the number of draws: no
-normal approximation, which fails where a share may be nothing. As answers come, fewer and fewer draws carry the
-weight. Once they count for less than ``LEAST_EFFECTIVE`` equal ones, they are drawn anew and each is moved by a random
-walk that keeps the posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models").
-A share of 0 stays 0 in that walk: how probable it is to care for some costs only is in how many draws have such shares.
+Draws of the prior are weighted by the probability of the answers. That is exact but for the number of draws: no normal
+approximation, which fails where a share may be 0. As answers come, fewer and fewer draws carry the weight. Once they
+count for less than ``LEAST_EFFECTIVE`` equal ones, they are drawn anew and each is moved by a random walk that keeps
+the posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). A share of 0 stays 0
+in that walk: the probability of caring for some costs only is the fraction of draws with such shares.
+
+Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): an answer tells
+most where it is open, and yet each person with certain weights would be sure of it. Pairs are drawn at random, and
+pairs among the present favourites are added.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.preference.model import Evidence
+from hpop.frontier.choosing import least
+from hpop.preference.answers import BLOCK, Evidence, probabilities
 from hpop.preference.prior import Prior, shares_of
 
 COUNT = 20_000
@@ -167,3 +175,148 @@ def _density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
     """Logarithm (N,) of the posterior's density where there are no bounds, but for a constant."""
     of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
     return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
+
+
+NEAR = 0.02
+"""Expected regret up to which a point is as good as the best, a share of the range of what the points cost a person."""
+CELLS = 4_000_000
+"""Costs of points by draws that are held at once."""
+
+
+@checked_arguments
+@dataclass(frozen=True, eq=False)
+class Best:
+    """The best point for a person.
+
+    row          of the front: the least expected cost
+    point        of that row
+    probability  (n,)  of each row, that it is the best one
+    regrets      (n,)  what each row is expected to cost more than the best one, as a share of the range of what the
+                       rows cost this person
+    near         rows with an expected regret of at most 2 % more than the best one's, the least first
+    """
+
+    row: int
+    point: Any
+    probability: FloatArray
+    regrets: FloatArray
+    near: tuple[int, ...]
+
+    @property
+    def regret(self) -> float:
+        """Expected regret of the best row, a share."""
+        return float(self.regrets[self.row])
+
+    def __repr__(self) -> str:
+        return (
+            f"<Best: row {self.row}, the best one with probability {self.probability[self.row]:.2f}, expected regret "
+            f"{100 * self.regret:.1f} %>"
+        )
+
+
+def row_of(rows: FloatArray, shares: FloatArray) -> int:
+    """The row of (n, f) of least expected cost, for the mean shares (f,); of equal ones never a dominated one."""
+    return least(rows @ shares, rows.sum(axis=1))
+
+
+def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
+    """Return the probability of each of the rows (n, f) to be the best, and its expected regret, by equal draws.
+
+    Of rows that cost a person the same who cares for some of the costs only, one counts: that of the least sum.
+    """
+    order = np.argsort(rows.sum(axis=1), kind="stable")
+    rows = rows[order]
+    counts, regrets = np.zeros(len(rows)), np.zeros(len(rows))
+    size = max(1, CELLS // len(rows))
+    for begin in range(0, len(draws), size):
+        costs = draws.shares[begin : begin + size] @ rows.T  # (draws, n)
+        low = costs.min(axis=1, keepdims=True)
+        span = costs.max(axis=1, keepdims=True) - low
+        np.subtract(costs, low, out=costs)
+        np.divide(costs, span, out=costs, where=span > 0)
+        regrets += costs.sum(axis=0)
+        counts += np.bincount(costs.argmin(axis=1), minlength=len(rows))
+    places = np.argsort(order)
+    return counts[places] / len(draws), regrets[places] / len(draws)
+
+
+def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
+    """Return the same of one row, in less than half the time."""
+    order = np.argsort(rows.sum(axis=1), kind="stable")
+    rows, row = rows[order], int(np.flatnonzero(order == row)[0])
+    costs = draws.shares @ rows.T  # (draws, n)
+    first = costs.argmin(axis=1)
+    low = costs[np.arange(len(costs)), first]
+    span = costs.max(axis=1) - low
+    regrets = (costs[:, row] - low) / np.where(span > 0, span, 1.0)
+    return float((first == row).mean()), float(regrets.mean())
+
+
+PAIRS = 400
+"""Pairs that are drawn at random."""
+FAVOURITES = 8
+"""Rows that are most often the best, of which all pairs are looked at."""
+NOTICEABLE = 0.05
+"""What two shown together differ by in some cost at least, a share of its range."""
+
+
+def most_telling(
+    rows: FloatArray,
+    draws: Draws,
+    asked: Collection[tuple[int, int]],
+    rng: np.random.Generator,
+    *,
+    ties: bool,
+) -> tuple[int, int] | None:
+    """The pair of rows to ask about, the first shown left; None where none is left that differs.
+
+    Parameters
+    ----------
+    rows : (n, f) array
+        Costs as shares of their ranges.
+    draws
+        Of the weights, of equal weight.
+    asked
+        Pairs that were asked already, in the order in which they were shown: none comes again so, and the other way
+        round only where no new one is left.
+    ties
+        Whether "no difference" can be answered.
+    """
+    pairs = _candidates(rows, draws, rng)
+    numbers = {a * len(rows) + b for a, b in asked}
+    known, turned = (np.isin(pairs @ order, list(numbers)) for order in ([len(rows), 1], [1, len(rows)]))
+    fresh = bool((~(known | turned)).any())
+    other_way = np.where(known[:, None], pairs[:, ::-1], pairs)[~(known & turned)]
+    pairs = pairs[~(known | turned)] if fresh else other_way
+    if not len(pairs):
+        return None
+    gains = (rows[pairs[:, 1]] - rows[pairs[:, 0]]) @ draws.weights.T  # (pairs, draws)
+    best = int(np.argmax(information(gains, draws.ties if ties else None)))
+    a, b = pairs[best].tolist()
+    return (b, a) if fresh and rng.random() < 0.5 else (a, b)
+
+
+def information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
+    """What an answer is expected to tell of the weights, in nats, for each pair: (pairs, draws) -> (pairs,)."""
+    told = np.zeros(len(gains))
+    size = max(1, BLOCK // gains.shape[1])
+    for begin in range(0, len(gains), size):
+        part = slice(begin, begin + size)
+        for chances in probabilities(gains[part], ties):
+            mean = chances.mean(axis=1)
+            told[part] += np.einsum("pd,pd->p", chances, np.log(chances)) / chances.shape[1] - mean * np.log(mean)
+    return told
+
+
+def _candidates(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
+    """Pairs of rows (m, 2) that differ noticeably: of few rows all, else some at random and those of the favourites."""
+    n = len(rows)
+    if n * (n - 1) // 2 <= PAIRS:
+        pairs = np.column_stack(np.triu_indices(n, 1))
+    else:
+        found, counts = np.unique((draws.shares @ rows.T).argmin(axis=1), return_counts=True)
+        top = found[np.argsort(-counts, kind="stable")[:FAVOURITES]]
+        favourites = top[np.column_stack(np.triu_indices(len(top), 1))]
+        pairs = np.concatenate([favourites, rng.integers(n, size=(PAIRS, 2))])
+    apart = np.abs(rows[pairs[:, 0]] - rows[pairs[:, 1]]).max(axis=1)
+    return np.asarray(pairs[apart >= NOTICEABLE])

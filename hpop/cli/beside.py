@@ -1,0 +1,183 @@
+"""Processes beside a search: one serves the page of the running search, another draws pictures of a saved front.
+
+Drawing takes seconds of Python, which would slow down the search, or keep a user waiting who has stopped it. Both
+processes read what is saved, so they need nothing but the user's own code, if there is any.
+
+The page of ``hpop plan --web`` is served to this machine alone by :mod:`hpop.cli.live_server`. The command takes the
+port before the search begins, and says each time that a front was saved; the server ends with the command.
+
+``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES bounds the map's field
+(0: no limit); -P imports nothing from the current folder.
+"""
+
+from __future__ import annotations
+
+import os
+import secrets
+import socket
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
+from threading import Timer
+from types import TracebackType
+from typing import Any
+
+from hpop.errors import OutputError
+from hpop.runtime import matplotlib_folder
+from hpop.runtime.interrupts import interrupts_held
+
+TOKEN = "HPOP_LIVE_TOKEN"  # of the environment of the other process
+HOST = "127.0.0.1"  # nobody else's machine gets there
+WAITING = 64  # browsers that ask before the other process answers
+LAST = 20.0  # s: so long the last front may take to be shown; then the command ends all the same
+
+
+class LivePage:
+    """A page that follows the front saved in a folder; at the end of a ``with`` it shows the last one and is gone.
+
+    port     0 takes any that is free
+    imports  files and modules that register what the front was planned with
+
+    Raises OutputError where the port cannot be had.
+    """
+
+    def __init__(self, port: int, folder: Path, imports: Sequence[str] = ()) -> None:
+        self._process: Popen[bytes] | None = None
+        token = secrets.token_urlsafe(16)  # whoever does not know it is shown nothing
+        with socket.socket() as listening:
+            listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                listening.bind((HOST, port))
+                listening.listen(WAITING)
+            except OSError as error:
+                raise OutputError(
+                    f"--web: port {port} of this machine cannot be had: {error.strerror or error}; choose another, "
+                    "or 0 for any that is free"
+                ) from None
+            self.address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
+            number = listening.fileno()
+            command = [sys.executable, "-P", "-m", "hpop.cli.live_server", str(number), str(folder), *imports]
+            known = {**os.environ, TOKEN: token}  # not in the command, which all users of a machine see
+            # A session of its own: Ctrl-C on the terminal is not meant for it. Without a process there is no page.
+            with suppress(OSError), interrupts_held():
+                quiet: dict[str, Any] = {"stdout": DEVNULL, "stderr": DEVNULL, "start_new_session": True}
+                self._process = Popen(command, stdin=PIPE, pass_fds=[number], env=known, **quiet)
+
+    @property
+    def is_served(self) -> bool:
+        """Whether there is a process that serves it."""
+        return self._process is not None
+
+    def __enter__(self) -> LivePage:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def saved(self) -> None:
+        """Show the front that was just saved."""
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(OSError):  # it is gone: the search matters more
+                self._process.stdin.write(b"\n")
+                self._process.stdin.flush()
+
+    def stop(self) -> None:
+        """Let the last front be shown, and end."""
+        if self._process is None:
+            return
+        process, self._process = self._process, None
+        if process.stdin is not None:
+            with suppress(OSError):
+                process.stdin.close()
+        try:
+            process.wait(LAST)
+        except (TimeoutExpired, KeyboardInterrupt):
+            process.kill()
+            process.wait()
+
+
+NICENESS = 10  # the search comes first
+STANDS = 2.0  # s: a front of a stage that stands so long is worth a picture; most give way to the next one before
+
+
+class PicturesBeside:
+    """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops.
+
+    imports     files and modules that register what the front was planned with
+    max_memory  bytes  for the map's field
+    """
+
+    def __init__(self, folder: Path, imports: Sequence[str] = (), max_memory: int | None = None) -> None:
+        self.folder = folder
+        self.imports = imports
+        self.max_memory = max_memory
+        self._timer: Timer | None = None
+        self._process: Popen[Any] | None = None
+        matplotlib_folder.provide()
+
+    def __enter__(self) -> PicturesBeside:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def stage(self) -> None:
+        """Draw the map alone, if no better front comes soon."""
+        self.stop()
+        self._timer = Timer(STANDS, self._begin, ["map"])
+        self._timer.daemon = True
+        self._timer.start()
+
+    def start(self) -> None:
+        """Begin to draw all pictures; they are a help, so where no process can be had there are none."""
+        self.stop()
+        self._begin("all")
+
+    def _begin(self, which: str) -> None:
+        given = [which, str(self.folder), str(self.max_memory or 0), *self.imports]
+        command = [sys.executable, "-P", "-m", "hpop.cli.beside", *given]
+        with suppress(OSError), interrupts_held():  # or a process would be begun that nobody can stop
+            # A session of its own: Ctrl-C on the terminal is not meant for it.
+            self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
+
+    def stop(self) -> None:
+        """Make sure that nothing is drawn any more: a new front is about to be saved. No half of a picture is left."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer.join()  # it may just have begun
+            self._timer = None
+        if self._process is None:
+            return
+        self._process.kill()
+        self._process.wait()
+        self._process = None
+        for ending in (".png", ".html"):
+            for half in self.folder.glob(f".*{ending}.*.tmp"):
+                half.unlink(missing_ok=True)
+
+
+def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
+    """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
+    from hpop.runtime import garbage
+
+    garbage.seldom()
+    from hpop.cli import results, user_code
+    from hpop.problems.front import Front
+    from hpop.problems.problem import Problem
+
+    if hasattr(os, "nice"):
+        os.nice(NICENESS)
+    user_code.register(imports)
+    front = Front.load(folder / results.SAVED)
+    problem = Problem.from_description(front.problem or {})
+    results.draw(problem, front, folder, map_alone=which == "map", max_memory=max_memory)
+
+
+if __name__ == "__main__":
+    draw(sys.argv[1], Path(sys.argv[2]), int(sys.argv[3]) or None, sys.argv[4:])
