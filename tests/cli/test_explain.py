@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import Result
 
+from hpop.cli.explain import REGISTRIES, explained
 from hpop.cli.glossary import entries, page
-from hpop.cli.listing import REGISTRIES, explained
 from hpop.cli.report import WORDS
 from hpop.runtime.status import Status
 

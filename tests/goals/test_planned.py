@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.cli.listing import print_goals
+from hpop.cli.explain import print_goals
 from hpop.cli.report import print_front
 from hpop.errors import QueryError
 from hpop.goals import LookAt

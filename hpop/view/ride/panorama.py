@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.view.ride import drawn, surfaces
+from hpop.view.ride import surfaces, tiles
 from hpop.view.ride.columns import crossings, draw, longest
-from hpop.view.ride.drawn import Look, Met, Room, Things, View
 from hpop.view.ride.rows import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, turned
 from hpop.view.ride.scene import Scene
+from hpop.view.ride.tiles import Look, Met, Room, Things, View
 
 Picture = NDArray[np.uint8]
 """(H, W, 3), sRGB; row 0 looks up, the middle of a row ahead, its left part to the left."""
@@ -91,7 +91,7 @@ class Panorama:
         room = Room.of(rows, len(things.items), most + len(things.parts) + len(things.plates))
         colours = np.empty((rows, self.width, 3), np.uint8)
         numbers = np.zeros((rows, self.width) if hard else (0, 0), np.int32)
-        draw(0, self.width, met, things, view, drawn.texture(), room, colours, numbers)
+        draw(0, self.width, met, things, view, tiles.texture(), room, colours, numbers)
         return colours, numbers
 
     @cached_property
@@ -125,7 +125,7 @@ class Panorama:
 
     @cached_property
     def _pictures(self) -> tuple[NDArray[np.uint8], IntArray]:
-        return drawn.plates(self.scene.plates)
+        return tiles.plates(self.scene.plates)
 
     def _things(self, x: float, y: float, t: float) -> Things:
         """What there is at a time; plates without a facing are turned to the camera."""

@@ -1,4 +1,4 @@
-"""The arrays that the kernels of panoramas take: surfaces, textures, plates of landmarks, views and results."""
+"""Textures and pictures of surfaces, and the arrays that the kernels of panoramas take."""
 
 from __future__ import annotations
 

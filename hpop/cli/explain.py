@@ -1,0 +1,155 @@
+"""Registered criteria, planners, models, goals and formats, printed, and what a printed word or name means."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from rich.console import Console
+from rich.padding import Padding
+from rich.text import Text
+
+from hpop.base import registry
+from hpop.base.registry import GROUPS, Registry
+from hpop.base.text import shown
+from hpop.cli.glossary import entries
+from hpop.errors import HpopError, UnknownName, did_you_mean
+
+
+def print_criteria(console: Console | None = None) -> None:
+    """Print the registered criteria by group."""
+    console = console or Console()
+    known: Sequence[Any] = list(registry.criteria.values())
+    console.print("Criteria, all minimised: name, unit, how motions add up, parameters")
+    for letter, group in GROUPS.items():
+        members = sorted((c for c in known if c.group == letter), key=lambda c: str(c.name))
+        if members:
+            console.print(f"\n{letter}: {group}", style="bold", highlight=False)
+        for cls in members:
+            _print_entry(console, cls.name, declared(cls), _first_line(cls))
+
+
+def declared(item: Any) -> str:
+    """What a registered type says of itself, on one line: of a criterion its unit, and what it requires; its fields."""
+    parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
+    if hasattr(item, "aggregate"):
+        requires = f"requires {', '.join(item.requires)}" if item.requires else ""
+        parts = ["" if item.unit == "1" else item.unit, item.aggregate, requires, *parts]
+    return ", ".join(filter(None, parts))
+
+
+def print_models(console: Console | None = None) -> None:
+    """Print the registered robots, their parameters and what they provide."""
+    console = console or Console()
+    console.print("Models: name, parameters with their defaults, what criteria and planners can ask of it")
+    for name, cls in registry.models.items():
+        _print_entry(console, name, _fields(cls), f"{_first_line(cls)} {_provided(cls)}".strip())
+
+
+def print_goals(console: Console | None = None) -> None:
+    """Print the registered goals and their parameters."""
+    console = console or Console()
+    console.print("Goals that are no states: name, parameters with their defaults")
+    for name, cls in registry.goals.items():
+        _print_entry(console, name, _fields(cls), _first_line(cls))
+
+
+def print_planners(console: Console | None = None) -> None:
+    """Print the registered planners, their options and what they need."""
+    console = console or Console()
+    console.print("Planners: name, options with their defaults, what they need of a model")
+    for name, cls in registry.planners.items():
+        needs = ", ".join(sorted(cls.needs))
+        _print_entry(console, name, _fields(cls), f"{_first_line(cls)} Needs {needs or 'nothing: any model will do'}.")
+
+
+def print_formats(console: Console | None = None) -> None:
+    """Print the export formats, how their files are called, and their axes."""
+    console = console or Console()
+    console.print("Formats of `hpop export`: name, ending of its files, axes")
+    formats: dict[str, Any] = dict(registry.formats)
+    for name, each in formats.items():
+        _print_entry(console, name, each.suffix, f"{_first_line(each)} Axes: {each.axes}.")
+
+
+def _provided(cls: type) -> str:
+    """What a robot with its defaults provides, in words; nothing of one that has none."""
+    try:
+        made = cls()
+    except (TypeError, HpopError):
+        return ""
+    return f"States {made.space}. Provides {', '.join(sorted(made.provides))}."
+
+
+def _print_entry(console: Console, name: str, declared: str, what: str) -> None:
+    console.print(Padding(Text.assemble((name, "bold"), f"  {declared}"), (0, 0, 0, 2), expand=False))
+    console.print(Padding(Text(what), (0, 0, 0, 6), expand=False))
+
+
+def _fields(cls: Any) -> str:
+    return ", ".join(f"{field.name}={_default(field)}" for field in dataclasses.fields(cls) if field.init)
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    """What a field is if nobody gives it: "..." where somebody must."""
+    if field.default_factory is not dataclasses.MISSING:
+        return repr(field.default_factory())
+    return "..." if field.default is dataclasses.MISSING else repr(field.default)
+
+
+def _first_line(cls: Any) -> str:
+    """First paragraph of a docstring, on one line, without markup."""
+    text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
+    return re.sub(r":\w+:`|`", "", text)
+
+
+REGISTRIES: tuple[Registry[Any], ...] = (
+    registry.criteria,
+    registry.planners,
+    registry.models,
+    registry.goals,
+    registry.readers,
+    registry.formats,
+)
+
+
+def explained(word: str) -> str:
+    """All that is known of a word; UnknownName where that is nothing."""
+    meant = _plain(word)
+    found = [*_meanings(meant), *_registered(meant)]
+    if not found:
+        words = [name for entry in entries() for name in (entry.word, *entry.also)]
+        names = [name for each in REGISTRIES for name in each]
+        near = did_you_mean(meant, [*words, *names])
+        raise UnknownName(f"unknown word {shown(word)}.{near} {known()}")
+    return "\n\n".join(found)
+
+
+def known() -> str:
+    """The words that are explained."""
+    words = ", ".join(entry.word for entry in entries())
+    *kinds, last = (each.kind for each in REGISTRIES)
+    return f"Explained are {words}; and the name of each {', '.join(kinds)} and {last}."
+
+
+def _plain(word: str) -> str:
+    """A word as it is looked up: one that is printed with capitals, dashes or blanks is the same."""
+    return re.sub(r"[\s_-]+", " ", word.strip().lower())
+
+
+def _meanings(word: str) -> Iterator[str]:
+    for entry in entries():
+        if word in map(_plain, (entry.word, *entry.also)):
+            yield f"{entry.word}: {entry.meaning}"
+
+
+def _registered(word: str) -> Iterator[str]:
+    for each in REGISTRIES:
+        for name in each:
+            if _plain(name) == word:
+                item = each[name]
+                text = re.sub(r":\w+:`~?([^`]+)`|``([^`]+)``", r"\1\2", inspect.cleandoc(item.__doc__ or ""))
+                yield "\n".join(filter(None, [f"{name}, a {each.kind}: {declared(item)}".rstrip(": "), "", text]))
