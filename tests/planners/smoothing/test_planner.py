@@ -217,14 +217,18 @@ def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(
 
 
 def test_candidates_that_ended_in_a_flat_valley_are_told_of(monkeypatch):
-    solve = DrivenProgram.solve
+    solve, refined = DrivenProgram.solve, DrivenProgram.refined
 
     def flat(program, *args, **options):
         return dataclasses.replace(solve(program, *args, **options), status=FLAT)
 
+    def flat_refined(program, *args):
+        return dataclasses.replace(refined(program, *args), status=FLAT)
+
     problem = dataclasses.replace(ROUND, criteria=("turns", "length"))
     assert "nearly" not in Smoothing(step=1.0).solve(problem).certificate
     monkeypatch.setattr(DrivenProgram, "solve", flat)
+    monkeypatch.setattr(DrivenProgram, "refined", flat_refined)
     candidates = Smoothing(step=1.0).solve(problem)
     count = len(candidates.trajectories)
     assert f"{count} of {count} only nearly: the objective fell no more" in candidates.certificate
