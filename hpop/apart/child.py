@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 KINDS = ("<f8", "<i8", "|i1")
 """Kinds of numbers that are passed on."""
+DISK = 1024**3
+"""Bytes of a file that it writes: some libraries unpack what is compressed into a temporary one."""
+MODULES = ("bag", "dxf", "pdf")
 
 
 class Refused(Exception):
@@ -65,11 +68,6 @@ def unpacked(data: bytes) -> Answer:
 def refusal(text: str) -> bytes:
     """Return a refusal as bytes."""
     return json.dumps({"refused": text}).encode() + b"\n"
-
-
-DISK = 1024**3
-"""Bytes of a file that it writes: some libraries unpack what is compressed into a temporary one."""
-MODULES = ("bag", "dxf", "pdf")
 
 
 def bound(memory: int, seconds: int) -> None:

@@ -26,6 +26,9 @@ SAG = 5e-4
 
 HIDDEN = "on layers that are off or frozen"
 """What is said of things that are not shown."""
+Points = Sequence[tuple[float, float]]
+NEAR = 0.01
+"""How far a point may be beyond a border and is still on it."""
 
 
 class Lines:
@@ -121,11 +124,6 @@ def said(counted: Counter[str] | dict[str, int], most: int = 12) -> str:
     """Return names with their counts, the greatest first."""
     several = sorted(counted.items(), key=lambda entry: (-entry[1], entry[0]))
     return ", ".join(f"{name} ({count:,})" for name, count in several[:most]) + ", ..." * (len(several) > most)
-
-
-Points = Sequence[tuple[float, float]]
-NEAR = 0.01
-"""How far a point may be beyond a border and is still on it."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,14 @@ REFERENCE = re.compile(rb"(\d{1,10})\s+\d{1,5}\s+R\b")
 NAME = re.compile(rb"/Name\s*(\((?:\\.|[^\\()])*\)|<[0-9A-Fa-f\s]*>)", re.DOTALL)
 ESCAPE = re.compile(rb"\\([0-7]{1,3}|\r\n|.)", re.DOTALL)
 LETTERS = {b"n": b"\n", b"r": b"\r", b"t": b"\t", b"b": b"\b", b"f": b"\f", b"\n": b"", b"\r": b"", b"\r\n": b""}
+PAPER = 0.9
+"""Brightness above which a line is no line: it covers what lies below."""
+INK = 0.5
+"""Brightness below which a fill is solid: lighter ones colour rooms."""
+LAYERLESS = "(no layer)"
+PEN = 72 / 25.4
+"""Thickness up to which a line is a pen's, 1 mm on paper: what is thicker is drawn as a band."""
+Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def page_unit(pdfium: Any, document: Any, number: int, data: bytes) -> float:
@@ -111,16 +119,6 @@ def _unescaped(escape: bytes) -> bytes:
     if escape.isdigit():
         return bytes([int(escape, 8) % 256])
     return LETTERS.get(escape, escape)
-
-
-PAPER = 0.9
-"""Brightness above which a line is no line: it covers what lies below."""
-INK = 0.5
-"""Brightness below which a fill is solid: lighter ones colour rooms."""
-LAYERLESS = "(no layer)"
-PEN = 72 / 25.4
-"""Thickness up to which a line is a pen's, 1 mm on paper: what is thicker is drawn as a band."""
-Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def extract(data: bytes, options: dict[str, Any]) -> Answer:

@@ -30,6 +30,9 @@ ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # Weight of the sum in the augmented Chebyshev function: small beside the maximum, enough to break its ties.
 AUGMENTATION = 1e-4
 MOST_LETTERS = 100  # of a name that is compared with others
+# Depths are of order one; differences below this are noise of the linear programs.
+NOISE = 1e-9
+ZERO = 1e-12  # in a tableau whose entries are of order one
 
 
 def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
@@ -229,11 +232,6 @@ def least(*keys: FloatArray, tie: float = TIE) -> int:
         lowest = key[rows].min()
         rows = rows[key[rows] <= lowest + tie * max(1.0, abs(lowest))]
     return int(rows[0])
-
-
-# Depths are of order one; differences below this are noise of the linear programs.
-NOISE = 1e-9
-ZERO = 1e-12  # in a tableau whose entries are of order one
 
 
 @checked_arguments

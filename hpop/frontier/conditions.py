@@ -34,6 +34,7 @@ OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
 }
 FORM = re.compile(r"\s*([<>=!~]*)(.*)", re.DOTALL)
 ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative: a bound as a count of quanta is off by its rounding
+WAYS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
 
 
 class Condition(NamedTuple):
@@ -136,9 +137,6 @@ def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
     column = choosing.column_index(name, front.names + front.reported_names)
     k = len(front.names)
     return (front.costs[:, column], float(front.quanta[column])) if column < k else (front.reported[:, column - k], 0.0)
-
-
-WAYS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
 
 
 def kept(index: Any, size: int) -> tuple[BoolArray, str]:

@@ -15,6 +15,8 @@ from hpop.base.text import shown
 from hpop.frontier.dominance import FloatArray, cost_matrix
 from hpop.frontier.strict_json import plain
 
+T = TypeVar("T")
+
 
 class FrontError(ValueError):
     """Fronts that cannot be joined, or a choice without meaning."""
@@ -99,9 +101,6 @@ def as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
         return cast(dict[str, Any], plain(dict(value)))
     except (TypeError, ValueError, RecursionError) as error:
         raise ValueError(f"{what} must be a dict of JSON values, got {shown(value)} ({error})") from error
-
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

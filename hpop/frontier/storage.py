@@ -50,6 +50,7 @@ _TOP: Kinds = {
 _CRITERION: Kinds = {"name": str, "unit": str, "group": str, "quantum": (float, int)}
 _REPORTED: Kinds = {"name": str, "unit": str}
 _POINTS: Kinds = {"count": int, "costs": dict, "reported": dict, "origins": list, "origin": list}
+ORIGIN = "provenance."
 
 
 class StoredFront(TypedDict):
@@ -239,9 +240,6 @@ def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) ->
 def _refuse(source: Path, expected: str, found: str, advice: str) -> NoReturn:
     """Raise the error of a file that cannot be read."""
     raise FrontFileError(f"{source}: expected {expected}, found {found:.200}; {advice}") from None
-
-
-ORIGIN = "provenance."
 
 
 def dataframe(front: Front[Any]) -> pandas.DataFrame:

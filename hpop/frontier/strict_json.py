@@ -20,6 +20,8 @@ from hpop.frontier.dominance import FloatArray, IntArray
 
 SLICE = 2**16  # values of a long list that are written at once
 SLICE_OF_ROWS = 2**9  # lists of whole numbers
+Kinds = dict[str, type | tuple[type, ...]]
+"""Keys of an object, each with the types that its value may have."""
 
 
 def of_numpy(value: Any) -> Any:
@@ -135,10 +137,6 @@ def _bounded_int(text: str) -> int:
 def _no_constant(text: str) -> NoReturn:
     """Refuse NaN and Infinity, which JSON does not have."""
     raise ValueError(f"the constant {text}, which is not JSON")
-
-
-Kinds = dict[str, type | tuple[type, ...]]
-"""Keys of an object, each with the types that its value may have."""
 
 
 def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:

@@ -22,6 +22,7 @@ F = TypeVar("F", bound="Front[Any]")
 
 # What joins the statuses and the certificates of the fronts that a union was made of.
 JOINT = " | "
+BEYOND = 0.1  # of the range between ideal and nadir: how far beyond the nadir the default reference lies
 
 
 def join(first: F, second: F) -> F:
@@ -85,9 +86,6 @@ def _require_same(what: str, mine: object, theirs: object) -> None:
 def _joined(first: str, second: str) -> str:
     """List distinct statements once, in alphabetical order."""
     return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))
-
-
-BEYOND = 0.1  # of the range between ideal and nadir: how far beyond the nadir the default reference lies
 
 
 @checked_arguments

@@ -24,6 +24,7 @@ from hpop.motions import Pose, Twist, Vector
 
 ALIGNED = 1e-7  # rad: below, the sine of an angle is the angle to the last bit
 CLOSEST = 1e-12  # m or rad: what is divided by is no less
+Axes = tuple[Vector, Vector, Vector]
 
 
 def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
@@ -67,9 +68,6 @@ def roll_rate(pose: Pose, twist: Twist) -> Column:
     left, up = pose.left[2], pose.up[2]
     left_rate, up_rate = (cross(twist.rotation, axis)[2] for axis in (pose.left, pose.up))
     return (up * left_rate - left * up_rate) / np.maximum(left * left + up * up, CLOSEST)
-
-
-Axes = tuple[Vector, Vector, Vector]
 
 
 def turn_to(pose: Pose, axes: Axes) -> Vector:

@@ -41,6 +41,9 @@ DAMPING = 1e-2  # of the first step
 EASED, RAISED = 0.2, 5.0
 LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6  # a step with more is nothing: the best near by is found
 APART = 1e-3  # m, as far as spaces measure: states nearer to each other are one
+DEGREE = math.radians(1)
+LEAST_SEEDS = 200  # random states from which a descent begins, at once
+Place = tuple[float, float, float]
 
 
 class Miss(NamedTuple):
@@ -173,11 +176,6 @@ def _unit_rates(states: States, moving: str) -> States:
 def _stacked(columns: tuple[Column, ...], size: int) -> FloatArray:
     """Stack columns and numbers as (size, k)."""
     return np.stack([np.broadcast_to(np.asarray(column, float), (size,)) for column in columns], axis=1)
-
-
-DEGREE = math.radians(1)
-LEAST_SEEDS = 200  # random states from which a descent begins, at once
-Place = tuple[float, float, float]
 
 
 @checked_arguments

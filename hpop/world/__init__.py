@@ -1,4 +1,4 @@
-"""The workspace, its fields, and the readers of maps."""
+"""Worlds: the workspace of a robot with its fields, its people, and the readers of maps."""
 
 from hpop.world.content.futures import Future
 from hpop.world.content.people import Person

@@ -1,4 +1,4 @@
-"""What a world has in space, as convex solids: what an arm meets, whatever it was given as."""
+"""Bodies of a world in space as convex solids, for arms: from solids, prisms and cells."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MAKING = "the bodies of the world were made"
 
 
 def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
-    """Solids as given, convex pieces of prisms, and rectangles of cells, each with a name; MapError for too many."""
+    """Return given solids, convex pieces of prisms, and boxes of cells, each with a name; MapError for too many."""
     bodies: list[Solid] = []
     given = 0
     for place, obstacle in enumerate(obstacles):
@@ -50,7 +50,7 @@ def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[
 
 
 def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]:
-    """What is closed though nothing solid is there, at all heights: people who stand, as columns; keep-out zones."""
+    """Return closed regions that are not solid, at all heights: standing people as columns, keep-out zones."""
     bodies = []
     for place, person in enumerate(content.people):
         if not person.moves:
@@ -66,7 +66,7 @@ def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]
 
 
 def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterator[Solid]:
-    """Convex prisms that together are one over a polygon; endless ones are cut, see `ENDLESS`."""
+    """Return convex prisms that make up a prism over a polygon; endless ones are cut, see `ENDLESS`."""
     low, high = heights
     bottom = low if math.isfinite(low) else min(-ENDLESS, high - ENDLESS)
     top = high if math.isfinite(high) else max(ENDLESS, low + ENDLESS)
@@ -75,7 +75,7 @@ def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterato
 
 
 def convex_pieces(polygon: Polygon) -> list[Polygon]:
-    """Convex polygons that together are a polygon: triangles, joined across their longest sides first.
+    """Return convex polygons that make up a polygon: triangles, joined across their longest sides first.
 
     >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
     [2.5, 8.5]
@@ -103,7 +103,7 @@ def convex_pieces(polygon: Polygon) -> list[Polygon]:
 
 
 def _neighbours(triangles: Sequence[Polygon]) -> list[tuple[int, int]]:
-    """Pairs of triangles that share a side, those with the longest side first."""
+    """Return pairs of triangles that share a side, the longest side first."""
     first: dict[tuple[tuple[float, ...], ...], int] = {}
     shared: list[tuple[float, int, int]] = []
     for number, triangle in enumerate(triangles):
@@ -117,7 +117,7 @@ def _neighbours(triangles: Sequence[Polygon]) -> list[tuple[int, int]]:
 
 
 def _prism(piece: Polygon, bottom: float, top: float, name: str) -> Solid:
-    """An upright prism over a convex polygon: a box where that is a rectangle, or too thin to have a volume."""
+    """Return an upright prism over a convex polygon: a box for a rectangle; None if too thin to have a volume."""
     corners = shapely.get_coordinates(shapely.convex_hull(piece))[:-1]
     pose = np.eye(4)
     pose[2, 3] = (bottom + top) / 2
@@ -147,7 +147,7 @@ def _is_rectangle(corners: FloatArray) -> bool:
 
 
 def _boxes(raster: Raster) -> Iterator[Solid]:
-    """Boxes of the occupied cells."""
+    """Return boxes of the occupied cells."""
     rectangles = _rectangles(raster.cells)
     _check_count(len(rectangles), "cells")
     bottom = max(raster.z_min, min(-ENDLESS, raster.z_max - ENDLESS))
@@ -158,7 +158,7 @@ def _boxes(raster: Raster) -> Iterator[Solid]:
 
 
 def _rectangles(cells: BoolArray) -> IntArray:
-    """Occupied cells as rectangles (n, 4), left, low, right, high: rows of neighbours that repeat from row to row."""
+    """Return occupied cells as rectangles (n, 4), left, low, right, high: runs that repeat from row to row."""
     limits.check(MAKING)
     padded = np.pad(cells, ((0, 0), (1, 1)))
     begins, ends = padded[:, 1:] & ~padded[:, :-1], padded[:, :-1] & ~padded[:, 1:]

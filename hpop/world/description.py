@@ -1,4 +1,4 @@
-"""A world as JSON-able data and back: what a saved front keeps, so that it can be planned on again."""
+"""Worlds from files, and from JSON-able descriptions, which saved fronts keep to plan on a world again."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class FromFiles:
-    """Constructors of a `World` that read files. Each reader, and what it imports, is loaded when it is asked for."""
+    """Constructors of a `World` from files. A reader, and its libraries, is loaded on first use."""
 
     @staticmethod
     def from_file(path: str | Path, *, reader: str | None = None, **options: Any) -> World:
@@ -140,7 +140,7 @@ def describe(world: World) -> dict[str, Any]:
 
 
 def summary(world: World) -> str:
-    """One line on a world: its size, what is in it, and where it comes from."""
+    """Return a line on a world: its size, its contents, and its source."""
     said = facts(world)
     size, source = said.pop("size"), said.pop("source", None)
     cells = said.pop("cells", None)
@@ -149,7 +149,7 @@ def summary(world: World) -> str:
 
 
 def facts(world: World) -> dict[str, str]:
-    """The size of a world, what is in it, and where it comes from, in words."""
+    """Return the size of a world, its contents and its source, in words."""
     x0, y0, x1, y1 = world.bounds
     said = {"size": f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"}
     if world.raster is not None:
@@ -167,7 +167,7 @@ def facts(world: World) -> dict[str, str]:
 
 
 def build(description: Mapping[str, Any]) -> World:
-    """Build the world that `describe` described, and trust none of it: it may come from anywhere."""
+    """Build the world of a description, which may come from anywhere and is not trusted."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
         if kind == "geometry" or kind in readers:
@@ -195,20 +195,20 @@ def build(description: Mapping[str, Any]) -> World:
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """A description that says where its files are as seen from a folder: both can be moved, and given away.
+    """Return a description with its files relative to a folder, so that files and folder can move together.
 
-    "relative" says which of its texts are such places.
+    "relative" names the texts that are such places.
     """
     relative = {key: place_seen_from(folder, path) for key, path in _paths(description).items() if os.path.isabs(path)}
     return {**_at(description, relative), "relative": relative} if relative else description
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """The description by whole paths, without what :func:`seen_from` added: the files that the folder sees are meant.
+    """Return a description with whole paths, resolved from the folder as :func:`seen_from` wrote them.
 
-    Where the folder does not see one, a file of the same name in the folder is. Descriptions of earlier versions hold
-    whole paths as well: where files have changed, and those at the whole paths have not, these are meant. Where one is
-    at none of these places, the description goes on saying where the folder would see it.
+    Where the folder does not see a file, a file of the same name in the folder is taken. Descriptions of earlier
+    versions hold whole paths as well: where the found files have changed and those at the whole paths have not, the
+    latter are taken. Where a file is at none of these places, the description still says where the folder would see it.
     """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
@@ -232,7 +232,7 @@ def found_from(folder: str, description: Any) -> Any:
 
 
 def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, Any]:
-    """A description whose files are elsewhere."""
+    """Return a description with its files at other places."""
     changed = {**description, **{key: place for key, place in places.items() if key == "path"}}
     if others := {key: place for key, place in places.items() if key != "path"}:
         changed["options"] = {**description["options"], **others}
@@ -240,7 +240,7 @@ def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, 
 
 
 def _unchanged(description: Any) -> bool:
-    """Whether a world can be built from files that are as they were."""
+    """Return whether a world can be built from files as described."""
     try:
         build(description)
     except MapError:
@@ -249,7 +249,7 @@ def _unchanged(description: Any) -> bool:
 
 
 def without_places(description: Any) -> Any:
-    """A description that does not say where its files are, if it has their hashes."""
+    """Return a description without the places of its files, if it has their hashes."""
     paths = _paths(description)
     if "sha256" not in (description if isinstance(description, Mapping) else ()):
         return description
@@ -261,7 +261,7 @@ def without_places(description: Any) -> Any:
 
 
 def _paths(description: Any) -> dict[str, str]:
-    """The files that a description names: its map, and options that are whole paths, such as a mask."""
+    """Return the files that a description names: its map, and options that are whole paths, such as a mask."""
     if not isinstance(description, Mapping) or not isinstance(description.get("path"), str):
         return {}
     options = description.get("options")
@@ -349,7 +349,7 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Cells (rows, columns) from base64 of zlib of packed bits; never inflates more than their size."""
+    """Return cells (rows, columns) from base64 of zlib of packed bits; never inflate more than their size."""
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)
     wrong = MapError(f"the described raster does not hold exactly {columns} x {rows} cells.")

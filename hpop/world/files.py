@@ -1,4 +1,7 @@
-"""What the readers share: bytes of a file with their hash."""
+"""Files of maps: their bytes with hashes, plain YAML, places of files, and foreign formats read in a child process.
+
+The child process may crash, hang or take too much memory without harm to this process.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +35,17 @@ PROBE = 1_000
 
 
 _BEGINS, _ENDS = re.compile(r"(?<![^\s'\"(\[])/"), re.compile(r"(?=[\s'\":;,)\]])|\.?$")
+CODE = "from hpop.apart.child import serve; serve()"
+MEMORY = 2 * 10**9
+"""Bytes of address space that reading takes, at most."""
+SECONDS = 60
+"""Processor seconds that reading takes, at most."""
+POLL = 0.05
+"""Seconds between two looks at the limits."""
+WAITS = 10 * SECONDS
+"""Seconds until a process is given up that takes none of the processor's."""
+STAYS = 8
+"""Bytes for each of an answer: its geometries."""
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
@@ -48,12 +62,12 @@ def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
 
 
 def named(path: str | Path) -> str:
-    """A path as a message names it: whole, unless a file says one that no system has."""
+    """Return a path as a message names it: whole, unless a file gives a path that no system has."""
     return shown(str(path), 400)
 
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
-    """Decode UTF-8, or raise `MapError` that says what the text seems to be encoded in."""
+    """Decode UTF-8, or raise `MapError` that names the probable encoding."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -63,7 +77,7 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
 
 
 def _encoding_of(data: bytes, first: int) -> str:
-    """Say what bytes that are no UTF-8 from the ``first`` on seem to be, and what to do."""
+    """Return the probable encoding of bytes that are not UTF-8 from ``first`` on, with advice."""
     if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return "It is UTF-16, as PowerShell's > and Notepad's Unicode write it: save it as UTF-8."
     around = data[max(0, first - PROBE) : first + PROBE]
@@ -110,7 +124,7 @@ def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
 
 
 def sha256(data: bytes) -> str:
-    """Hexadecimal SHA-256 of a file's content."""
+    """Return the hexadecimal SHA-256 of a file's content."""
     return hashlib.sha256(data).hexdigest()
 
 
@@ -125,7 +139,7 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
 
 
 def place_seen_from(folder: str, path: str) -> str:
-    """Return a file's path as seen from a folder, or from the home folder where that is left on the way.
+    """Return a file's path relative to a folder, or to the home folder where the relative path leads through it.
 
     It is written into files that others may get: it names neither user nor machine. On another drive it is the name.
     """
@@ -139,7 +153,7 @@ def place_seen_from(folder: str, path: str) -> str:
 
 
 def by_names(note: str) -> str:
-    """Return a note in which whole paths of files are their names: fronts and pages that are given away hold it.
+    """Return a note with file names in place of whole paths: fronts and pages that are passed on hold it.
 
     A path begins after a space, a quote or a bracket, ends before one, a colon or a comma, and leads to a file.
     """
@@ -156,33 +170,20 @@ def by_names(note: str) -> str:
 
 
 def places_found_from(folder: str, seen: str) -> list[str]:
-    """Return whole paths of what :func:`place_seen_from` gave: where it was, and of the same name in the folder."""
+    """Return the whole paths for a result of :func:`place_seen_from`: the place itself, and its name in the folder."""
     there = os.path.abspath(os.path.join(folder, os.path.expanduser(seen) if seen.startswith("~/") else seen))
     return [there, os.path.join(os.path.abspath(folder), os.path.basename(there))]
 
 
 def _lies_in(folder: str, path: str) -> bool:
-    """Whether a path is within a folder, other than the root."""
+    """Return whether a path is within a folder, other than the root."""
     return os.path.dirname(folder) != folder and os.path.commonpath([folder, os.path.abspath(path)]) == folder
 
 
-CODE = "from hpop.apart.child import serve; serve()"
-MEMORY = 2 * 10**9
-"""Bytes of address space that reading takes, at most."""
-SECONDS = 60
-"""Processor seconds that reading takes, at most."""
-POLL = 0.05
-"""Seconds between two looks at the limits."""
-WAITS = 10 * SECONDS
-"""Seconds until a process is given up that takes none of the processor's."""
-STAYS = 8
-"""Bytes for each of an answer: its geometries."""
-
-
 def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> Answer:
-    """What a module of `hpop.apart` finds in a file's bytes; `MapError` says what is wrong with the file.
+    """Return the contents of a file, read by a module of `hpop.apart` in a child process; `MapError` tells its faults.
 
-    Limits of whoever plans are looked at meanwhile, and end the process when they are passed.
+    Limits of the running plan are checked meanwhile, and end the process when they are passed.
     """
     asked = {"module": module, "options": options, "memory": MEMORY, "seconds": SECONDS}
     said = _said(asked, data, path)
@@ -197,7 +198,7 @@ def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any])
 
 
 def _said(asked: dict[str, Any], data: bytes, path: str | Path) -> bytes:
-    """What the process answers, `hpop.apart.child.said` within bounds."""
+    """Return the answer of the child process, `hpop.apart.child.said` within bounds."""
     with TemporaryDirectory(prefix="hpop-") as folder:
         question = Path(folder) / "asked"  # a pipe would have to be fed while the limits are looked at
         question.write_bytes(json.dumps(asked).encode() + b"\n" + data)

@@ -30,6 +30,11 @@ from hpop.world.geometry.solids import Solid, check_solids, not_upright
 
 LIMIT = 2_000_000_000
 """Bytes that a world keeps of what was derived from it."""
+WHOLE = (-math.inf, math.inf)
+CELL = 0.1
+"""Field cell of a polygon world, m."""
+T = TypeVar("T")
+Heights = tuple[float, float]
 
 
 class Cache:
@@ -144,14 +149,6 @@ def check_size(extent: BaseGeometry) -> None:
         raise MapError(
             f"the world is {x_max - x_min:.3g} x {y_max - y_min:.3g} m; expected metres, at most {LARGEST:,.0f} across."
         )
-
-
-WHOLE = (-math.inf, math.inf)
-CELL = 0.1
-"""Field cell of a polygon world, m."""
-
-T = TypeVar("T")
-Heights = tuple[float, float]
 
 
 class Layer(NamedTuple):

@@ -1,4 +1,4 @@
-"""The workspace: the ground and what it holds, where a robot may be, and what obstructs a camera's surroundings."""
+"""World: the ground and its content, the free space of a robot, and the obstruction of a camera."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ W = TypeVar("W", bound="World")
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class World(FromFiles):
-    """A ground and what is on it, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
+    """Workspace: a ground and its content, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
     ground    obstacles, and the extent where the robot must stay: all that is solid
     keep_out  shapely geometry, m: closed to the robot, invisible to the camera
@@ -82,7 +82,7 @@ class World(FromFiles):
         return facts_html([*facts(self).items(), *notes]) + picture_html(self)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle the fields without what was derived from them."""
+        """Return the fields without the values derived from them."""
         return {key: value for key, value in self.__dict__.items() if key != "cache"}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -90,14 +90,14 @@ class World(FromFiles):
         self.__dict__.update(state, cache=Cache(beside=state["ground"].cache))
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """What ``make`` gives, kept with this world; what the content does not change belongs to `Ground.derived`.
+        """Return the value of ``make``, kept with this world; values without content belong to `Ground.derived`.
 
         The key says all on which it depends besides. One thread makes it while others wait.
         """
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     def stand_in(self, kind: type[W]) -> W:
-        """Return this very world as a kind of world that reads its fields otherwise: what either derives, both have."""
+        """Return this world as another class of world that reads its fields differently; both share derived values."""
         view = object.__new__(kind)  # nothing is checked or computed again
         view.__dict__.update(self.__dict__)
         return view
@@ -165,19 +165,19 @@ class World(FromFiles):
         return cls(Ground(extent=extent, solids=given))
 
     def read_from(self, source: Mapping[str, Any]) -> World:
-        """Return this world with a note of the files that it comes from, which `dataclasses.replace` drops."""
+        """Return this world with its source files, which `dataclasses.replace` drops."""
         return copied(self, source=source, ground=copied(self.ground, path=source["path"]))
 
     # Geometry in the plane
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """Upright prisms, those round solids included."""
+        """Return the upright prisms, those round solids included."""
         return self.ground.obstacles
 
     @property
     def bodies(self) -> tuple[Solid, ...]:
-        """What a robot in space must not touch, as convex solids: `Ground.bodies`, and what content closes to it.
+        """Return convex solids that a robot in space must not touch: `Ground.bodies`, and those closed by content.
 
         A person who stands is a column, as in the plane, and a keep-out zone is closed over the whole height: both
         from 10 m below the floor to 10 m above. The border of the extent is none: it is where a base must stay.
@@ -186,46 +186,46 @@ class World(FromFiles):
 
     @property
     def raster(self) -> Raster | None:
-        """Occupancy cells."""
+        """Return the occupancy cells."""
         return self.ground.raster
 
     @property
     def extent(self) -> BaseGeometry:
-        """Where the robot must stay, m."""
+        """Return where the robot must stay, m."""
         return self.ground.extent
 
     @property
     def outside_is_obstacle(self) -> bool:
-        """Whether the camera counts all beyond the extent as obstacle."""
+        """Return whether the camera counts everything beyond the extent as obstacle."""
         return self.ground.outside_is_obstacle
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(x_min, y_min, x_max, y_max) of the extent, m."""
+        """Return (x_min, y_min, x_max, y_max) of the extent, m."""
         return self.ground.bounds
 
     @property
     def cell(self) -> float:
-        """Longest panel (m) for quadrature along a motion, about the spacing of the fields."""
+        """Return the longest panel (m) for quadrature along a motion, about the spacing of the fields."""
         return self.ground.cell
 
     @property
     def has_heights(self) -> bool:
-        """Whether any obstacle has a height range, so that what a camera sees depends on its height."""
+        """Return whether any obstacle has a height range, so that the view depends on the camera's height."""
         return self.ground.has_heights
 
     def solid(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """Union (m) of all obstacles whose heights overlap the open range (z_min, z_max)."""
+        """Return the union (m) of all obstacles whose heights overlap the open range (z_min, z_max)."""
         return self.ground.solid((z_min, z_max))
 
     @property
     def closed(self) -> BaseGeometry:
-        """Where the robot must not be though nothing solid is there, m: keep-out zones and people who stand."""
+        """Return the regions closed to the robot without being solid, m: keep-out zones and standing people."""
         return self.derived(("closed",), lambda: shapely.union_all([self.keep_out, self.content.closed]))
 
     @property
     def for_robots(self) -> World:
-        """Return what collisions see of this world: no people whom the robot leaves, others wider by its margin."""
+        """Return this world as collisions see it: without the people a robot leaves, others wider by its margin."""
         content = self.content
         if not content.left and not (content.kept and content.bodies):
             return self
@@ -237,7 +237,7 @@ class World(FromFiles):
         return self.derived(("for robots",), make)
 
     def keeping(self, margin: float, left: tuple[int, ...] = ()) -> World:
-        """Return the world of a robot that keeps a margin, m, from people who stand, but for those whom it leaves."""
+        """Return this world for a robot that keeps a margin, m, from standing people, except those it leaves."""
         content = self.content
         if (content.kept, content.left) == (margin, left):
             return self
@@ -247,22 +247,22 @@ class World(FromFiles):
 
     @cached_property
     def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
-        """Worlds of robots that keep a margin, so that each keeps what is derived from it."""
+        """Return a cache of worlds by margin, so that each keeps its derived values."""
         return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """`solid` and `closed`, m: where the robot must not be. The extent bounds it besides."""
+        """Return `solid` and `closed`, m: where the robot must not be. The extent bounds it as well."""
         layer = self.ground.layer((z_min, z_max))
         return self.derived(("blocked", layer), lambda: union([self.solid(z_min, z_max), self.closed]))
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without all that is blocked, its border indexed for exact distances."""
+        """Return the extent without blocked regions, its border indexed for exact distances."""
         if self.closed.is_empty:
             return self.ground.free_space(z)
         return self.derived(("free", self.ground.layer(z)), lambda: FreeSpace(without(self.extent, self.blocked(*z))))
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
-        """Distance (M,), m, to the nearest obstacle, keep-out zone or border of the extent; 0 beyond them.
+        """Return the distance (M,), m, to the nearest obstacle, keep-out zone or border; 0 beyond them.
 
         x and y are (M,) in metres; ``z`` is the range of heights that counts. Exact for arrays (about 1 us a
         point in a building at 0.05 m). CasADi columns get the `clearance_field`, which is signed and
@@ -276,7 +276,7 @@ class World(FromFiles):
     def segments_free(
         self, x0: Column, y0: Column, x1: Column, y1: Column, margin: float, *, z: Heights = WHOLE
     ) -> BoolArray:
-        """Whether each segment (M,) stays in the extent and ``margin`` (m, within 1e-9) off all blocked."""
+        """Return whether each segment (M,) stays in the extent, ``margin`` (m, within 1e-9) off blocked regions."""
         if not margin >= 0:
             raise OptionError(f"margin must be a distance of at least 0 m; got {shown(margin)}.")
         columns = (np.asarray(c, dtype=np.float64) for c in (x0, y0, x1, y1))
@@ -285,7 +285,7 @@ class World(FromFiles):
 
     @property
     def contents(self) -> frozenset[str]:
-        """What this world has of that which a criterion may require."""
+        """Return the contents of this world that a criterion may require."""
         present = {
             "obstacles": self.obstacles or self.raster is not None,
             "keep_out": not (self.keep_out.is_empty and all(z.kind != "keep-out" for z in self.content.zones)),
@@ -308,7 +308,7 @@ class World(FromFiles):
     # Fields
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        """Signed clearance as a `Field`: positive in free space, minus the distance to it elsewhere.
+        """Return the signed clearance as a `Field`: positive in free space, else minus the distance to it.
 
         Sampled exactly every `cell` metres (more coarsely beyond 25 million samples). Clearance changes by at
         most one metre a metre, so the field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere
@@ -321,7 +321,7 @@ class World(FromFiles):
         )
 
     def obstruction(self, pose: Pose, radius: float) -> Column:
-        """Obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round each camera position.
+        """Return the obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round camera positions.
 
         x and y are arrays or CasADi columns, z numbers. One `Field` is built for each radius and distinct
         height, and kept; at most 16 heights a call. Worlds whose obstacles all have the whole height need
@@ -330,7 +330,7 @@ class World(FromFiles):
         return obstructed(self, pose, radius)
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
-        """Obstruction as a `Field` for a ball of ``radius`` (m) at height ``z`` (m).
+        """Return the obstruction as a `Field` for a ball of ``radius`` (m) at height ``z`` (m).
 
         Samples are exact; between and at them the spline smooths. With a spacing of at most a tenth of the
         radius the field is within .003 of phi beside straight walls, and within .005 among cells no larger

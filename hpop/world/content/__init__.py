@@ -1,4 +1,4 @@
-"""What a world holds beside its ground: people, landmarks, zones."""
+"""Content of a world beside its ground: people, landmarks, zones."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""What else a world holds: people and their conversations, landmarks to be seen, zones with rules.
+"""Content of a world: people and their conversations, landmarks to be seen, zones with rules.
 
-Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A person who stands blocks
-the robot like a column of its radius; one who moves is where :mod:`hpop.world.content.people` predicts, at any time.
+Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A standing person blocks
+the robot like a column of its radius; a moving one is where :mod:`hpop.world.content.people` predicts, at any time.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ ZoneKind = Literal["speed", "keep-out", "one-way"]
 @checked_arguments
 @dataclass(frozen=True)
 class Landmark:
-    """A point of interest: an exhibit, a face, a door.
+    """Point of interest: an exhibit, a face, a door.
 
     x, y, z  m
     facing   rad  direction in which its front looks, or None if it looks the same from all sides
@@ -62,7 +62,7 @@ class Landmark:
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """An area with a rule.
+    """Area with a rule.
 
     kind       "speed": not faster than ``limit``; "keep-out": not at all; "one-way": only along ``path``
     area       shapely polygon, m
@@ -143,31 +143,31 @@ class Content:
 
     @cached_property
     def closed(self) -> BaseGeometry:
-        """What is closed to the robot, m: keep-out zones, and the bodies of people who stand."""
+        """Return the region closed to the robot, m: keep-out zones, and the bodies of standing people."""
         zones = [zone.area for zone in self.zones if zone.kind == "keep-out"]
         bodies = [_body(person, 0.0) for person in self.people if not person.moves]
         return shapely.union_all([*zones, *bodies]) if zones or bodies else MultiPolygon()
 
     @cached_property
     def bodies(self) -> dict[int, BaseGeometry]:
-        """Bodies of people who stand, by place, m, wider by what the robot keeps from them."""
+        """Return the bodies of standing people, by place, m, wider by the robot's margin."""
         return {i: _body(person, self.kept) for i, person in enumerate(self.people) if not person.moves}
 
     @cached_property
     def kinks(self) -> FloatArray:
-        """Times (K,), s, rising, at which somebody may turn, come, stop or go: between them predictions are smooth."""
+        """Return the times (K,), s, rising, at which a prediction may turn, begin or end; it is smooth in between."""
         each = [one for person in self.people for _, one in person.hypotheses]
         tracks = [one.track.times for one in each if one.track is not None]
         return distinct(np.concatenate([[one.until for one in each if one.until is not None], *tracks]))
 
     @property
     def fastest(self) -> float:
-        """Greatest speed, m/s, at which somebody may walk."""
+        """Return the greatest speed, m/s, of any person."""
         return max((person.speed for person in self.people), default=0.0)
 
     @property
     def present(self) -> frozenset[str]:
-        """What criteria may require of this content."""
+        """Return the names of this content that criteria may require."""
         kinds = {
             "people": bool(self.people),
             "moving people": any(person.moves for person in self.people),
@@ -179,7 +179,7 @@ class Content:
         return frozenset(name for name, there in kinds.items() if there)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able description, from which :meth:`build` makes the same content."""
+        """Return a JSON-able description, from which :meth:`build` makes an equal content."""
         return {
             "people": [described_person(person) for person in self.people],
             "groups": [list(group) for group in self.groups],
@@ -192,7 +192,7 @@ class Content:
 
     @classmethod
     def build(cls, data: Mapping[str, Any]) -> Content:
-        """Content from its description; MapError, TypeError or LookupError where it is malformed."""
+        """Build content from its description; MapError, TypeError or LookupError where it is malformed."""
         return cls(
             people=tuple(person_from(person) for person in data["people"]),
             groups=tuple(tuple(group) for group in data["groups"]),
@@ -209,7 +209,7 @@ class Content:
 
 
 def _body(person: Person, margin: float) -> BaseGeometry:
-    """A polygon of 64 corners round the body of a person who stands, m, and a margin."""
+    """Return a polygon of 64 corners round the body of a standing person, m, and a margin."""
     return shapely.Point(person.x, person.y).buffer((person.radius + margin) / np.cos(np.pi / 64), quad_segs=16)
 
 

@@ -1,4 +1,4 @@
-"""Futures of a person: one of several things that a person may do, and the checks of what content is made of."""
+"""Futures of a person, each a possible hypothesis, and checks of the numbers that content is made of."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their 
 
 
 def named_as(what: str, name: object) -> str:
-    """What an error is about; a name is text.
+    """Return the subject of an error; a name is text.
 
     >>> named_as("person", "Ada"), named_as("person", "")
     ("person 'Ada'", 'a person')
@@ -40,13 +40,13 @@ def set_numbers(value: object, what: str, *names: str) -> None:
 
 
 def number(what: str, name: str, value: Any, least: float | None = None) -> float:
-    """A finite number, a coordinate where its name is one; MapError where it is none, or below the least."""
+    """Return a finite number, a coordinate if its name is one; MapError for anything else, or below the least."""
     most = FARTHEST if name in ("x", "y") else MOST
     return float(real(f"{what}: {name}", value, -most if least is None else least, most, error=MapError))
 
 
 def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
-    """Two finite numbers (x, y), such as a velocity; MapError where they are none."""
+    """Return two finite numbers (x, y), such as a velocity; MapError for anything else."""
     try:
         x, y = value
     except (TypeError, ValueError):
@@ -63,7 +63,7 @@ def check_radians(what: str, name: str, angle: float) -> None:
 @checked_arguments
 @dataclass(frozen=True)
 class Future:
-    """One of several things that a person may do.
+    """Possible future of a person, with a weight.
 
     weight      above 0; those of a person's futures are divided by their sum
     velocity    (x, y) m/s
@@ -100,7 +100,7 @@ class Future:
 
     @classmethod
     def of(cls, weight: float, person: Person) -> Future:
-        """What a person without futures will do, as one of several things that may be."""
+        """Return the prediction of a person without futures as one of several futures."""
         names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
         return cls(weight, **{name: getattr(person, name) for name in names})
 
@@ -114,7 +114,7 @@ def check_track(what: str, track: object, velocity: tuple[float, float]) -> None
 
 
 def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
-    """A velocity, m/s; of who is slower than anything that is told apart, such as what a tracker makes of rest, 0."""
+    """Return a velocity, m/s; 0 for speeds below the least, such as a tracker's noise at rest."""
     velocity = pair(what, "velocity", given, "m/s")
     speed = math.hypot(*velocity)
     if speed > FASTEST:
@@ -126,12 +126,12 @@ def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, floa
 
 
 def heading_along(velocity: tuple[float, float]) -> float:
-    """Heading in which a velocity leads, rad; 0 of who stands."""
+    """Return the heading of a velocity, rad; 0 at rest."""
     return math.atan2(velocity[1], velocity[0]) if velocity != STANDS else 0.0
 
 
 def checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
-    """Futures whose weights sum to 1; of a person who looks ahead, each says where that is."""
+    """Return futures with weights of sum 1; each gets its own heading if the person has none."""
     futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
     if futures is None or not all(isinstance(future, Future) for future in futures):
         raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")

@@ -1,7 +1,7 @@
 """People: where they are, where they will be, and how sure that is.
 
-A person stands, walks at a constant velocity, follows a track, or has several futures of which each may come true. The
-prediction may be uncertain (a normal distribution about the place, the same in all directions), and it may end.
+A person stands, walks at a constant velocity, follows a track, or has several futures, each of which may come true. The
+prediction may be uncertain (a normal distribution about the place, equal in all directions), and it may end.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ WIDEST = 2.0
 @checked_arguments
 @dataclass(frozen=True)
 class Person:
-    """A person: where, looking where, moving how. Without more, the prediction is a constant velocity, for ever.
+    """Person with a place, a heading and a prediction; by default a constant velocity without end.
 
     x, y        m     now
     yaw         rad   heading of the body; left out, where a velocity leads, and 0 of who stands
@@ -117,7 +117,7 @@ class Person:
             object.__setattr__(self, name, value)
 
     def _check_begin(self, what: str, future: Future) -> None:
-        """A track that a future follows begins where the person is, unless the future says that it does not."""
+        """Check that a future's track begins at the person's place, unless the future gives its own place."""
         if future.track is None or future.x is not None or future.y is not None:
             return
         x, y = (float(place) for place in future.track.at(0.0))
@@ -129,7 +129,7 @@ class Person:
 
     @classmethod
     def along(cls, track: Track, **others: Any) -> Person:
-        """A person who follows a track, with other attributes by name."""
+        """Return a person who follows a track, with other attributes by name."""
         if not isinstance(track, Track):
             raise MapError(f"a person follows an hpop.world.Track; got {shown(track)}.")
         x, y = track.at(0.0)
@@ -137,25 +137,25 @@ class Person:
 
     @property
     def moves(self) -> bool:
-        """Whether time matters: anything but standing for ever, as surely later as now."""
+        """Return whether time matters: false only for a person who stands for ever, equally certain."""
         leaves = self.until is not None and self.afterwards == "gone"
         return self.velocity != STANDS or self.track is not None or bool(self.futures) or self.growth > 0 or leaves
 
     @property
     def recorded(self) -> bool:
-        """Whether this is what the person did, and no prediction."""
+        """Return whether this is a record of the person, not a prediction."""
         return self.track is not None and self.track.recorded
 
     @property
     def speed(self) -> float:
-        """Greatest speed, m/s, of all futures."""
+        """Return the greatest speed, m/s, of all futures."""
         if self.futures:
             return max(person.speed for _, person in self.hypotheses)
         return math.hypot(*self.velocity) if self.track is None else self.track.speed
 
     @property
     def settled(self) -> float:
-        """Time, s, after which nothing about the person changes: 0 of who stands, ∞ where the prediction never ends."""
+        """Return the time, s, after which the person does not change: 0 if standing, ∞ without an end."""
         if self.futures:
             return max(person.settled for _, person in self.hypotheses)
         if not self.moves:
@@ -164,27 +164,27 @@ class Person:
 
     @cached_property
     def hypotheses(self) -> tuple[tuple[float, Person], ...]:
-        """Weights, of sum 1, and what may be with each of them, as people without futures."""
+        """Return weights, of sum 1, each with a person without futures."""
         if not self.futures:
             return ((1.0, self),)
         return tuple((future.weight, self._with(future)) for future in self.futures)
 
     @property
     def likeliest(self) -> Person:
-        """The hypothesis with the greatest weight; the person where there is one only. For pictures of one future."""
+        """Return the hypothesis with the greatest weight, for pictures of a single future."""
         return max(self.hypotheses, key=lambda hypothesis: hypothesis[0])[1]
 
     @property
     def begin(self) -> float:
-        """When the person is first there, s: 0, but for a track that begins later. Not of several futures."""
+        """Return when the person first appears, s: 0, or the begin of a later track. Not of several futures."""
         self._check_one("begin")
         return 0.0 if self.track is None else max(self.track.begin, 0.0)
 
     def way(self) -> FloatArray:
-        """Corners (N, 4) of the way from now on: time s, x, y m, and the yaw rad that holds from there to the next one.
+        """Return the corners (N, 4) of the path from now on: time s, x, y m, and the yaw rad up to the next corner.
 
-        Straight between them, at constant speed; after the last the person stands there, or is gone. Of one future
-        that ends, as those of a :class:`hpop.Problem` do.
+        The path is straight between them, at constant speed; after the last corner the person stands there, or is gone.
+        Of a person with one future that ends, as those of a :class:`hpop.Problem` do.
         """
         self._check_one("way")
         end = self.settled
@@ -197,7 +197,7 @@ class Person:
         return np.stack([times, np.broadcast_to(x, times.shape), np.broadcast_to(y, times.shape), yaw], axis=1)
 
     def _with(self, future: Future) -> Person:
-        """The person whose future is sure."""
+        """Return the person with one of the futures as its only prediction."""
         names = ("x", "y", "yaw", "until", "afterwards", "spread", "growth")
         own = {name: value for name in names if (value := getattr(future, name)) is not None}
         if future.until is not None and self.until is not None:
@@ -207,7 +207,7 @@ class Person:
         return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
 
     def shifted(self, x: float, y: float) -> Person:
-        """The same person, who is and will be somewhere else by so much, m."""
+        """Return the person with all its places shifted by (x, y), m."""
 
         def track(one: Track | None) -> Track | None:
             return None if one is None else replace(one, x=one.x + x, y=one.y + y)
@@ -221,7 +221,7 @@ class Person:
         return replace(self, x=self.x + x, y=self.y + y, track=track(self.track), futures=futures)
 
     def at(self, t: Column) -> tuple[Column, Column]:
-        """Predicted position (x, y), m, at times t, s; after ``until`` where it was then. Not of several futures."""
+        """Return the position (x, y), m, at times t, s; after ``until`` the last one. Not of several futures."""
         self._check_one("at")
         if self.track is not None:
             return self.track.at(self._up_to_end(t))
@@ -229,7 +229,7 @@ class Person:
         return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
 
     def velocity_at(self, t: Column) -> tuple[Column, Column]:
-        """Predicted velocity (x, y), m/s, at times t, s; 0 from ``until`` on. Not of several futures."""
+        """Return the velocity (x, y), m/s, at times t, s; 0 from ``until`` on. Not of several futures."""
         self._check_one("velocity_at")
         if self.velocity == STANDS and self.track is None:
             return STANDS
@@ -238,9 +238,9 @@ class Person:
         return vx * walks, vy * walks
 
     def ahead_at(self, t: Column) -> tuple[Column, Column]:
-        """Unit vector (x, y) in which the person walks or, standing, faces, at times t, s. Not of several futures.
+        """Return the unit vector (x, y) of walking or, at rest, of facing, at times t, s. Not of several futures.
 
-        Who stops goes on facing where the last steps led.
+        A person who stops goes on facing along the last steps.
         """
         self._check_one("ahead_at")
         along = None if self.track is None else self.track.ahead(self._up_to_end(t))
@@ -250,15 +250,15 @@ class Person:
         return math.cos(yaw), math.sin(yaw)
 
     def yaw_at(self, t: Column) -> Column:
-        """Heading of the body, rad, at times t, s: along a track, else ``yaw``. Of one future."""
+        """Return the heading of the body, rad, at times t, s: along a track, else ``yaw``. Of one future."""
         self._check_one("yaw_at")
         along = None if self.track is None else self.track.ahead(np.asarray(self._up_to_end(t)))
         return self.yaw if along is None else np.arctan2(along[1], along[0])
 
     def there(self, t: Column) -> Column:
-        """1 at times t, s, at which the person is there, else 0; the number 1.0 of who is there always.
+        """Return 1 at times t, s, at which the person is present, else 0; the number 1.0 if always present.
 
-        That is from a track's first time on, and before ``until`` of who is gone afterwards.
+        That is from a track's first time on, and before ``until`` if the person is gone afterwards.
         """
         self._check_one("there")
         there: Column = 1.0
@@ -269,14 +269,14 @@ class Person:
         return there
 
     def deviation(self, t: Column) -> Column:
-        """Standard deviation σ(t) of the place along each axis, m, at times t, s; the number 0.0 where it is sure."""
+        """Return the standard deviation σ(t) of the place along each axis, m, at times t, s; 0.0 if certain."""
         if self.growth == 0.0:
             return self.spread
         grown = self.growth * (self._up_to_end(t) + self.age)
         return np.sqrt(self.spread * self.spread + grown * grown)
 
     def later(self, t: float) -> Person:
-        """The person as it is predicted, ``t`` seconds on: what was time t is time 0 then."""
+        """Return the predicted person ``t`` seconds later: time t becomes time 0."""
         if not self.moves:
             return self
         if self.futures:
@@ -296,7 +296,7 @@ class Person:
         return replace(ended, spread=float(self.deviation(t)), growth=0.0, age=0.0)
 
     def _age(self, t: float) -> float:
-        """How old the prediction is after so many seconds more; nobody asks where nothing grows."""
+        """Return the age of the prediction ``t`` seconds later; it only matters if the uncertainty grows."""
         grows = any(person.growth > 0 for _, person in self.hypotheses)
         return self.age + t if grows else self.age
 
@@ -312,13 +312,16 @@ class Person:
 
 
 def described_person(person: Person) -> dict[str, Any]:
-    """JSON-able description, from which :func:`person_from` makes the same person; defaults of predictions left out."""
+    """Return a JSON-able description, from which :func:`person_from` makes an equal person.
+
+    Defaults of predictions are left out.
+    """
     kept = ("x", "y", "yaw", "velocity", "radius", "name")
     return {name: _plain(value) for name, value in _given(person) if name in kept or value != _DEFAULTS[name]}
 
 
 def person_from(data: Mapping[str, Any]) -> Person:
-    """A person from a description; MapError, TypeError or LookupError where it is malformed."""
+    """Return a person from a description; MapError, TypeError or LookupError where it is malformed."""
     futures = tuple(Future(**_with_track(future)) for future in data.get("futures", ()))
     return Person(**{**_with_track(data), "futures": futures})
 
@@ -332,7 +335,7 @@ def _given(value: Person | Future) -> Iterator[tuple[str, Any]]:
 
 
 def _plain(value: Any) -> Any:
-    """A person's attribute as JSON has it."""
+    """Return a person's attribute as JSON has it."""
     if isinstance(value, Track):
         return value.describe()
     if isinstance(value, Future):

@@ -1,7 +1,10 @@
-"""Predictions that end: nobody walks through walls or off the map, and nobody is predicted for longer than asked.
+"""Predictions that end: at walls, at the edge of the map, at a horizon, or before a standing robot.
 
-What a person did, a recorded track, is no prediction and stays as it is. All else is cut where it cannot be true, so
-that there is a time after which nothing changes any more, and notes say where it was cut and what is assumed then.
+A recorded track is no prediction and stays as it is. Any other prediction is cut where it cannot be true, so that there
+is a time after which nothing changes any more, and notes say where it was cut and what is assumed then.
+
+A prediction knows nothing of the robot, so a person who walks slowly up to it is predicted to walk through it. A robot
+that must turn before it can leave has then no path at all. So such a person is taken to stop before the robot.
 """
 
 from __future__ import annotations
@@ -30,98 +33,6 @@ TOUCH = 1e-9
 """m, below which a line only touches an area, or goes on in it."""
 
 Span = tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Way:
-    """A line of straight legs, walked.
-
-    times   (N,)    s  at its points
-    points  (N, 2)  m
-    """
-
-    times: FloatArray
-    points: FloatArray
-
-    @classmethod
-    def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> Way | None:
-        """The way of a person of one future, from now on until it is surely out of bounds; None of who stands."""
-        if person.track is not None:
-            track = person.track.later(0.0)
-            points = np.stack([track.x, track.y], axis=1)
-            if track.begin < 0:
-                points[0] = person.x, person.y
-            return cls(np.maximum(track.times, 0.0), points)
-        if person.velocity == STANDS:
-            return None
-        x0, y0, x1, y1 = bounds
-        here, middle = np.array([person.x, person.y]), np.array([(x0 + x1) / 2, (y0 + y1) / 2])
-        time = (2 * math.hypot(x1 - x0, y1 - y0) + math.dist(here, middle)) / person.speed
-        return cls(np.array([0.0, time]), np.stack([here, here + time * np.array(person.velocity)]))
-
-    @cached_property
-    def lengths(self) -> FloatArray:
-        """How far each point is along the line (N,), m."""
-        return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.points, axis=0).T))])
-
-    def time(self, length: float) -> float:
-        """When the walker has come so far along the line, s."""
-        leg = int(np.searchsorted(self.lengths, length, side="left"))
-        if leg == 0:
-            return float(self.times[0])
-        leg = min(leg, self.times.size - 1)
-        share = (length - self.lengths[leg - 1]) / (self.lengths[leg] - self.lengths[leg - 1])
-        return float(self.times[leg - 1] + min(share, 1.0) * (self.times[leg] - self.times[leg - 1]))
-
-    def enters(self, area: BaseGeometry, beyond: float = 0.0) -> float | None:
-        """How far along the line it first enters an area, m; None: nowhere. To follow its border is not to enter.
-
-        What is behind ``beyond``, m, already does not count: somebody who steps out of the area at the beginning.
-        """
-        for begin, end in self._spans(area):
-            if end > beyond and shapely.contains_xy(area, *self._place((begin + end) / 2)):
-                return begin
-        return None
-
-    def leaves(self, area: BaseGeometry) -> float | None:
-        """How far along the line it leaves an area, m: 0 if it is never in it; None if it never leaves."""
-        spans = self._spans(area)
-        if not spans:
-            stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
-            return None if stays else 0.0
-        left = spans[0][1]
-        for begin, end in spans[1:]:
-            if begin > left + TOUCH:
-                break
-            left = max(left, end)
-        return None if left >= self.lengths[-1] - TOUCH else left
-
-    def _place(self, length: float) -> tuple[float, float]:
-        x, y = (float(np.interp(length, self.lengths, column)) for column in self.points.T)
-        return x, y
-
-    def _spans(self, area: BaseGeometry) -> list[Span]:
-        """Parts of the line in an area, border included, by how far along they begin and end, m; in order."""
-        legs = np.stack([self.points[:-1], self.points[1:]], axis=1)  # (N-1, 2, 2)
-        lines: Any = shapely.linestrings(legs)
-        shapely.prepare(area)
-        steps = np.diff(self.lengths)
-        covered: Any = shapely.covers(area, lines)
-        near: BoolArray = np.asarray(shapely.intersects(area, lines)) & (steps > 0)
-        spans = list[Span]()
-        for leg in np.flatnonzero(near).tolist():
-            begin, length = float(self.lengths[leg]), float(steps[leg])
-            if covered[leg]:
-                spans.append((begin, begin + length))
-                continue
-            ahead = (legs[leg, 1] - legs[leg, 0]) / length
-            for part in shapely.get_parts(shapely.intersection(lines[leg], area)):
-                along = (shapely.get_coordinates(part) - legs[leg, 0]) @ ahead
-                if along.max() - along.min() > TOUCH:
-                    spans.append((begin + float(along.min()), begin + float(along.max())))
-        return sorted(spans)
-
-
 TALL = (0.0, 1.8)
 """Heights, m, at which obstacles are in the way of people."""
 DEEP = 0.1
@@ -145,10 +56,106 @@ ENDS = {
     "recorded": "are recorded up to an end, and {afterwards}",
 }
 AFTERWARDS = {"gone": "are gone from then on", "stays": "stay where they are then"}
+GAP = 0.02
+"""m between a person who has stopped and what a robot needs."""
+WITHIN = 5.0
+"""s: a robot that has not left its place by then is not kept there by people who come later."""
+STEP = 0.01  # s between the moments at which contact is looked for
+SIGMAS = 1.645  # standard deviations that a person who may be elsewhere stops earlier
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Path of a walking person: straight legs with times.
+
+    times   (N,)    s  at its points
+    points  (N, 2)  m
+    """
+
+    times: FloatArray
+    points: FloatArray
+
+    @classmethod
+    def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> Way | None:
+        """Return the path of a person with one future until it is surely out of bounds; None for a standing person."""
+        if person.track is not None:
+            track = person.track.later(0.0)
+            points = np.stack([track.x, track.y], axis=1)
+            if track.begin < 0:
+                points[0] = person.x, person.y
+            return cls(np.maximum(track.times, 0.0), points)
+        if person.velocity == STANDS:
+            return None
+        x0, y0, x1, y1 = bounds
+        here, middle = np.array([person.x, person.y]), np.array([(x0 + x1) / 2, (y0 + y1) / 2])
+        time = (2 * math.hypot(x1 - x0, y1 - y0) + math.dist(here, middle)) / person.speed
+        return cls(np.array([0.0, time]), np.stack([here, here + time * np.array(person.velocity)]))
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Return the distance of each point along the path (N,), m."""
+        return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.points, axis=0).T))])
+
+    def time(self, length: float) -> float:
+        """Return the time, s, at a distance along the path."""
+        leg = int(np.searchsorted(self.lengths, length, side="left"))
+        if leg == 0:
+            return float(self.times[0])
+        leg = min(leg, self.times.size - 1)
+        share = (length - self.lengths[leg - 1]) / (self.lengths[leg] - self.lengths[leg - 1])
+        return float(self.times[leg - 1] + min(share, 1.0) * (self.times[leg] - self.times[leg - 1]))
+
+    def enters(self, area: BaseGeometry, beyond: float = 0.0) -> float | None:
+        """Return how far along the path it first enters an area, m, or None. To follow its border is not to enter.
+
+        Entries behind ``beyond``, m, do not count: a person who steps out of the area at the beginning.
+        """
+        for begin, end in self._spans(area):
+            if end > beyond and shapely.contains_xy(area, *self._place((begin + end) / 2)):
+                return begin
+        return None
+
+    def leaves(self, area: BaseGeometry) -> float | None:
+        """Return how far along the path it leaves an area, m: 0 if it is never in it; None if it never leaves."""
+        spans = self._spans(area)
+        if not spans:
+            stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
+            return None if stays else 0.0
+        left = spans[0][1]
+        for begin, end in spans[1:]:
+            if begin > left + TOUCH:
+                break
+            left = max(left, end)
+        return None if left >= self.lengths[-1] - TOUCH else left
+
+    def _place(self, length: float) -> tuple[float, float]:
+        x, y = (float(np.interp(length, self.lengths, column)) for column in self.points.T)
+        return x, y
+
+    def _spans(self, area: BaseGeometry) -> list[Span]:
+        """Return the parts of the path in an area, border included, as sorted begins and ends, m."""
+        legs = np.stack([self.points[:-1], self.points[1:]], axis=1)  # (N-1, 2, 2)
+        lines: Any = shapely.linestrings(legs)
+        shapely.prepare(area)
+        steps = np.diff(self.lengths)
+        covered: Any = shapely.covers(area, lines)
+        near: BoolArray = np.asarray(shapely.intersects(area, lines)) & (steps > 0)
+        spans = list[Span]()
+        for leg in np.flatnonzero(near).tolist():
+            begin, length = float(self.lengths[leg]), float(steps[leg])
+            if covered[leg]:
+                spans.append((begin, begin + length))
+                continue
+            ahead = (legs[leg, 1] - legs[leg, 0]) / length
+            for part in shapely.get_parts(shapely.intersection(lines[leg], area)):
+                along = (shapely.get_coordinates(part) - legs[leg, 0]) @ ahead
+                if along.max() - along.min() > TOUCH:
+                    spans.append((begin + float(along.min()), begin + float(along.max())))
+        return sorted(spans)
 
 
 class End(NamedTuple):
-    """When a prediction ends, s, why (a key of ENDS), and what is assumed then; whose it is, in words."""
+    """End of a prediction: the person in words, the time, s, the reason (a key of ENDS), and the state afterwards."""
 
     who: str
     time: float
@@ -157,7 +164,7 @@ class End(NamedTuple):
 
 
 class Inside(NamedTuple):
-    """A person who is within an obstacle: who, where, m, and what becomes of them."""
+    """Person within an obstacle: the person in words, the place, m, and the treatment."""
 
     who: str
     place: tuple[float, float]
@@ -201,7 +208,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
-    """A world whose people are others, in their order; the very same world where they are the same."""
+    """Return a world with other people, in their order; the same object if they are equal."""
     content = world.content
     if people == content.people:
         return world
@@ -209,7 +216,7 @@ def with_people(world: World, people: tuple[Person, ...]) -> World:
 
 
 def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """One hypothesis with its end; the very same person where nothing is to be changed."""
+    """Return a hypothesis with its end; the same object if nothing changes."""
     if not person.moves:
         return person, None
     if person.velocity == STANDS and person.track is None:
@@ -235,21 +242,21 @@ def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple
 
 
 def _comes(world: World, person: Person) -> bool:
-    """Whether somebody is ever on the map, as predicted or recorded."""
+    """Return whether a person is ever on the map, as predicted or recorded."""
     way = Way.of(person, world.bounds)
     line = shapely.Point(person.x, person.y) if way is None else shapely.LineString(way.points)
     return bool(world.extent.intersects(line))
 
 
 def _ending(person: Person, end: End) -> Person:
-    """The person whose prediction has this end."""
+    """Return the person with this end of its prediction."""
     if person.track is not None and end.time <= person.track.begin:  # comes only after the end: never
         return replace(person, track=None, until=0.0, afterwards="gone")
     return replace(person, until=round(end.time, DIGITS), afterwards=end.afterwards)
 
 
 def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """Who stands, and leaves at some time or is ever less surely there; the horizon ends the latter only."""
+    """Return a standing person who leaves, or grows uncertain, with its end; the horizon ends growth only."""
     leaves = person.until is not None and person.afterwards == "gone"
     if leaves and person.until == 0.0:
         return person, None
@@ -265,9 +272,9 @@ def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, 
 
 
 def _outside(world: World) -> tuple[World, list[Inside]]:
-    """The world whose people who walk begin outside of obstacles, and who was within one.
+    """Return the world with walking people outside of obstacles, and the people who were within one.
 
-    Raises MapError where nobody who walks begins outside of obstacles or near their border.
+    Raises MapError if no walking person begins outside of obstacles or near their border.
     """
     solid, inside, people = world.solid(*TALL), list[Inside](), list[Person]()
     walking = outside = 0
@@ -300,7 +307,7 @@ def _outside(world: World) -> tuple[World, list[Inside]]:
 
 
 def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, float]:
-    """By how much, m, a place within an obstacle is shifted out of it; nothing up to ``DEEP`` within."""
+    """Return the shift, m, of a place out of an obstacle; nothing up to ``DEEP`` within."""
     here = shapely.Point(place)
     if not solid.contains(here) or solid.boundary.distance(here) <= DEEP:
         return 0.0, 0.0
@@ -309,14 +316,14 @@ def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, fl
 
 
 def _notes_of_inside(inside: Sequence[Inside]) -> Iterable[str]:
-    """A note for each thing that becomes of people within obstacles."""
+    """Yield a note for each treatment of people within obstacles."""
     for what in dict.fromkeys(one.what for one in inside):
         those = [f"{one.who} at ({one.place[0]:.4g}, {one.place[1]:.4g})" for one in inside if one.what == what]
         yield f"people within an obstacle, {what}: {some(those)}"
 
 
 def _notes(ends: Iterable[End]) -> Iterable[str]:
-    """A note for each way in which predictions end."""
+    """Yield a note for each kind of end of predictions."""
     several = dict[tuple[str, str], list[End]]()
     for end in ends:
         several.setdefault((end.why, end.afterwards), []).append(end)
@@ -326,22 +333,14 @@ def _notes(ends: Iterable[End]) -> Iterable[str]:
 
 
 def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
-    """A note on those who are never on the map."""
+    """Yield a note on people who are never on the map."""
     if elsewhere:
         why = "which may have another origin, other axes or another unit"
         yield f"people who are never on the map, {why}: {some(elsewhere)}"
 
 
-GAP = 0.02
-"""m between a person who has stopped and what a robot needs."""
-WITHIN = 5.0
-"""s: a robot that has not left its place by then is not kept there by people who come later."""
-STEP = 0.01  # s between the moments at which contact is looked for
-SIGMAS = 1.645  # standard deviations that a person who may be elsewhere stops earlier
-
-
 def yielding(person: Person, place: tuple[float, float], reach: float, begin: float = 0.0) -> Person:
-    """Return a person who stops before a robot that stands at a place; the very same person if they do not come there.
+    """Return a person who stops before a robot that stands at a place; the same object if the robot is not reached.
 
     Parameters
     ----------
@@ -360,18 +359,18 @@ def yielding(person: Person, place: tuple[float, float], reach: float, begin: fl
 def with_stops(
     people: Sequence[Person], which: Sequence[int], place: tuple[float, float], reach: float
 ) -> tuple[Person, ...]:
-    """Return people of whom some, by number, stop before a robot as :func:`yielding` says."""
+    """Return people, some of whom, by number, stop before a robot as :func:`yielding` says."""
     return tuple(yielding(person, place, reach) if i in which else person for i, person in enumerate(people))
 
 
 def taken_to_stop(people: Sequence[Person], which: Sequence[int]) -> str:
-    """Return in words which people, by number, are taken to stop before the robot."""
+    """Return a note on people, by number, who are taken to stop before the robot."""
     who = some([repr(people[i].name) if people[i].name else f"number {i}" for i in which])
     return f"people who would walk up to the robot before it can be away, and are taken to stop before it: {who}"
 
 
 def _stopped(person: Person, place: tuple[float, float], reach: float, begin: float) -> Person:
-    """Return one hypothesis of a person with its stop."""
+    """Return a hypothesis of a person with its stop."""
     if person.velocity == STANDS and person.track is None:
         return person
     times = np.arange(0.0, begin + WITHIN, STEP)

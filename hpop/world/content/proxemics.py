@@ -1,11 +1,11 @@
-"""Where people are, which way they face, and how a place lies to them; effects of many people on many places.
+"""Proxemics: where people are and face, how places lie to them, and effects of many people on many places.
 
-Everything is written for columns (N,): NumPy arrays, or CasADi symbols. Times are only needed of people who move.
+Everything is written for columns (N,): NumPy arrays, or CasADi symbols. Times are only needed for people who move.
 
-What may come is reckoned with in two ways. :func:`expected` is the mean over a person's futures. As it is the mean at
-each moment, its integral over time is the mean of the integrals, however the moments depend on each other: so what adds
-up along motions still adds up, and exactly. :func:`worst` is the largest over people and futures, for what is about the
-worst moment; it asks for no weights.
+Possible futures enter in two ways. :func:`expected` is the mean over a person's futures. It is the mean at each moment,
+so its integral over time is the mean of the integrals, however the moments depend on each other: effects that add up
+along motions still add up exactly. :func:`worst` is the largest over people and futures, for effects of the worst
+moment; it needs no weights. :class:`Blurred` averages an effect over an uncertain place.
 """
 
 from __future__ import annotations
@@ -23,36 +23,44 @@ from hpop.world.fields.field import Field
 HALL = {"intimate": 0.45, "personal": 1.2, "social": 3.6}
 """Outer limits of Hall's zones, m, between surfaces (Hall 1966); farther off is public."""
 BLOCK = 8192  # samples evaluated together: few enough that their intermediate columns stay in the processor's cache
+FAR = 160, 640  # steps of the table from no distance to an infinite one, least and most: 11 a detail at the end
+SHARES = 96  # steps of the table from no distance to no deviation
+MARGIN = 6  # steps beyond what is asked for, in which the ends of an interpolating spline die away
+STRETCH = 2.0  # a deviation counts as so much of a distance
+NODES = 32, 96  # of Gauss-Legendre an integral, least and most: 7 a detail
+WINDOW = 6.5  # deviations about the predicted place: 1e-9 of a normal distribution is beyond
+AT_ONCE = 4096  # integrals: the columns of their nodes take 3 MB each
+TINY = 1e-9  # m: so far off is who is exactly there
 
 
 def any_moves(people: Iterable[Person]) -> bool:
-    """Whether some of them move, so that times are needed to know where they are."""
+    """Return whether any person moves, so that times are needed to locate them."""
     return any(person.moves for person in people)
 
 
 def position(person: Person, t: Column | None) -> tuple[Column, Column]:
-    """Where a person is, m: predicted for times t (N,), s, of one who moves; fixed for one who stands."""
+    """Return the place of a person, m: at times t (N,), s, of a moving one; fixed of a standing one."""
     return person.at(t) if person.moves else (person.x, person.y)
 
 
 def offset(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Way (x, y), m, from a person to places (N,), in the world frame."""
+    """Return the offset (x, y), m, from a person to places (N,), in the world frame."""
     at_x, at_y = position(person, t)
     return x - at_x, y - at_y
 
 
 def in_frame(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """How far ahead of a person, and to the left, m, places (N,) lie; ahead is where the person walks or faces."""
+    """Return how far ahead of a person, and to the left, m, places (N,) lie; the person walks or faces ahead."""
     dx, dy = offset(person, x, y, t)
     cos, sin = person.ahead_at(t)
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Sum (N,) over people of the mean over what they may do of ``effect(person, *columns)``, while they are there.
+    """Return the sum (N,) over people of the mean over their futures of ``effect(person, *columns)``.
 
-    The effect is asked of people without futures, and takes their deviation into account itself. The last of the
-    columns is the time, or None where nobody moves.
+    A person counts while present. The effect gets people without futures, and handles their deviation itself. The last
+    of the columns is the time, or None if nobody moves.
     """
 
     def share(one: tuple[float, Person], *part: Column | None) -> Column:
@@ -64,9 +72,9 @@ def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: 
 
 
 def worst(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Largest (N,), over people and what they may do, of ``effect(person, *columns)`` >= 0, as :func:`expected` has it.
+    """Return the largest (N,) of ``effect(person, *columns)`` >= 0 over people and futures, see :func:`expected`.
 
-    However unlikely one of several futures is, it counts.
+    Each future counts, however unlikely.
     """
 
     def alone(person: Person, *part: Column | None) -> Column:
@@ -86,7 +94,7 @@ def over(
     combine: Callable[[Column, Column], Column],
     *columns: Column | None,
 ) -> Column:
-    """Combine ``effect(item, *columns)`` (N,) of one item after the other: sums with np.add, worst with np.maximum.
+    """Combine the effects (N,) ``effect(item, *columns)`` of items: sums with np.add, maxima with np.maximum.
 
     Columns are (N,), or None where an effect does not need them. Arrays are evaluated block by block, several times
     faster than whole, and runs of equal samples once.
@@ -111,7 +119,7 @@ def over(
 
 
 def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -> Column:
-    """Value (N,) of a function of samples, asked once where equal samples follow each other, as in lattice turns."""
+    """Return the values (N,) of a function of samples, evaluated once for successive equal samples."""
     given = [column for column in columns if column is not None]
     changes = np.ones(given[0].size, dtype=bool)
     changes[1:] = np.any([column[1:] != column[:-1] for column in given], axis=0)
@@ -122,18 +130,21 @@ def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -
     return np.repeat(values, np.diff(first, append=changes.size))
 
 
-FAR = 160, 640  # steps of the table from no distance to an infinite one, least and most: 11 a detail at the end
-SHARES = 96  # steps of the table from no distance to no deviation
-MARGIN = 6  # steps beyond what is asked for, in which the ends of an interpolating spline die away
-STRETCH = 2.0  # a deviation counts as so much of a distance
-NODES = 32, 96  # of Gauss-Legendre an integral, least and most: 7 a detail
-WINDOW = 6.5  # deviations about the predicted place: 1e-9 of a normal distribution is beyond
-AT_ONCE = 4096  # integrals: the columns of their nodes take 3 MB each
-TINY = 1e-9  # m: so far off is who is exactly there
-
-
 class Blurred:
-    """The mean of a function of the distance, where the place that it is measured from is uncertain.
+    """Mean of a function of the distance to a person whose place is uncertain.
+
+    The place is normal about the predicted one, with the same standard deviation σ along both axes. Of a function f of
+    the distance, 0 beyond an end, the mean at distance ν from the predicted place is an integral over Rice's density::
+
+        F₀(ν, σ) = ∫ f(r) r/σ² exp(-(r² + ν²)/2σ²) I₀(rν/σ²) dr
+
+    and the mean of f(r) cos α, α the angle between the offset from the person and a fixed direction, is the cosine of
+    that angle at the predicted place times F₁, the same integral with the Bessel function I₁ in place of I₀. Neither
+    has a closed form, and CasADi has no Bessel functions; so they are sampled once and interpolated by cubic splines.
+    One table then serves numbers and symbols, and is twice differentiable.
+
+    The table counts by how far both together are, h² = ν² + (2σ)², and by their share, ν/(ν + 2σ): near the person a
+    function of the direction depends on the share alone, and all distances and deviations have a place in the table.
 
     function  >= 0 of distances (N,), m, a NumPy array; continuous
     end       m      beyond which it is 0
@@ -142,7 +153,7 @@ class Blurred:
 
     Where the function changes smoothly within the detail, a twentieth of the end or more, the table is nearer than 1e-4
     of the change to the integral; with a fiftieth, 2e-3. (Within 2 cm of a person whose place is sure, the mean of a
-    cosine is no function of the place; nobody's axis is so near.)
+    cosine is no function of the place; no robot's axis is so near.)
 
     >>> cone = Blurred(lambda r: np.maximum(0.0, 1.0 - r), 1.0, detail=1.0)
     >>> cone(np.array([0.5, 0.0]), np.array([1e-6, 0.1])).round(3)  # the mean distance is σ sqrt(π/2)
@@ -174,7 +185,7 @@ class Blurred:
         self._table = Field(spline_filter(values, order=3, mode="mirror"), 1.0)
 
     def __call__(self, distance: Column, deviation: Column) -> Column:
-        """Mean (N,) at distances (N,), m, from the predicted place, which deviates by so much (N,), m."""
+        """Return the mean (N,) at distances (N,), m, from the predicted place with deviation (N,), m."""
         wide = STRETCH * deviation + TINY
         both = distance + wide
         together = np.sqrt(distance * distance + wide * wide)
@@ -190,7 +201,7 @@ def _means(
     nu: FloatArray,
     sigma: FloatArray,
 ) -> FloatArray:
-    """The integrals (N,) at distances and deviations (N,), by so many nodes where the density is not 0."""
+    """Return the integrals (N,) at distances and deviations (N,), by ``count`` nodes where the density is not 0."""
     from scipy.special import i0e, i1e  # slow to import
 
     nodes, weights = np.polynomial.legendre.leggauss(count)

@@ -7,6 +7,8 @@ import math
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 
+Four = tuple[float, float, float, float]
+
 
 @lean
 def _primitive(t: float, d: float, r: float, a: float) -> float:
@@ -85,9 +87,6 @@ def ball_volumes(
                     between += math.copysign(volume, level)
                 total += between if cross > 0.0 else -between
         out[k] += total
-
-
-Four = tuple[float, float, float, float]
 
 
 @lean

@@ -29,6 +29,8 @@ from hpop.base.symbols import lift
 from hpop.world.geometry.shapes import rotate
 
 PAD = 2
+BLOCK = 32  # nodes along a side of a block
+AT_ONCE = 256  # blocks that are sampled together
 
 
 class Places(NamedTuple):
@@ -198,10 +200,6 @@ def grid_points(bounds: tuple[float, float, float, float], spacing: float) -> tu
     steps = (np.arange(count, dtype=np.float64) - 1.0 for count in (columns, rows))
     xs, ys = (np.asarray(low + spacing * step) for low, step in zip((x0, y0), steps, strict=True))
     return xs, ys
-
-
-BLOCK = 32  # nodes along a side of a block
-AT_ONCE = 256  # blocks that are sampled together
 
 
 class LazyField(Field):

@@ -33,6 +33,13 @@ BLOCK = 256
 """Polygons whose neighbours are looked for together."""
 ROUNDING = 1e-12
 """Rounding of the closed form: values below are 0."""
+PER_RADIUS = 10  # nodes
+RAYS = 1000  # of each node, over the ball: an edge or a corner is met to a thousandth or two
+MOST = 1 << 22  # nodes that are kept, 64 MB
+SIDE = 1 << 20  # nodes on either side of the middle, of what a key has room for
+STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
+AROUND = np.array([*product(range(-1, 3), repeat=3)], np.int64) @ STRIDES  # nodes by which a cell is interpolated
+CUBICS = 0.5 * np.array([[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]])
 
 
 class RasterBalls:
@@ -224,15 +231,6 @@ def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
     edges = np.concatenate([points[:-1][same], points[1:][same]], axis=1)
     slab = owner[area][part[ring[:-1][same]]]
     return edges, np.searchsorted(slab, np.arange(len(geometries) + 1)).astype(np.int64)
-
-
-PER_RADIUS = 10  # nodes
-RAYS = 1000  # of each node, over the ball: an edge or a corner is met to a thousandth or two
-MOST = 1 << 22  # nodes that are kept, 64 MB
-SIDE = 1 << 20  # nodes on either side of the middle, of what a key has room for
-STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
-AROUND = np.array([*product(range(-1, 3), repeat=3)], np.int64) @ STRIDES  # nodes by which a cell is interpolated
-CUBICS = 0.5 * np.array([[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]])
 
 
 class Filled:

@@ -10,6 +10,10 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 
 # A first answer waits for this to be compiled, which takes longer for each function that is called.
+PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
+TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
+WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
+NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 
 
 @lean
@@ -69,12 +73,6 @@ def nearest(
                 waiting[count - 1], waiting[count - 2] = waiting[count - 2], waiting[count - 1]
                 away[count - 1], away[count - 2] = away[count - 2], away[count - 1]
         out[n] = math.sqrt(best)
-
-
-PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
-TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
-WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
-NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 
 
 @lean

@@ -1,4 +1,4 @@
-"""The compiled inner loop that tells which targets bodies hide from a place: few divisions a line."""
+"""Compiled loop that finds the targets that bodies hide from a place, with few divisions a line."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BOX = 3  # planes of a box, at most, before which a place outside it is
 
 @lean
 def _turned_back(pose: FloatArray, d: tuple[float, ...]) -> tuple[float, float, float]:
-    """A direction of the world in the frame of which a pose says where it is."""
+    """Return a direction of the world in the frame of a pose."""
     return (
         pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
         pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
@@ -34,7 +34,7 @@ def _faced(
     sorted_: FloatArray,
     room: int,
 ) -> tuple[int, int]:
-    """Write planes to sorted_ from ``room`` on: those before which a place is, then the others; where both lists end.
+    """Write planes to sorted_ from ``room`` on: those in front of which a place is, then the others; return the ends.
 
     Their last column is by how much the place is behind each. None are written of a body that no ray enters: one that
     contains the place, or lies all behind a plane from which a cone from the place leads away.
@@ -57,7 +57,7 @@ def _faced(
 
 @lean
 def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[float, ...], reach: float) -> bool:
-    """Whether a ray enters a body of planes alone before reach, its planes as `_faced` sorts them.
+    """Return whether a ray enters a body of planes before reach, its planes sorted by `_faced`.
 
     It has to pass all planes in front of it before any of the others: few divisions. Of both the planes of the box
     round a hull are asked first, which most lines that miss it miss.

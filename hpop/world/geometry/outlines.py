@@ -23,6 +23,18 @@ from hpop.runtime import limits
 
 MOST_CORNERS = 500_000
 """Corners of outlines: some seconds. The largest real maps at hand have some thousands; noise has them."""
+MOST_MENDED = 1_000
+"""Crossings of an outline that is mended."""
+MOST_SQUARES = 5 * MOST_MENDED**2
+"""Sum of the squared numbers of crossings of all outlines of a file that are mended: some seconds."""
+MOST_JOINED = 100_000
+"""Crossings of outlines that are joined."""
+MOST_NEAR = 200_000
+"""Pairs of segments of a line that are so near to each other that their strips overlap."""
+MOST_PAIRS = 20_000_000
+"""Pairs of segments whose boxes overlap."""
+AT_ONCE = 1_000_000
+"""Pairs of segments that are looked at together, about."""
 
 
 def outlined(cells: BoolArray) -> BaseGeometry:
@@ -69,20 +81,6 @@ def _lowest(rings: NDArray[np.object_]) -> IntArray:
     first = order[np.flatnonzero(np.append(True, np.diff(ring) > 0))]
     lowest: IntArray = points[first].astype(np.int64)
     return lowest
-
-
-MOST_MENDED = 1_000
-"""Crossings of an outline that is mended."""
-MOST_SQUARES = 5 * MOST_MENDED**2
-"""Sum of the squared numbers of crossings of all outlines of a file that are mended: some seconds."""
-MOST_JOINED = 100_000
-"""Crossings of outlines that are joined."""
-MOST_NEAR = 200_000
-"""Pairs of segments of a line that are so near to each other that their strips overlap."""
-MOST_PAIRS = 20_000_000
-"""Pairs of segments whose boxes overlap."""
-AT_ONCE = 1_000_000
-"""Pairs of segments that are looked at together, about."""
 
 
 def check_mendable(outline: BaseGeometry, what: str) -> int:

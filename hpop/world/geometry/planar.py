@@ -22,6 +22,10 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 LEAF = 4  # pieces of edges in a leaf
 ROUNDING = 8  # units in the last place by which boxes are wider: none is passed over for its rounding
 BITS = 16  # of each coordinate, by which pieces are put in order
+TOLERANCE = 1e-9
+"""Metres by which a segment may miss its margin."""
+GRID = 2.0**-43
+"""Share of the largest coordinate to which free regions with slanting edges are rounded: 1e-10 m in 1 km."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +99,6 @@ def _curve(points: FloatArray) -> IntArray:
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         cells = (cells | (cells << shift)) & mask
     return np.asarray(cells[:, 0] | (cells[:, 1] << 1))
-
-
-TOLERANCE = 1e-9
-"""Metres by which a segment may miss its margin."""
-GRID = 2.0**-43
-"""Share of the largest coordinate to which free regions with slanting edges are rounded: 1e-10 m in 1 km."""
 
 
 def without(region: BaseGeometry, blocked: BaseGeometry) -> BaseGeometry:

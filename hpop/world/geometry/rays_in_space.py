@@ -33,7 +33,7 @@ RAYS = "rays were cast"
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Convex bodies, as rays ask for them: each is what is behind all of its planes and within its round part.
+    """Convex bodies for rays: each is the region behind all of its planes and within its round part.
 
     planes  (P, 4)    outward unit normal and distance from the origin along it, m; of one body after the other
     begin   (B + 1,)  where the planes of each begin
@@ -52,7 +52,7 @@ class Surfaces:
 
     @classmethod
     def of(cls, solids: Sequence[Solid]) -> Surfaces:
-        """Surfaces from solids in space."""
+        """Build surfaces from solids in space."""
         planes, rounds = [np.empty((0, 4))], [np.empty((0, 8))]
         for solid in solids:
             faces, centre, axis, radius, bound = _form(solid.shape)
@@ -67,10 +67,10 @@ class Surfaces:
         return len(self.rounds)
 
     def first_hits(self, origins: FloatArray, directions: FloatArray, reach: float) -> FloatArray:
-        """How far (N, K), m, the rays (N, K, 3) of unit length from each origin (N, 3), m, get; at most ``reach``.
+        """Return how far (N, K), m, unit rays (N, K, 3) get from origins (N, 3), m, up to ``reach``.
 
-        A ray ends where it enters a body. What contains or touches the origin, as a hand the camera in it, is no
-        hindrance.
+        A ray ends where it enters a body. A body that contains or touches the origin, such as the camera's own case,
+        does not stop it.
         """
         from hpop.world.geometry._kernels import first_hits  # numba is slow to import
 
@@ -86,9 +86,9 @@ class Surfaces:
     def blocked(
         self, own: Surfaces, poses: FloatArray, origins: FloatArray, directions: FloatArray, reach: FloatArray
     ) -> FloatArray:
-        """Share (N,) of the rays (N, K, 3) from each origin (N, 3), m, that enter a body before ``reach`` (N, K), m.
+        """Return the share (N,) of rays (N, K, 3) from origins (N, 3), m, that enter a body before ``reach`` (N, K), m.
 
-        Bodies are these and ``own``, each in a frame of its own, of which ``poses`` (B, N, 4, 4) say where it is.
+        Bodies are these and ``own``, each in a frame of its own, with poses (B, N, 4, 4).
         """
         from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
 
@@ -110,7 +110,7 @@ class Surfaces:
         *,
         largest: bool,
     ) -> FloatArray:
-        """Mean or largest angular speed (N,), rad/s, of what a camera sees: see the kernel of the same name."""
+        """Return the mean or largest angular speed (N,), rad/s, of surfaces in view: see the kernel of this name."""
         from hpop.world.geometry._kernels import flow  # numba is slow to import
 
         out = np.empty(len(places))
@@ -122,7 +122,7 @@ class Surfaces:
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
-        """Share (N,), in [0, 1], of the ball of ``radius`` m round each centre (N, 3), m, that bodies fill."""
+        """Return the share (N,), in [0, 1], of the ball of ``radius`` m round centres (N, 3), m, that bodies fill."""
         from hpop.world.geometry._kernels import filled  # numba is slow to import
 
         out = np.zeros(len(centres))
@@ -137,13 +137,13 @@ class Surfaces:
 
 
 def surfaces_of(world: World) -> Surfaces:
-    """All that is solid in a world; kept with its ground."""
+    """Return the surfaces of a world's solids; kept with its ground."""
     ground = world.ground
     return ground.derived(("bodies for rays",), lambda: Surfaces.of(ground.bodies))
 
 
 def rows(vector: Vector, size: int) -> FloatArray:
-    """Three columns, or numbers in their place, as vectors (N, 3); OptionError for symbols."""
+    """Return three columns, or numbers in their place, as vectors (N, 3); OptionError for symbols."""
     if any(map(is_symbolic, vector)):
         raise OptionError(
             "rays in space are cast on numbers, and here places are variables of a program; take a planner on a graph."
@@ -152,9 +152,9 @@ def rows(vector: Vector, size: int) -> FloatArray:
 
 
 def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
-    """Unit vectors (count, 3), evenly spread over the directions within half the angles, rad, of the x axis.
+    """Return unit vectors (count, 3), evenly spread over the directions within half the angles, rad, of the x axis.
 
-    They are ``width`` round the z axis and ``height`` up and down: all round where nothing else is asked for.
+    They span ``width`` round the z axis and ``height`` up and down; by default all directions.
     """
     number = np.arange(count) + 0.5
     z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)
@@ -165,9 +165,9 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
 def towards_ball(
     places: FloatArray, centre: Sequence[float], radius: float, rays: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Unit vectors (N, rays, 3) from places (N, 3) towards points spread evenly over a ball, and how far (N, rays), m.
+    """Return unit vectors (N, rays, 3) from places (N, 3) towards a ball, evenly spread, and distances (N, rays), m.
 
-    It is 0 for places in the ball, which see nothing of it.
+    Distances are 0 for places in the ball, which see nothing of it.
     """
     from hpop.world.geometry._kernels import towards_ball  # numba is slow to import
 
@@ -177,14 +177,14 @@ def towards_ball(
 
 
 def over_disc(count: int) -> FloatArray:
-    """Points (count, 2), evenly spread over the disc of radius 1."""
+    """Return points (count, 2), evenly spread over the disc of radius 1."""
     number = np.arange(count)
     distance, angle = np.sqrt((number + 0.5) / count), GOLDEN * number
     return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
 
 
 def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
-    """Planes (P, 4), centre, axis, radius and the radius of a ball that holds a shape, in its own frame."""
+    """Return planes (P, 4), centre, axis, radius and the radius of a bounding ball of a shape, in its own frame."""
     zero, up = np.zeros(3), np.array([0.0, 0.0, 1.0])
     match shape:
         case Box():

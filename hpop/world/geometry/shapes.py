@@ -1,4 +1,4 @@
-"""What a world is in the plane: prisms (`Obstacle`) and occupancy cells (`Raster`), each with heights."""
+"""Shapes in the plane: prisms (`Obstacle`) and occupancy cells (`Raster`), each with heights."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SMALLEST, LARGEST = 0.1, 1e6
 
 
 def check_prisms(obstacles: Any) -> tuple[Obstacle, ...]:
-    """The obstacles of a world as a tuple, or `MapError` where that is something else."""
+    """Return the obstacles of a world as a tuple, or raise `MapError`."""
     prisms = tuple(obstacles) if isinstance(obstacles, Iterable) else (obstacles,)
     if not all(isinstance(prism, Obstacle) for prism in prisms):
         raise MapError(
@@ -70,7 +70,7 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 
 
 def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
-    """Refuse geometries that lie where no building does, or of coordinates whose products are no numbers any more."""
+    """Refuse geometries beyond any building, or with coordinates whose products overflow."""
     away = np.abs(shapely.get_coordinates(geometry))
     if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
@@ -84,7 +84,7 @@ def check_positive(name: str, value: Any) -> float:
 
 
 def check_inside(given: Any) -> tuple[float, float] | None:
-    """A point (x, y) of the free space, m, or None; `MapError` for anything else."""
+    """Return a point (x, y) of the free space, m, or None; `MapError` for anything else."""
     if given is None:
         return None
     try:
@@ -98,7 +98,7 @@ def check_inside(given: Any) -> tuple[float, float] | None:
 
 
 def check_size(height: int, width: int, what: str) -> None:
-    """Refuse a raster without cells or with more than `MAX_CELLS`, before memory is taken for it."""
+    """Refuse a raster without cells or with more than `MAX_CELLS`, before memory is taken."""
     if height < 1 or width < 1:
         raise MapError(f"{what} must have at least one cell; got {width} x {height}.")
     if height * width > MAX_CELLS:
@@ -109,7 +109,7 @@ def check_size(height: int, width: int, what: str) -> None:
 
 
 def check_span(height: int, width: int, resolution: float, path: Any) -> None:
-    """Refuse the map in a file if no robot fits on it or no country holds it: its resolution is wrong."""
+    """Refuse the map in a file if no robot fits on it or it is larger than a country: its resolution is wrong."""
     side = max(height, width) * resolution
     if not SMALLEST <= side <= LARGEST:
         raise MapError(
@@ -127,14 +127,14 @@ def rotate(x: Any, y: Any, yaw: float) -> tuple[Any, Any]:
 
 
 def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    """Whether two open height ranges share a point; touching ranges do not."""
+    """Return whether two open height ranges share a point; touching ranges do not."""
     return a[0] < b[1] and b[0] < a[1]
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Obstacle:
-    """An upright prism: a polygon between two heights.
+    """Upright prism: a polygon between two heights.
 
     polygon       shapely Polygon   m   outline in the world frame, holes allowed
     z_min, z_max  float             m   -inf and inf mean "the whole height"
@@ -165,17 +165,17 @@ class Obstacle:
 
     @classmethod
     def around(cls, solid: Solid) -> Obstacle:
-        """The upright prism round a solid."""
+        """Return the upright prism round a solid."""
         return cls(solid.outline, *solid.heights, solid, solid.name)
 
     @property
     def heights(self) -> tuple[float, float]:
-        """(z_min, z_max), m."""
+        """Return (z_min, z_max), m."""
         return self.z_min, self.z_max
 
 
 def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
-    """Prisms over shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError for anything else."""
+    """Return prisms over shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError for anything else."""
     if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
         raise MapError(f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets.")
     prisms = list[Obstacle]()
@@ -230,21 +230,21 @@ class Raster:
 
     @property
     def heights(self) -> tuple[float, float]:
-        """(z_min, z_max), m."""
+        """Return (z_min, z_max), m."""
         return self.z_min, self.z_max
 
     def to_world(self, column: Column, row: Column) -> tuple[Any, Any]:
-        """World coordinates (m) of points given in cells from the lower-left corner."""
+        """Return world coordinates (m) of points given in cells from the lower-left corner."""
         dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
         return dx + self.origin[0], dy + self.origin[1]
 
     def rectangle(self) -> BaseGeometry:
-        """Outline of the image, m."""
+        """Return the outline of the image, m."""
         rows, columns = self.cells.shape
         return self._placed(shapely.box(0, 0, columns, rows))
 
     def solid(self) -> BaseGeometry:
-        """Union of the occupied squares, exact, m; raises MapError where its outlines have too many corners."""
+        """Return the union of the occupied squares, exact, m; MapError where outlines have too many corners."""
         return self._placed(outlined(self.cells))
 
     def _placed(self, geometry: BaseGeometry) -> BaseGeometry:

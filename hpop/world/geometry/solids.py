@@ -1,4 +1,4 @@
-"""Solids in space: boxes, cylinders, spheres and convex hulls with poses, which arms meet and arms are made of.
+"""Solids in space: boxes, cylinders, spheres and convex hulls with poses, for worlds and for arms.
 
 A robot in the plane meets the upright prism round each: `Solid.outline` between `Solid.heights`.
 """
@@ -40,7 +40,7 @@ MOST_POINTS = 100_000
 @checked_arguments
 @dataclass(frozen=True)
 class Box:
-    """A box round its origin, along its axes.
+    """Box round its origin, along its axes.
 
     size  (x, y, z)  m
     """
@@ -53,13 +53,13 @@ class Box:
 
     @property
     def corners(self) -> FloatArray:
-        """The eight corners (8, 3), m."""
+        """Return the eight corners (8, 3), m."""
         ends = [(x, y, z) for z in (-0.5, 0.5) for x, y in ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))]
         corners: FloatArray = np.array(ends) * np.array(self.size)
         return corners
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        """Return how far the box reaches (N,), m, in unit directions (N, 3)."""
         reach: FloatArray = np.abs(directions) @ (np.array(self.size) / 2)
         return reach
 
@@ -67,7 +67,7 @@ class Box:
 @checked_arguments
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder round its origin; its axis is z.
+    """Cylinder round its origin; its axis is z.
 
     radius, length  m
     """
@@ -81,12 +81,12 @@ class Cylinder:
 
     @property
     def corners(self) -> FloatArray:
-        """Corners (V, 3), m, of an upright prism round it, whose edges touch it."""
+        """Return the corners (V, 3), m, of an upright prism round it, whose edges touch it."""
         rim = _rim(self.radius)
         return np.concatenate([np.c_[rim, np.full(len(rim), z)] for z in (-self.length / 2, self.length / 2)])
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        """Return how far the cylinder reaches (N,), m, in unit directions (N, 3)."""
         x, y, z = directions.T
         reach: FloatArray = self.radius * np.hypot(x, y) + self.length / 2 * np.abs(z)
         return reach
@@ -95,7 +95,7 @@ class Cylinder:
 @checked_arguments
 @dataclass(frozen=True)
 class Sphere:
-    """A ball round its origin.
+    """Ball round its origin.
 
     radius  m
     """
@@ -106,14 +106,14 @@ class Sphere:
         object.__setattr__(self, "radius", _length("a sphere's radius", self.radius))
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        """Return how far the ball reaches (N,), m, in unit directions (N, 3)."""
         return np.full(len(directions), self.radius)
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """The convex hull of points, which has a volume; points that are not its corners are dropped.
+    """Convex hull of points, with a volume; points that are not its corners are dropped.
 
     points  (V, 3)  m
     """
@@ -146,12 +146,12 @@ class Hull:
 
     @property
     def corners(self) -> FloatArray:
-        """Its corners (V, 3), m."""
+        """Return its corners (V, 3), m."""
         return self.points
 
     @cached_property
     def triangles(self) -> IntArray:
-        """Corners (F, 3) of its faces, counter-clockwise as seen from outside."""
+        """Return the corners (F, 3) of its faces, counter-clockwise as seen from outside."""
         from scipy.spatial import ConvexHull  # slow to import
 
         hull = ConvexHull(self.points)
@@ -163,12 +163,12 @@ class Hull:
 
     @cached_property
     def volume(self) -> float:
-        """In m³."""
+        """Return the volume, m³."""
         a, b, c = self.points[self.triangles.T] - self.points.mean(axis=0)
         return float(np.einsum("ij,ij->", np.cross(a, b), c)) / 6
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """How far it reaches (N,), m, in unit directions (N, 3)."""
+        """Return how far the hull reaches (N,), m, in unit directions (N, 3)."""
         reach: FloatArray = (self.points @ directions.T).max(axis=0)
         return reach
 
@@ -179,7 +179,7 @@ Shape = Box | Cylinder | Sphere | Hull
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A shape with its place.
+    """Shape with a pose.
 
     shape
     pose   (4, 4)  homogeneous, m: from the shape's frame to the world's, or that of whatever it is part of
@@ -203,7 +203,7 @@ class Solid:
 
     @property
     def corners(self) -> FloatArray:
-        """Corners (V, 3), m, of a polyhedron that is the solid (`Box`, `Hull`) or round it (`Cylinder`).
+        """Return corners (V, 3), m, of a polyhedron equal to the solid (`Box`, `Hull`) or round it (`Cylinder`).
 
         MapError for a sphere, round which no few points are near.
         """
@@ -214,20 +214,20 @@ class Solid:
 
     @cached_property
     def bounds(self) -> FloatArray:
-        """The least and the greatest x, y and z (2, 3), m; exact."""
+        """Return the least and the greatest x, y and z (2, 3), m; exact."""
         reach = self.shape.support(self.pose[:3, :3])
         away = self.shape.support(-self.pose[:3, :3])
         return frozen(np.stack([self.pose[:3, 3] - away, self.pose[:3, 3] + reach]))
 
     @property
     def heights(self) -> tuple[float, float]:
-        """(z_min, z_max), m; exact."""
+        """Return (z_min, z_max), m; exact."""
         low, high = self.bounds[:, 2].tolist()
         return low, high
 
     @cached_property
     def outline(self) -> Polygon:
-        """What it covers seen from above, m: exact for boxes and hulls, else round it, within `SAGITTA`."""
+        """Return its outline from above, m: exact for boxes and hulls, else round it, within `SAGITTA`."""
         if isinstance(self.shape, Sphere):
             return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
         outline: Polygon = shapely.convex_hull(shapely.MultiPoint(self.corners[:, :2]))  # type: ignore[assignment]
@@ -235,7 +235,7 @@ class Solid:
 
     @cached_property
     def is_upright(self) -> bool:
-        """Whether the solid is the upright prism round it, but for the edges of a circle."""
+        """Return whether the solid equals the upright prism round it, except for the edges of a circle."""
         vertical = np.hypot(self.pose[0, :3], self.pose[1, :3]) <= TILT
         match self.shape:
             case Box():
@@ -248,7 +248,7 @@ class Solid:
         return self.shape.volume >= (1 - 1e-9) * self.outline.area * (high - low)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able description, from which :meth:`build` makes the same solid."""
+        """Return a JSON-able description, from which :meth:`build` makes an equal solid."""
         match self.shape:
             case Box():
                 shape: dict[str, Any] = {"box": list(self.shape.size)}
@@ -262,7 +262,7 @@ class Solid:
 
     @classmethod
     def build(cls, data: Mapping[str, Any]) -> Solid:
-        """A solid from its description; MapError, TypeError or LookupError where it is malformed."""
+        """Build a solid from its description; MapError, TypeError or LookupError where it is malformed."""
         (kind,) = set(data) - {"pose", "name"}
         given = data[kind]
         shapes: dict[str, Any] = {"box": Box, "sphere": Sphere, "hull": Hull}
@@ -271,7 +271,7 @@ class Solid:
 
 
 def check_solids(solids: Any) -> tuple[Solid, ...]:
-    """The solids of a world as a tuple, or `MapError` where that is something else, or too many."""
+    """Return the solids of a world as a tuple; `MapError` for anything else, or too many."""
     found = tuple(islice(solids, MOST_SOLIDS + 1)) if isinstance(solids, Iterable) else (solids,)
     if not all(isinstance(solid, Solid) for solid in found):
         raise MapError(
@@ -284,7 +284,7 @@ def check_solids(solids: Any) -> tuple[Solid, ...]:
 
 
 def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
-    """A note on those that are more in the plane than they are; none where all are upright."""
+    """Return a note on solids that count as larger in the plane; none where all are upright."""
     names = [solid.name or f"solid {place}" for place, solid in enumerate(solids) if not solid.is_upright]
     if not names:
         return ()
@@ -302,7 +302,7 @@ def pose_at(
     rpy: Sequence[float] = (0.0, 0.0, 0.0),
     quaternion: Sequence[float] | None = None,
 ) -> FloatArray:
-    """A pose (4, 4), m: turned by roll, pitch and yaw, rad, about fixed axes x, y, z in turn, or by a quaternion.
+    """Return a pose (4, 4), m: by roll, pitch and yaw, rad, about fixed axes x, y, z in turn, or by a quaternion.
 
     A quaternion is (x, y, z, w); one of another length than 1 is taken as the one of length 1 in its direction.
     """
@@ -341,7 +341,7 @@ def _checked_pose(pose: Any, name: str) -> FloatArray:
 
 
 def _numbers(what: str, given: Any, count: int) -> tuple[float, ...]:
-    """So many finite numbers, or MapError."""
+    """Return ``count`` finite numbers, or raise MapError."""
     try:
         values = tuple(given)
     except TypeError:
@@ -356,7 +356,7 @@ def _length(what: str, value: Any) -> float:
 
 
 def _rim(radius: float) -> FloatArray:
-    """Corners (N, 2), m, of a polygon round a circle, each within `SAGITTA` of it."""
+    """Return corners (N, 2), m, of a polygon round a circle, each within `SAGITTA` of it."""
     excess = SAGITTA / min(radius, 1.0)
     count = max(16, 4 * math.ceil(math.pi / math.acos(1.0 / (1.0 + excess)) / 4))
     angles = 2.0 * math.pi * np.arange(count) / count

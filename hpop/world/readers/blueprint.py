@@ -40,6 +40,14 @@ ROWS = 1_000_000
 """Pixels that are counted together."""
 
 _ROUND = np.ones((3, 3), dtype=bool)  # a pixel with its eight neighbours: lines are connected at corners
+THIN = 3
+"""Pixels that a line is thick, at most, which is told apart from walls."""
+WALLS = 0.5
+"""Share of the dark pixels that are of walls, at least, where lines are told apart: else walls are lines as well."""
+ROOM = 1.0
+"""Area, m², of a part of the free space that counts as a room."""
+MOST = 1_000
+"""Pixels up to which lines are left out."""
 
 
 class Specks(NamedTuple):
@@ -247,16 +255,6 @@ def _rounded_up(value: float) -> float:
     """Two digits of a number, rounded up."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / unit - 1e-9) * unit:.6g}")
-
-
-THIN = 3
-"""Pixels that a line is thick, at most, which is told apart from walls."""
-WALLS = 0.5
-"""Share of the dark pixels that are of walls, at least, where lines are told apart: else walls are lines as well."""
-ROOM = 1.0
-"""Area, m², of a part of the free space that counts as a room."""
-MOST = 1_000
-"""Pixels up to which lines are left out."""
 
 
 def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:

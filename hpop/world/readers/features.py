@@ -12,6 +12,25 @@ from hpop.errors import MapError, did_you_mean
 
 RANGES = 8
 """Features, or ranges of their numbers, that a note lists, at most."""
+UNITS = {
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    "cm": 0.01,
+    "mm": 0.001,
+    **dict.fromkeys(("ft", "feet", "foot", "'"), 0.3048),
+    **dict.fromkeys(("in", "inch", "inches", '"'), 0.0254),
+}
+"""Metres a unit. OpenStreetMap's lengths without a unit are in metres (wiki, Key:height)."""
+LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*|'|\")")
+FEET_INCHES = re.compile(r"(\d+)\s*(?:'|ft)\s*(\d+(?:\.\d+)?)\s*(?:\"|in)?")
+RANGE = re.compile(r"(-?\d{1,3})-(-?\d{1,3})")
+"""A range of levels: "0-2", "-1-3"."""
+RANGED = frozenset({"level", "repeat_on"})
+"""Properties whose text may be a range (OpenStreetMap, Simple Indoor Tagging)."""
+YES, NO = frozenset({"yes", "true", "1"}), frozenset({"no", "false", "0", ""})
+LEVELS = ("level", "floor")
+"""Properties that say on which floor a feature is."""
+TOLD = 8
+"""Values of a property that a message lists, at most."""
 
 
 class Feature(NamedTuple):
@@ -104,23 +123,6 @@ def _ranges(numbers: list[int]) -> str:
             ranges.append([number])
     words = [" to ".join(map(str, ends)) for ends in ranges[:RANGES]]
     return ", ".join([*words, *["..."] * (len(ranges) > RANGES)])
-
-
-UNITS = {
-    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
-    "cm": 0.01,
-    "mm": 0.001,
-    **dict.fromkeys(("ft", "feet", "foot", "'"), 0.3048),
-    **dict.fromkeys(("in", "inch", "inches", '"'), 0.0254),
-}
-"""Metres a unit. OpenStreetMap's lengths without a unit are in metres (wiki, Key:height)."""
-LENGTH = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*|'|\")")
-FEET_INCHES = re.compile(r"(\d+)\s*(?:'|ft)\s*(\d+(?:\.\d+)?)\s*(?:\"|in)?")
-RANGE = re.compile(r"(-?\d{1,3})-(-?\d{1,3})")
-"""A range of levels: "0-2", "-1-3"."""
-RANGED = frozenset({"level", "repeat_on"})
-"""Properties whose text may be a range (OpenStreetMap, Simple Indoor Tagging)."""
-YES, NO = frozenset({"yes", "true", "1"}), frozenset({"no", "false", "0", ""})
 
 
 def length(value: Any) -> float | None:
@@ -222,12 +224,6 @@ def _is_choice(entry: tuple[Any, Any]) -> bool:
     key, value = entry
     several = value if isinstance(value, list | tuple) else [value]
     return isinstance(key, str) and bool(several) and all(isinstance(v, str | int | float) for v in several)
-
-
-LEVELS = ("level", "floor")
-"""Properties that say on which floor a feature is."""
-TOLD = 8
-"""Values of a property that a message lists, at most."""
 
 
 def chosen_features(

@@ -38,6 +38,8 @@ FLOW_WIDTH = 3.0
 ContentFile = str | Path | Mapping[str, Any]
 """A path, or a mapping with a ``path`` and ``where``: the properties that its features must have."""
 ContentFiles = ContentFile | Sequence[ContentFile]
+Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
+"""From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
 
 
 def read(
@@ -100,10 +102,6 @@ def read(
         zones=tuple(item for item in (*ways, *rules) if isinstance(item, Zone)),
     )
     return content, (*source.chosen, *source.notes.lines())
-
-
-Maker = Callable[[Any, Feature], Landmark | Zone | str | None]
-"""From a geometry, m, what it stands for; text says why it is nothing, None that there is nothing to say."""
 
 
 @dataclass(frozen=True)

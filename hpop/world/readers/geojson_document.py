@@ -58,6 +58,15 @@ MARKED = (
     ("version https://git-lfs", "a pointer of Git LFS: fetch the file by git lfs pull"),
 )
 """The same of texts that are no JSON, by what stands in their first lines, in lower case."""
+POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
+POLYGONS = ("Polygon", "MultiPolygon")
+COLLECTION = "GeometryCollection"
+AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
+WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
+LEAST_RING = 3
+"""Different points of a ring that bounds an area, at least."""
+MOST_DEEP = 20
+"""Collections within collections that are read."""
 
 
 class Document(NamedTuple):
@@ -186,17 +195,8 @@ def two_numbers(data: Any) -> Any:
     return [two_numbers(item) for item in data] if isinstance(data, list) else data
 
 
-POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
-POLYGONS = ("Polygon", "MultiPolygon")
-COLLECTION = "GeometryCollection"
-AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
-WORDS: dict[tuple[str, ...], str] = {POINTS: "point", LINES: "line", POLYGONS: "polygon"}
 WORDS[POLYGONS + LINES] = "polygon or line"
 WORDS[POLYGONS + LINES + POINTS] = "polygon, line or door"
-LEAST_RING = 3
-"""Different points of a ring that bounds an area, at least."""
-MOST_DEEP = 20
-"""Collections within collections that are read."""
 
 
 def shaped(

@@ -29,6 +29,19 @@ MERCATOR = frozenset({"EPSG:3857", "ESRI:102100", "EPSG:3785", "ESRI:102113"})
 OLD = {"EPSG:900913": "EPSG:3857"}
 CODE = re.compile(r"\b(EPSG|ESRI)\b.*?(\d{4,6})", re.IGNORECASE)
 LONGITUDE_FIRST = re.compile(r".*\bCRS:?84h?", re.IGNORECASE)
+Units = Literal["m", "deg"]
+FARTHEST_UNIT = 1000 * FARTHEST
+"""Greatest coordinate of a file, in its units, which may be millimetres."""
+MOST_DEGREES = (180.0, 90.0)
+"""Greatest longitude and latitude."""
+WIDEST = 0.1
+"""Degrees that a plan spans, at most, each way: 11 km. What spans as many metres is no building."""
+SMALL = 0.01
+"""Degrees that a thing in a building spans, at most, each way: 1.1 km. As metres that is a centimetre."""
+NEAR = 1.0
+"""Degrees from the origin within which lengths on the plane are those on the earth, to 0.02 %."""
+FLATTENING = 1 / 298.257223563
+"""The earth's of WGS 84."""
 
 
 def crs_of(name: Any) -> str:
@@ -107,21 +120,6 @@ def _stretched(points: FloatArray, crs: str) -> str:
     if crs not in MERCATOR or not len(points):
         return ""
     return f", or give scale: {1 / math.cosh(float(points[:, 1].mean()) / RADIUS):.4g}"
-
-
-Units = Literal["m", "deg"]
-FARTHEST_UNIT = 1000 * FARTHEST
-"""Greatest coordinate of a file, in its units, which may be millimetres."""
-MOST_DEGREES = (180.0, 90.0)
-"""Greatest longitude and latitude."""
-WIDEST = 0.1
-"""Degrees that a plan spans, at most, each way: 11 km. What spans as many metres is no building."""
-SMALL = 0.01
-"""Degrees that a thing in a building spans, at most, each way: 1.1 km. As metres that is a centimetre."""
-NEAR = 1.0
-"""Degrees from the origin within which lengths on the plane are those on the earth, to 0.02 %."""
-FLATTENING = 1 / 298.257223563
-"""The earth's of WGS 84."""
 
 
 @dataclass(frozen=True)

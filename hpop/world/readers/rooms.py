@@ -33,6 +33,20 @@ GRID = 1e-3
 """Distance, m, within which outlines are the same."""
 MOST_PAIRS = 5_000
 """Pairs of rooms whose outlines are compared."""
+SHARPEST = 2.0
+"""How far a corner may reach beyond its two lines, in half widths: to sixty degrees it is pointed, then cut."""
+DoorArcs = Literal["closed", "open"]
+RADII = (0.4, 1.6)
+"""Least and greatest width of the leaf of a door, m."""
+SWEEPS = (math.radians(55), math.radians(125))
+"""Least and greatest angle by which it turns."""
+ROUND = 0.01
+"""How far points of an arc are from a circle, for each unit of its radius, at most."""
+POINTS = (5, 200)
+"""Fewest and most points of such a line."""
+LINES_AT_ONCE = 1_000
+"""Lines that are looked at between two looks at the limits."""
+PLACES_TOLD = 3
 
 
 class Room(NamedTuple):
@@ -130,10 +144,6 @@ def touching(rooms: Sequence[Room]) -> tuple[Room, Room] | None:
     return None
 
 
-SHARPEST = 2.0
-"""How far a corner may reach beyond its two lines, in half widths: to sixty degrees it is pointed, then cut."""
-
-
 def check_width(width: Any) -> float | None:
     """The thickness of walls, m, or None for none; `MapError` for what is no length."""
     return None if width is None else check_positive("wall_width", width)
@@ -156,20 +166,6 @@ def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "fl
     found = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
     parts: NDArray[np.object_] = shapely.get_parts(found)
     return [part for part in parts.tolist() if isinstance(part, Polygon) and part.area > 0]
-
-
-DoorArcs = Literal["closed", "open"]
-RADII = (0.4, 1.6)
-"""Least and greatest width of the leaf of a door, m."""
-SWEEPS = (math.radians(55), math.radians(125))
-"""Least and greatest angle by which it turns."""
-ROUND = 0.01
-"""How far points of an arc are from a circle, for each unit of its radius, at most."""
-POINTS = (5, 200)
-"""Fewest and most points of such a line."""
-LINES_AT_ONCE = 1_000
-"""Lines that are looked at between two looks at the limits."""
-PLACES_TOLD = 3
 
 
 class Arc(NamedTuple):

@@ -38,6 +38,8 @@ ENDINGS = (".pgm", ".png", ".bmp", ".ppm", ".gif", ".jpg", ".jpeg")
 TRUTH = {"0": False, "1": True, **dict.fromkeys(("false", "no", "off", "n"), False)}
 TRUTH |= dict.fromkeys(("true", "yes", "on", "y"), True)
 """What negate may say; map_server takes 0 and 1 as well as YAML's words."""
+OCCUPIED, FREE = 65, 19
+"""Percent from which a cell is occupied, and up to which it is free, as map_saver writes them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -288,10 +290,6 @@ def _mapping(text: str, path: str | Path) -> dict[str, Any]:
 
 def _nested(value: Any) -> bool:
     return isinstance(value, dict | list | set)
-
-
-OCCUPIED, FREE = 65, 19
-"""Percent from which a cell is occupied, and up to which it is free, as map_saver writes them."""
 
 
 def read_bag(

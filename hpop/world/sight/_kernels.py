@@ -9,6 +9,9 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel
 
+PAD = 2  # places of a field's spline are counted from so many nodes before the first
+TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
+
 
 @kernel
 def _hit(x: float, y: float, cos: float, sin: float, edges: FloatArray, e: int) -> float:
@@ -158,10 +161,6 @@ def _weights(s: float, out: FloatArray) -> None:
     out[1] = (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0
     out[2] = (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0
     out[3] = s * s * s / 6.0
-
-
-PAD = 2  # places of a field's spline are counted from so many nodes before the first
-TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
 
 
 @kernel

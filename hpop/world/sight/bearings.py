@@ -44,6 +44,12 @@ SAMPLE = 8
 DISTANCES = "the distances along bearings were sampled"
 LINEAR = 1e-6
 """Metres of second difference up to which distances are linear."""
+ALL_ROUND = 2 * math.pi - 1e-3
+"""Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
+BEHIND = -2.0
+"""Cosine of half an angle of view that is all round: none is less, whatever the rounding."""
+UP_AND_DOWN = math.pi - 1e-3
+"""Vertical angles of view from here on, rad, hold all from straight down to straight up."""
 
 
 class Seen(NamedTuple):
@@ -296,14 +302,6 @@ def _spacing(ground: Ground) -> float:
 def _column(values: Column, shape: tuple[int, ...]) -> FloatArray:
     array = np.asarray(values, dtype=np.float64)
     return np.ascontiguousarray(array) if array.shape == shape else np.broadcast_to(array, shape).copy()
-
-
-ALL_ROUND = 2 * math.pi - 1e-3
-"""Angles of view from here on, rad, are all round: 6.283 is meant for 2 pi."""
-BEHIND = -2.0
-"""Cosine of half an angle of view that is all round: none is less, whatever the rounding."""
-UP_AND_DOWN = math.pi - 1e-3
-"""Vertical angles of view from here on, rad, hold all from straight down to straight up."""
 
 
 def bearing(pose: Pose, x: float, y: float) -> Column:

@@ -1,8 +1,8 @@
-"""What a camera sees whose height changes: landmarks behind solids or not, and how open the space round it is.
+"""Visibility and openness for a camera whose height changes, by rays against solids in space.
 
-The same as :mod:`hpop.world.sight.visibility`, which samples fields at one height, for places anywhere: line by line,
-by rays against solids in space, so the borders of shadows and of the view are sharp. The view is the camera's own,
-tilted and rolled as it is. As there, what contains a landmark does not hide it, and floor and ceiling hide nothing.
+The counterpart of :mod:`hpop.world.sight.visibility`, which samples fields at one height, for places anywhere: line by
+line, so the borders of shadows and of the view are sharp. The view is the camera's own, tilted and rolled as it is. As
+there, the body that contains a landmark does not hide it, and floor and ceiling hide nothing.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def landmarks_unseen(
     world: World, pose: Pose, size: int, *, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """1 - the weighted mean (N,) of how well each landmark is seen, as `.visibility.landmarks_unseen`."""
+    """Return 1 - the weighted mean (N,) of how well landmarks are seen, as `.visibility.landmarks_unseen`."""
     landmarks = world.content.landmarks
     seen, total = np.zeros(size), 0.0
     for landmark in landmarks:
@@ -41,7 +41,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float) -> FloatArray:
-    """1 (N,) where a camera in front of a landmark, at most ``far`` m from it, has a free line to it, else 0."""
+    """Return 1 (N,) where a camera in front of a landmark, at most ``far`` m off, has a free line to it, else 0."""
     offset = _from_landmark(pose, landmark, size)
     close = (np.linalg.norm(offset, axis=1) <= far) & (_in_front(offset, landmark) > 0.0)
     seen = np.zeros(size)
@@ -50,7 +50,7 @@ def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float)
 
 
 def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: float) -> FloatArray:
-    """1 (N,) where a landmark is within the angles of view, rad, of the camera's own ahead, left and up, else 0."""
+    """Return 1 (N,) where a landmark is within the angles of view, rad, of the camera's own axes, else 0."""
     offset = -_from_landmark(pose, landmark, size)
     along, aside, above = (np.sum(offset * rows(axis, size), axis=1) for axis in (pose.ahead, pose.left, pose.up))
     inside = np.ones(size, dtype=bool)
@@ -62,7 +62,7 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: flo
 
 
 def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
-    """Open share (N,), in [0, 1], of the level disc of ``radius`` m round the camera; see `openness_field`."""
+    """Return the open share (N,), in [0, 1], of the level disc of ``radius`` m round the camera."""
     directions = over_sphere(RAYS, height=0.0)
     place = rows((pose.x, pose.y, pose.z), size)
     distances = surfaces_of(world).first_hits(place, np.broadcast_to(directions, (size, *directions.shape)), radius)
@@ -70,12 +70,12 @@ def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
 
 
 def _from_landmark(pose: Pose, landmark: Landmark, size: int) -> FloatArray:
-    """From a landmark to the camera (N, 3), m."""
+    """Return the offset from a landmark to the camera (N, 3), m."""
     return rows((pose.x - landmark.x, pose.y - landmark.y, pose.z - landmark.z), size)
 
 
 def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
-    """Cosine (N,), at least 0, between a landmark's front and the camera in the plane; 1 if it has none."""
+    """Return the cosine (N,), at least 0, between a landmark's front and the camera in the plane; 1 without front."""
     if landmark.facing is None:
         return np.ones(len(offset))
     flat = np.hypot(offset[:, 0], offset[:, 1])
@@ -84,7 +84,7 @@ def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
 
 
 def _free(world: World, landmark: Landmark, offset: FloatArray) -> FloatArray:
-    """1 (N,) where the line from a landmark to the camera enters no solid, else 0."""
+    """Return 1 (N,) where the line from a landmark to the camera enters no solid, else 0."""
     distance = np.linalg.norm(offset, axis=1)
     some = distance > 0.0
     directions = offset / np.where(some, distance, 1.0)[:, None]

@@ -1,11 +1,10 @@
-"""What a camera sees: landmarks behind obstacles or not, and how much of the open space round it.
+"""Visibility of landmarks behind obstacles, and openness of the space round a camera, as fields over the plane.
 
-Both are fields over the plane, sampled once per ground and camera height and kept by the ground. A line of sight runs
-in three dimensions: an obstacle hides a landmark where the line passes over the obstacle's outline between its bottom
-and its top.
+Both are sampled once per ground and camera height and kept by the ground. A line of sight runs in three dimensions: an
+obstacle hides a landmark where the line passes over the obstacle's outline between its bottom and its top.
 
-An obstacle begins to hide where a line from the landmark *enters* it. So what contains a landmark (a display case, the
-cell of a map in which a picture hangs) does not hide it; it does where the line has left it and enters it again. A
+An obstacle begins to hide where a line from the landmark *enters* it. So the body that contains a landmark (a display
+case, the cell of a map in which a picture hangs) does not hide it, unless the line has left it and enters it again. A
 picture on a wall needs a ``facing``, or it is seen from behind the wall as well.
 
 Obstacles are those of the world, each with its heights, and all beyond the extent if `World.outside_is_obstacle`.
@@ -60,20 +59,20 @@ OPENNESS = "the openness was sampled"
 
 
 class Window(NamedTuple):
-    """Samples of a field round a landmark, and their rows and columns on the world's grid."""
+    """Samples of a field round a landmark, with their rows and columns on the world's grid."""
 
     rows: slice
     columns: slice
     values: FloatArray
 
     def field(self, ground: Ground) -> Field:
-        """The samples as a field; beyond them it has the value of their border."""
+        """Return the samples as a field, constant beyond their border."""
         xs, ys, spacing = _grid(ground)
         return Field(self.values, spacing, (float(xs[self.columns.start]), float(ys[self.rows.start]), 0.0))
 
 
 def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float = math.inf) -> Field:
-    """Whether a camera at height ``camera_z``, m, has a free line to a landmark: 1 yes, 0 no, as a `Field`.
+    """Return whether a camera at height ``camera_z``, m, has a free line to a landmark, 1 or 0, as a `Field`.
 
     Nothing is said of cameras more than ``far`` m from it, in x or in y. Each sample is the share of nine exact lines
     spread over its cell, so values between are met within two and a half cells of the border of a shadow, and nowhere
@@ -90,7 +89,7 @@ def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float 
 
 
 def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
-    """How well the landmark at a place of ``world.content.landmarks`` is seen, in [0, 1], whatever the camera's yaw.
+    """Return how well a landmark, by place in ``world.content.landmarks``, is seen, in [0, 1], at any yaw.
 
     Line of sight, times the cosine between the landmark's front and the direction to the camera in the plane, 0 from
     behind (1 from all sides if it has no front), times 1 up to ``near`` m, falling linearly to 0 at ``far`` m from the
@@ -102,7 +101,7 @@ def landmark_field(world: World, index: int, camera_z: float, near: float, far: 
 
 
 def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far: float) -> Window:
-    """The samples of :func:`landmark_field`; it is 0 beyond them."""
+    """Return the samples of :func:`landmark_field`; it is 0 beyond them."""
     sight = _lit(ground, landmark, camera_z, far)
     xs, ys, _ = _grid(ground)
     dx, dy = (xs[sight.columns] - landmark.x)[None, :], (ys[sight.rows] - landmark.y)[:, None]
@@ -118,7 +117,7 @@ def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far:
 def landmarks_unseen(
     world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi, vertical: float = math.pi
 ) -> Column:
-    """1 - the weighted mean (M,), over all landmarks, of how well each is seen; in [0, 1].
+    """Return 1 - the weighted mean (M,), over all landmarks, of how well each is seen; in [0, 1].
 
     A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw and its elevation at most
     ``vertical`` / 2 off the camera's pitch, rad; on symbols these edges are smoothed. Roll is not applied.
@@ -132,7 +131,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
-    """Whether (M,) a camera in front of a landmark, at most ``far`` m from it, has a free line to it; numbers only."""
+    """Return whether (M,) a camera in front of a landmark, within ``far`` m, has a free line to it; numbers only."""
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
     free = _by_height(pose, lambda z: line_of_sight(world, landmark, z, far)(pose.x, pose.y)) > 0.5
     close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
@@ -142,12 +141,12 @@ def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
 
 
 def openness(world: World, pose: Pose, radius: float) -> Column:
-    """Open share (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
+    """Return the open share (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
     return _by_height(pose, lambda z: openness_field(world, z, radius)(pose.x, pose.y))
 
 
 def openness_field(world: World, camera_z: float, radius: float) -> Field:
-    """Area of the isovist, ½ ∫ R(θ)² dθ with R no longer than ``radius`` m, over pi radius², as a `Field`.
+    """Return the area of the isovist, ½ ∫ R(θ)² dθ with R up to ``radius`` m, over pi radius², as a `Field`.
 
     R is the distance to the first obstacle that reaches the camera's height, along 360 rays; 0 within obstacles. One
     ray more or less at the edge of a gap changes the share by at most 1/360.
@@ -159,7 +158,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
 
 
 def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
-    """What ``evaluate`` gives (M,) for each camera's height."""
+    """Return the values (M,) of ``evaluate`` at each camera's height."""
     if is_symbolic(pose.z):
         raise OptionError("visibility needs camera heights as numbers; here they are variables.")
     heights = np.asarray(pose.z, dtype=np.float64)
@@ -178,7 +177,7 @@ def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
 
 
 def _shares(world: World) -> FloatArray:
-    """Weights (L,) of the landmarks, which add up to 1."""
+    """Return the weights (L,) of the landmarks, normalised to sum 1."""
     weights = np.array([landmark.weight for landmark in world.content.landmarks], dtype=np.float64)
     shares: FloatArray = weights / weights.sum()
     return shares
@@ -215,7 +214,7 @@ def _unseen_on_symbols(
 def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """The same on numbers: all landmarks at once, so that the weights of the spline are computed once a point."""
+    """Return `landmarks_unseen` on numbers: spline weights are computed once a point for all landmarks."""
     from hpop.world.sight._kernels import unseen  # numba is slow to import
 
     ground, landmarks = world.ground, world.content.landmarks
@@ -257,7 +256,7 @@ def _unseen_in_view(
 
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
-    """Share of free lines of sight round each sample that is no more than ``far`` m away in x and y, and some more."""
+    """Return the share of free lines of sight round each sample up to ``far`` m away in x and y, with a margin."""
     from hpop.world.sight._kernels import lit, shadows  # numba is slow to import
 
     limits.check(SIGHT)
@@ -282,20 +281,20 @@ def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Win
 
 
 def _part(ground: Ground, landmark: Landmark, far: float) -> tuple[slice, slice]:
-    """Rows and columns of the samples that are looked at."""
+    """Return the rows and columns of the samples round a landmark."""
     xs, ys, _ = _grid(ground)
     return _within(ys, landmark.y, far), _within(xs, landmark.x, far)
 
 
 def _within(places: FloatArray, centre: float, far: float) -> slice:
-    """The samples of an axis that are no more than ``far`` m from a centre, some more, and never none."""
+    """Return the samples of an axis up to ``far`` m from a centre, with a margin; at least one."""
     first, last = np.searchsorted(places, [centre - far, centre + far])
     first, last = max(0, int(first) - MARGIN), min(places.size, int(last) + MARGIN)
     return slice(min(first, places.size - 1), max(last, 1))
 
 
 def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: float) -> tuple[FloatArray, FloatArray]:
-    """Where the shadow of each prism begins and ends, in multiples (E,) of the distance of its outline.
+    """Return where the shadow of each prism begins and ends, in multiples (E,) of the distance of its outline.
 
     At a share t of the way to the camera the line of sight has the height z(t); it is between bottom and top for t in
     (low, high), whatever the camera's place. An outline at distance d hides the cameras at d / t, from d / high to d /
@@ -345,7 +344,7 @@ def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
 
 
 def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
-    """Places of the points in each square of a side, m."""
+    """Return the places of the points in each square of a side, m."""
     column, row = np.floor((x - x.min()) / side), np.floor((y - y.min()) / side)
     number = (row * (column.max() + 1) + column).astype(np.int64)
     order = np.argsort(number, kind="stable")
@@ -356,7 +355,7 @@ def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
 
 
 def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
-    """Positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
+    """Return positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
     x0, y0, x1, y1 = ground.bounds
     spacing = max(ground.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
     xs, ys = grid_points(ground.bounds, spacing)
@@ -364,7 +363,7 @@ def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, f
 
 
 def _outside(ground: Ground) -> BaseGeometry:
-    """What is obstacle beyond the extent, m."""
+    """Return the obstacle beyond the extent, m."""
     width = BEYOND + 2 * _grid(ground)[2]
     around = shapely.box(*ground.bounds).buffer(width, join_style="mitre")
     return shapely.difference(around, ground.extent) if ground.outside_is_obstacle else shapely.MultiPolygon()
@@ -375,7 +374,7 @@ def _outside_heights(ground: Ground) -> tuple[float, float]:
 
 
 def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Edges (E, 4) of all obstacles, each by itself, m, and the bottom and top (E,) of each edge's obstacle, m."""
+    """Return edges (E, 4) of all obstacles, m, and the bottom and top (E,) of each edge's obstacle, m."""
 
     def make() -> tuple[FloatArray, FloatArray, FloatArray]:
         solids: list[tuple[BaseGeometry, tuple[float, float]]]
@@ -391,7 +390,7 @@ def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _edges(geometry: BaseGeometry) -> FloatArray:
-    """Edges (E, 4) of a geometry's polygons, m, each with the inside on its left."""
+    """Return edges (E, 4) of a geometry's polygons, m, each with the inside on its left."""
     parts = [part for part in shapely.get_parts(geometry) if part.area > 0]
     rings = shapely.get_rings(shapely.orient_polygons(np.array(parts, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)

@@ -1,4 +1,4 @@
-"""Tracks: where people are at which time, and the files that say so."""
+"""Tracks: recorded or predicted places of people at times, and their files."""
 
 from hpop.world.tracks.reading import read_tracks
 from hpop.world.tracks.track import Track

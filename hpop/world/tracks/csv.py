@@ -1,10 +1,10 @@
-"""Tracks as a table in text: a row a person and time, with or without a header.
+"""Tracks as a table in text: a row for each person and time, with or without a header.
 
 With a header, which may be a comment, the columns may be in any order: an id (id, person, track, agent, ...), a time
-(t, time) or a frame (frame), x and y; units may stand in it (``x/cm``, ``x [cm]``, ``time/ms``). Without one they are
-id, t, x, y, t being a frame where a frame rate is given; or frame, id, x, y, as the tracks of ETH and UCY are mostly
-passed on, where people then walk in shorter steps. Ids may be words; commas, semicolons, tabs or blanks separate.
-Numbers may have decimal commas where something else separates.
+(t, time) or a frame (frame), x and y; units may stand in it (``x/cm``, ``x [cm]``, ``time/ms``). Without a header they
+are id, t, x, y, t being a frame where a frame rate is given; or frame, id, x, y, as the tracks of ETH and UCY are
+mostly passed on, where people then walk in shorter steps. Ids may be words; commas, semicolons, tabs or blanks
+separate. Numbers may have decimal commas where another character separates.
 """
 
 from __future__ import annotations
@@ -48,10 +48,13 @@ UNITED = re.compile(r"\s*(?:/\s*(\w+)|[\[(]\s*(\w+)\s*[\])])")
 """A unit behind a title, with or without a blank before it."""
 HEAD = 20_000
 """Characters in which comments are looked for."""
+LONGEST = 500  # characters of a row of four columns and some more
+CLOSER = 0.7
+"""By what factor steps must be shorter with frames in the first column than with ids there, where no header says it."""
 
 
 class Columns(NamedTuple):
-    """Where the columns of a table are.
+    """Columns of a table by their titles.
 
     places  of "id", "t" or "frame", "x" and "y"
     unit    of places, as the titles say it, or None
@@ -66,7 +69,7 @@ class Columns(NamedTuple):
 
 
 def titled(titles: Sequence[str], asked: Asked) -> Columns:
-    """Return where the columns are; MapError where one is lacking, named twice or in a strange unit."""
+    """Return the columns of titles; MapError where one is missing, named twice or in an unknown unit."""
     places, units = dict[str, int](), {"t": set[str](), "x": set[str]()}
     for place, title in enumerate(titles):
         kind, unit = _kind(title)
@@ -99,13 +102,13 @@ def titled(titles: Sequence[str], asked: Asked) -> Columns:
 
 
 def are_titles(words: Sequence[str]) -> bool:
-    """Whether words name the columns of a table of tracks."""
+    """Return whether words name the columns of a table of tracks."""
     kinds = {_kind(word)[0] for word in words}
     return {"id", "x", "y"} <= kinds and bool({"t", "frame"} & kinds)
 
 
 def _kind(title: str) -> tuple[str | None, str | None]:
-    """What a column is, and its unit, as its title says."""
+    """Return the kind of a column and its unit, by its title."""
     title = title.strip().lower()
     found = UNIT.match(title) or (None if _named(title) else SUFFIX.match(title))
     name, unit = (found.group(1).strip(), found.group(2)) if found else (title, None)
@@ -117,7 +120,7 @@ def _named(name: str) -> str | None:
 
 
 class Comments(NamedTuple):
-    """What the comments (lines that begin with #) above the first row of a track file say.
+    """Contents of the comments (lines that begin with #) above the first row of a track file.
 
     rate    frames a second, or None
     titles  of the columns, or none
@@ -128,7 +131,7 @@ class Comments(NamedTuple):
 
 
 def comments_of(text: str, asked: Asked) -> Comments:
-    """Return what the comments above the rows say; MapError for a frame rate that is no number."""
+    """Return the contents of the comments above the rows; MapError for a frame rate that is no number."""
     lines = [line for line in text[:HEAD].splitlines() if line.lstrip().startswith("#")]
     rate = next((found for line in lines if (found := RATE.match(line.strip()))), None)
     split = [re.split(r"[\s,;]+", UNITED.sub(r"/\1\2", line.strip().lstrip("#").strip())) for line in lines]
@@ -145,13 +148,8 @@ def _rate(text: str, asked: Asked) -> float:
         ) from None
 
 
-LONGEST = 500  # characters of a row of four columns and some more
-CLOSER = 0.7
-"""By what factor steps must be shorter with frames in the first column than with ids there, where no header says it."""
-
-
 def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id; MapError for what is no such file."""
+    """Return tracks by id; MapError for a file of another form."""
     said, rows = comments_of(text, asked), _rows(text, asked)
     first = next(rows, None)
     if first is None:
@@ -186,7 +184,7 @@ def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) ->
 
 @dataclass(frozen=True)
 class _Lines:
-    """The lines of a file, to say where a row is; counted only where a fault is told."""
+    """Lines of a file, counted only to say where a faulty row is."""
 
     text: str
     header: bool
@@ -199,7 +197,7 @@ class _Lines:
 
 @dataclass(frozen=True)
 class _Table:
-    """The cells of some columns by name, and where they are from."""
+    """Cells of some columns by name, and their lines."""
 
     cells: dict[str, list[str]]
     lines: _Lines
@@ -262,7 +260,7 @@ class _Table:
         return ids
 
     def ordered(self, *, frames: bool) -> _Table:
-        """Return the same with its columns named as no header does: by their order, and by what is in them."""
+        """Return the table with columns named by their order and contents, for a file without a header."""
         columns = list(self.cells.values())
         numbers = [_finite(column) for column in columns]
         if len(columns) == 5 and numbers[0] is not None and np.array_equal(numbers[0], np.arange(len(columns[0]))):
@@ -279,7 +277,7 @@ class _Table:
 
 
 def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
-    """Rows that are no comments and not empty."""
+    """Yield rows that are neither comments nor empty."""
     lines = (line for line in text.splitlines() if _has_a_row(line))
     sample = next(lines, "")
     if not sample:
@@ -296,12 +294,12 @@ def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
 
 
 def _has_a_row(line: str) -> bool:
-    """Whether a line is no comment and not empty."""
+    """Return whether a line is neither comment nor empty."""
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
 def _delimiter(line: str) -> str:
-    """Return what separates the cells of a line; nothing where blanks do."""
+    """Return the character that separates the cells of a line; "" for blanks."""
     words = line.split()
     if len(words) > 3 and all(map(_is_number, words)):
         return "\t" if "\t" in line else ""  # with decimal commas or without
@@ -319,7 +317,7 @@ def _without_titles(first: Sequence[str], asked: Asked) -> dict[str, int]:
 
 
 def _finite(column: Sequence[str]) -> FloatArray | None:
-    """Numbers of a column, None where one is none."""
+    """Return the numbers of a column, or None if a cell is no number."""
     try:
         numbers = np.array([text.replace(",", ".") for text in column], dtype=np.float64)
     except ValueError:
@@ -332,7 +330,7 @@ def _are_whole(numbers: FloatArray) -> bool:
 
 
 def _step(who: FloatArray, when: FloatArray, x: FloatArray, y: FloatArray) -> float:
-    """Median distance from each place of a person to the next, infinite where nobody has two."""
+    """Return the median distance between successive places of a person, infinite if each has one place."""
     order = np.lexsort((when, who))
     goes_on = np.diff(who[order]) == 0
     steps = np.hypot(np.diff(x[order]), np.diff(y[order]))[goes_on]
@@ -340,7 +338,7 @@ def _step(who: FloatArray, when: FloatArray, x: FloatArray, y: FloatArray) -> fl
 
 
 def _is_number(text: str) -> bool:
-    """Whether a cell is a number, with a decimal point or comma."""
+    """Return whether a cell is a number, with a decimal point or comma."""
     try:
         float(text.replace(",", "."))
     except ValueError:
@@ -349,6 +347,6 @@ def _is_number(text: str) -> bool:
 
 
 def _identity(text: str) -> Hashable:
-    """An id: a whole number where it is one, else the text."""
+    """Return an id: a whole number if it is one, else the text."""
     text = text.strip()
     return identity(float(text)) if _is_number(text) and "," not in text and np.isfinite(float(text)) else text

@@ -1,4 +1,4 @@
-"""Tracks from files: which format a file has, and what it says."""
+"""Tracks from files: formats of PeTrack, the ETH data set and JuPedSim, and the choice of a file's format."""
 
 from __future__ import annotations
 
@@ -24,9 +24,21 @@ from hpop.world.tracks import csv
 from hpop.world.tracks.csv import HEAD, comments_of, titled
 from hpop.world.tracks.table import MOST_ROWS, Asked, PathLike, Tracks, identity, tracks_of
 
+ANNOTATED = 2.5
+"""Annotations a second."""
+OBSMAT_COLUMNS = 8
+UNIT_OF_X = re.compile(r"^#.*\bx\s*[/\[(]\s*(mm|cm|m)\b", re.IGNORECASE | re.MULTILINE)
+ORDER = ("id", "frame", "x", "y")
+MAGIC = b"SQLite format 3\x00"
+EXPECTED = "expected JuPedSim's tables trajectory_data (frame, id, pos_x, pos_y) and metadata (key, value), with fps"
+LONGEST = 10_000  # bytes of a cell
+TrackFormat = Literal["csv", "petrack", "obsmat", "jupedsim"]
+MAX_BYTES = 200_000_000
+"""Largest file of tracks that is read."""
+
 
 def read_numbers(text: str, asked: Asked, widths: Sequence[int], columns: str) -> FloatArray:
-    """Finite numbers (N, one of ``widths``); MapError that names the columns and the line for anything else."""
+    """Return finite numbers (N, one of ``widths``); MapError names the columns and the line of anything else."""
     expected = f"expected rows of {' or '.join(map(str, widths))} numbers ({columns})"
     try:
         with warnings.catch_warnings():
@@ -42,7 +54,7 @@ def read_numbers(text: str, asked: Asked, widths: Sequence[int], columns: str) -
 
 
 def _wrong_line(text: str, widths: Sequence[int]) -> str:
-    """The first line, in words, that is no row of finite numbers, as many as in the first."""
+    """Return the first line, in words, that is no row of finite numbers, as many as in the first."""
     width = None
     for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
@@ -59,19 +71,19 @@ def _is_finite(text: str) -> bool:
         return False
 
 
-ANNOTATED = 2.5
-"""Annotations a second."""
-OBSMAT_COLUMNS = 8
-
-
 def is_obsmat(text: str) -> bool:
-    """Whether a file begins with a row of eight numbers."""
+    """Return whether a file begins with a row of eight numbers."""
     first = text.lstrip().partition("\n")[0].split()
     return len(first) == OBSMAT_COLUMNS and not first[0].startswith("#") and "," not in first[0]
 
 
 def obsmat_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id; MapError for what is no such file."""
+    """Return tracks of the ETH data set (Pellegrini et al., ICCV 2009), obsmat.txt; MapError for another file.
+
+    Rows of eight numbers separated by blanks: frame, id, x, z, y and the velocity in the same order; metres, y being
+    the second axis of the ground. People were annotated 2.5 times a second, so that the video's frame rate follows from
+    the step between annotated frames where it is not given.
+    """
     rows = read_numbers(text, asked, (OBSMAT_COLUMNS,), "frame id x z y vx vz vy")
     steps = np.diff(distinct(rows[:, 0]))
     rate = asked.frame_rate if asked.frame_rate is not None or not steps.size else ANNOTATED * float(steps.min())
@@ -81,12 +93,8 @@ def obsmat_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = N
     return tracks_of(asked, ids, times, rows[:, 2] / a_metre, rows[:, 4] / a_metre, wanted)
 
 
-UNIT_OF_X = re.compile(r"^#.*\bx\s*[/\[(]\s*(mm|cm|m)\b", re.IGNORECASE | re.MULTILINE)
-ORDER = ("id", "frame", "x", "y")
-
-
 def is_petrack(text: str, asked: Asked) -> bool:
-    """Whether a file begins as PeTrack's do: with comments and a row of numbers separated by blanks."""
+    """Return whether a file begins as PeTrack's do: with comments and a row of numbers separated by blanks."""
     rows = [line for line in text[:HEAD].splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not text.lstrip().startswith("#") or not rows or "," in rows[0] or len(rows[0].split()) not in (4, 5):
         return False
@@ -95,7 +103,12 @@ def is_petrack(text: str, asked: Asked) -> bool:
 
 
 def petrack_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id; MapError for what is no such file."""
+    """Return tracks of PeTrack (Boltes and Seyfried, Neurocomputing 100, 2013); MapError for another file.
+
+    A text file: comments with the frame rate, such as ``# framerate: 25 fps``, then a row a person and frame, ``id
+    frame x y z``, separated by blanks. The unit stands in the comment with the names of the columns (``x/cm``); without
+    one it is m. The pedestrian data archive has files of this form.
+    """
     unit, rate = UNIT_OF_X.search(text[:HEAD]), comments_of(text, asked).rate
     rows = read_numbers(text, asked, (4, 5), "id frame x y z")
     x, y = rows[:, 2:4].T / asked.a_metre(unit.group(1).lower() if unit else None)
@@ -103,18 +116,18 @@ def petrack_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = 
     return tracks_of(asked, [identity(one) for one in rows[:, 0].tolist()], times, x, y, wanted)
 
 
-MAGIC = b"SQLite format 3\x00"
-EXPECTED = "expected JuPedSim's tables trajectory_data (frame, id, pos_x, pos_y) and metadata (key, value), with fps"
-LONGEST = 10_000  # bytes of a cell
-
-
 def is_jupedsim(data: bytes) -> bool:
-    """Whether a file is an SQLite database."""
+    """Return whether a file is an SQLite database."""
     return data.startswith(MAGIC)
 
 
 def jupedsim_tracks(data: bytes, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id; MapError for a database that has none."""
+    """Return tracks of JuPedSim from version 1.0 on, an SQLite database; MapError for another file.
+
+    Table ``trajectory_data`` has a row an agent and frame (frame, id, pos_x m, pos_y m), table ``metadata`` the frames
+    a second under the key ``fps`` (https://www.jupedsim.org). Nothing of the database is run: triggers and views stay
+    unread.
+    """
     try:
         with closing(sqlite3.connect(":memory:")) as base:
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(LONGEST, len(data)))
@@ -141,11 +154,6 @@ def jupedsim_tracks(data: bytes, asked: Asked, wanted: Sequence[Hashable] | None
     a_metre = asked.a_metre("m")
     ids = [identity(one) for one in rows[:, 0].tolist()]
     return tracks_of(asked, ids, rows[:, 1] / asked.rate(rate), rows[:, 2] / a_metre, rows[:, 3] / a_metre, wanted)
-
-
-TrackFormat = Literal["csv", "petrack", "obsmat", "jupedsim"]
-MAX_BYTES = 200_000_000
-"""Largest file of tracks that is read."""
 
 
 @checked_arguments

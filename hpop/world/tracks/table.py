@@ -1,4 +1,4 @@
-"""What files of tracks have in common: rows of who, when and where, in a unit of their own, which become tracks."""
+"""Tables of tracks: rows of a person, a time and a place, in units of their own, which become tracks."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True)
 class Asked:
-    """What whoever reads says of a file.
+    """Options of reading a file of tracks.
 
     frame_rate  pictures a second; None: as the file says
     unit        of places, "m", "cm" or "mm"; None: as the file says, else m
@@ -61,11 +61,11 @@ class Asked:
             one_of("the unit of a track", self.unit, UNITS, error=MapError)
 
     def error(self, fault: str) -> MapError:
-        """What is wrong with the file."""
+        """Return the error for a fault of the file."""
         return MapError(f"the track file {named(str(self.path))} {fault}{self.hint}")
 
     def rate(self, said: float | None) -> float:
-        """Pictures a second, as the file says or whoever reads; MapError where neither or they differ."""
+        """Return the frames a second, from the file or the options; MapError where both are missing or differ."""
         if said is None and self.frame_rate is None:
             raise self.error(
                 "counts frames and does not say how many there are a second; give frame_rate=, such as 25."
@@ -81,7 +81,7 @@ class Asked:
         return float(said if self.frame_rate is None else self.frame_rate)  # type: ignore[arg-type]  # one is there
 
     def a_metre(self, said: str | None) -> float:
-        """How many units make a metre; MapError where the file says another one than whoever reads."""
+        """Return how many units make a metre; MapError where file and options differ."""
         if said is not None and self.unit is not None and said != self.unit:
             raise self.error(f"says that places are in {said}, and unit {self.unit}; leave unit out.")
         return UNITS[self.unit or said or "m"]
@@ -97,7 +97,7 @@ class Tracks(dict[Hashable, Track]):
 
 
 class _Points(NamedTuple):
-    """Points (N,) of all people, those of a person together and in order of time.
+    """Points (N,) of all people, sorted by person and time.
 
     who  whose, by number
     t    s
@@ -116,12 +116,12 @@ class _Points(NamedTuple):
 
     @property
     def goes_on(self) -> BoolArray:
-        """Whether each point but the last is followed by another of the same person (N - 1,)."""
+        """Return whether each point but the last is followed by another of the same person (N - 1,)."""
         return np.asarray(np.diff(self.who) == 0)
 
     @property
     def speeds(self) -> FloatArray:
-        """Speed (N - 1,), m/s, from each point to the next; 0 to that of another person."""
+        """Return the speed (N - 1,), m/s, from each point to the next; 0 to that of another person."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             speeds = np.hypot(np.diff(self.x), np.diff(self.y)) / np.diff(self.t)
         return np.where(self.goes_on, speeds, 0.0)
@@ -184,7 +184,7 @@ def tracks_of(
 
 
 def _numbers(asked: Asked, wanted: Sequence[Hashable], first: Mapping[Hashable, int]) -> list[int]:
-    """Return the numbers of ids that are wanted; MapError for one that is not there, and for one that is twice."""
+    """Return the numbers of wanted ids; MapError for an id that is missing or wanted twice."""
     if absent := [one for one in wanted if one not in first]:
         known = ", ".join(map(str, list(first)[:8])) + (", ..." if len(first) > 8 else "")
         raise asked.error(f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
@@ -195,7 +195,7 @@ def _numbers(asked: Asked, wanted: Sequence[Hashable], first: Mapping[Hashable, 
 
 
 def _seconds(times: FloatArray, second: float | None) -> tuple[FloatArray, list[str]]:
-    """Return times in s, those since 1970 from the first on, and what is noted of it."""
+    """Return times in s, those since 1970 from the first on, with notes."""
     begin = float(times.min())
     if second is None:
         second = next((unit for least, unit in EPOCHS.items() if least <= begin < 5 * least), 1.0)
@@ -206,7 +206,7 @@ def _seconds(times: FloatArray, second: float | None) -> tuple[FloatArray, list[
 
 
 def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
-    """Return the points person by person in order of time, none twice, and what is noted of it."""
+    """Return the points sorted by person and time, without repetitions, and notes."""
     notes = []
     given = points.take(np.argsort(points.who, kind="stable"))
     back = given.goes_on & (np.diff(given.t) < 0)
@@ -221,7 +221,7 @@ def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[s
 
 
 def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
-    """Return the points without single ones that are too far from the one before and the next, and what is noted."""
+    """Return the points without single ones that are too far from their neighbours, and notes."""
     fast = _few(points.speeds > FASTEST)
     wrong = np.concatenate([[False], fast[:-1] & fast[1:], [False]]) if fast.size else np.zeros(points.t.size, bool)
     if not wrong.any():
@@ -233,7 +233,7 @@ def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_
 
 
 def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]], list[str]]:
-    """Return the points of each person, in parts where one is away for long or jumps, and what is noted of it."""
+    """Return the points of each person, in parts where the person is away for long or jumps, and notes."""
     steps, goes_on = np.diff(points.t), points.goes_on
     usual = float(np.median(steps[goes_on])) if goes_on.any() else np.inf
     watched = usual <= MISSING and (steps[goes_on] <= 2 * usual).mean() >= MOSTLY
@@ -261,7 +261,7 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
 
 
 def _few(marked: BoolArray) -> BoolArray:
-    """Return what is marked if that is not much: where it is, a unit is wrong, which is told elsewhere."""
+    """Return the marks if they are few: many tell of a wrong unit, which is told elsewhere."""
     return marked if marked.size and marked.mean() <= 1 - MOSTLY else np.zeros_like(marked)
 
 
@@ -270,5 +270,5 @@ def _named(names: Sequence[Hashable], numbers: IntArray) -> str:
 
 
 def identity(number: float) -> Hashable:
-    """An id as people write it: a whole number where it is one."""
+    """Return an id as people write it: a whole number if it is one."""
     return int(number) if number == int(number) else number

@@ -1,4 +1,4 @@
-"""Where somebody is at which time: waypoints with times, or what a camera has recorded; straight between them."""
+"""Track of a person: waypoints with times, or a camera's record; straight between them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ MOST_POINTS = 100_000
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Track:
-    """Places at times, straight lines at constant speed between them.
+    """Track: places at times, with straight lines at constant speed between them.
 
     times     (N,)  s  rising, two at least; 0 is now, and what was before it does no harm
     x, y      (N,)  m
@@ -76,7 +76,7 @@ class Track:
 
     @classmethod
     def through(cls, waypoints: Sequence[Sequence[float]]) -> Track:
-        """A predicted track through waypoints (t s, x m, y m); MapError where they are none."""
+        """Return a predicted track through waypoints (t s, x m, y m); MapError for anything else."""
         wrong = f"waypoints are a list of (t, x, y), s and m; got {shown(waypoints)}."
         try:
             rows = [tuple(point) for point in waypoints]
@@ -89,21 +89,21 @@ class Track:
 
     @property
     def begin(self) -> float:
-        """First time, s."""
+        """Return the first time, s."""
         return float(self.times[0])
 
     @property
     def end(self) -> float:
-        """Last time, s."""
+        """Return the last time, s."""
         return float(self.times[-1])
 
     @property
     def speed(self) -> float:
-        """Greatest speed of a leg, m/s."""
+        """Return the greatest speed of a leg, m/s."""
         return float(np.hypot(*self._velocities).max())
 
     def at(self, t: Column) -> tuple[Column, Column]:
-        """Place (x, y), m, at times t, s; before the first and after the last time that of the first and last."""
+        """Return the place (x, y), m, at times t, s; beyond the ends the first or last place."""
         if not is_symbolic(t):
             return np.interp(t, self.times, self.x), np.interp(t, self.times, self.y)
         within = np.minimum(np.maximum(t, self.begin), self.end)
@@ -113,24 +113,24 @@ class Track:
         return legs(self.x[:-1]) + legs(vx) * since, legs(self.y[:-1]) + legs(vy) * since
 
     def velocity(self, t: Column) -> tuple[Column, Column]:
-        """Velocity (x, y), m/s, at times t, s: of the leg that begins there, 0 before the first, from the last on."""
+        """Return the velocity (x, y), m/s, at times t, s: of the leg that begins there; 0 beyond the ends."""
         vx, vy = (np.concatenate([[0.0], part, [0.0]]) for part in self._velocities)
         return self._of_leg(t, vx), self._of_leg(t, vy)
 
     def ahead(self, t: Column) -> tuple[Column, Column] | None:
-        """Unit vector (x, y) in which one walks at times t, s; who stops goes on facing there. None: nobody walks."""
+        """Return the unit vector (x, y) of walking at times t, s; at rest the last one. None if nobody walks."""
         if self._ahead is None:
             return None
         ux, uy = self._ahead
         return self._of_leg(t, ux), self._of_leg(t, uy)
 
     def later(self, t: float) -> Track:
-        """The same track with times from ``t`` seconds on, without what was before."""
+        """Return the track with times from ``t`` seconds on, without earlier points."""
         first = min(max(int(np.searchsorted(self.times, t, side="right")) - 1, 0), self.times.size - 2)
         return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
 
     def until(self, t: float) -> Track:
-        """The same track up to a time after its first one, s: it ends where one is then."""
+        """Return the track up to a time after its first one, s."""
         kept = int(np.searchsorted(self.times, t, side="left"))
         if kept == 0 or t <= self.begin:
             raise MapError(f"a track that begins at {self.begin:g} s has no part until {t:g} s.")
@@ -142,19 +142,19 @@ class Track:
         return replace(self, times=times, x=x, y=y)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able description: the arguments of a track."""
+        """Return a JSON-able description: the arguments of a track."""
         columns = {"times": self.times.tolist(), "x": self.x.tolist(), "y": self.y.tolist()}
         return {**columns, **({"recorded": True} if self.recorded else {})}
 
     @cached_property
     def _velocities(self) -> tuple[FloatArray, FloatArray]:
-        """Velocity (N-1,) of each leg, m/s."""
+        """Return the velocity (N-1,) of each leg, m/s."""
         steps = np.diff(self.times)
         return np.diff(self.x) / steps, np.diff(self.y) / steps
 
     @cached_property
     def _ahead(self) -> tuple[FloatArray, FloatArray] | None:
-        """Unit vectors (N+1,): before the track, on its legs, after it; those who stand look where they went last."""
+        """Return unit vectors (N+1,): before the track, on its legs, after it; at rest the last ones."""
         vx, vy = self._velocities
         speed = np.hypot(vx, vy)
         walks = np.flatnonzero(speed > 0)
@@ -165,7 +165,7 @@ class Track:
         return vx[last] / speed[last], vy[last] / speed[last]
 
     def _of_leg(self, t: Column, values: FloatArray) -> Column:
-        """Values (N+1,), of before the track, its legs, and after it, at times t."""
+        """Return values at times t, from values (N+1,) before the track, on its legs, and after it."""
         if is_symbolic(t):
             before = np.array([min(self.begin, 0.0) - MOST])
             return _symbolic_legs(np.concatenate([before, self.times]), t)(values)
@@ -186,7 +186,7 @@ class Track:
 
 
 def _column(name: str, given: Any, most: float) -> FloatArray:
-    """A frozen column of finite numbers."""
+    """Return a frozen column of finite numbers."""
     try:
         array = np.array(given)
     except (TypeError, ValueError, OverflowError):
@@ -204,7 +204,7 @@ def _column(name: str, given: Any, most: float) -> FloatArray:
 
 
 def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
-    """A function that gives the value of the leg in which symbols t lie, of values of which there is one a leg."""
+    """Return a function from values of the legs to the value of the leg in which symbols t lie."""
     import casadi  # slow to import
 
     expression = t.to_casadi()
