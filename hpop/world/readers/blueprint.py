@@ -1,4 +1,4 @@
-"""What is among the pixels of a blueprint beside walls: grey areas, lettering, specks, what cannot be reached."""
+"""Pixels of a blueprint that are no walls: grey areas, lettering, specks, thin lines, unreachable regions."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ MOST = 1_000
 
 
 class Specks(NamedTuple):
-    """Connected pixels, one row each.
+    """Groups of connected pixels, one row each.
 
     area    (n,)    int     pixels
     boxes   (n, 4)  int     first row and column, and those after the last
@@ -62,7 +62,7 @@ class Specks(NamedTuple):
 
 
 def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
-    """Cells without obstacles that cover less than ``smallest`` (m²), and a note on what is left out and what stays."""
+    """Return cells without obstacles smaller than ``smallest`` (m²), and a note on the removed and remaining ones."""
     cells, square = raster.cells, raster.resolution**2
     labels, count = numbered(cells, _ROUND)
     area = areas_of(labels, count)
@@ -82,7 +82,7 @@ def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
 
 
 def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
-    """Cells of which all is solid that cannot be reached from a point (m), and a note; `MapError` where it is not free.
+    """Return cells with the part unreachable from a point (m) made solid, and a note; `MapError` if it is blocked.
 
     Reached are neighbours to the left and right, above and below: a line of pixels that touch at corners is closed.
     """
@@ -104,9 +104,9 @@ def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray,
 
 
 def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: Raster) -> Iterator[str]:
-    """Notes on pixels that are neither dark nor light, and on areas of them that are free.
+    """Yield notes on pixels that are neither dark nor light, and on areas of them that are free.
 
-    shade, dark : (H, W), brightness from 0 to 255 and what is an obstacle, row 0 at the bottom
+    shade, dark : (H, W), brightness from 0 to 255 and the obstacles, row 0 at the bottom
     """
     grey = (shade >= round(255 * DARK)) & (shade <= round(255 * LIGHT))
     count, solid = np.count_nonzero(grey), np.count_nonzero(grey & dark)
@@ -117,7 +117,9 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
         f"{share} are neither dark nor light (brightness from {DARK} to {LIGHT}): {solid:,} below the threshold "
         f"{threshold:g} are obstacles, {count - solid:,} are free"
     )
-    apart = grey & ~_grown(dark, EDGE)
+    from scipy import ndimage  # slow to import
+
+    apart = grey & ~ndimage.maximum_filter(dark, 2 * EDGE + 1)
     labels, found = numbered(apart, _ROUND)
     area = areas_of(labels, found)
     area[0] = 0
@@ -143,7 +145,7 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
 
 
 def lettering(raster: Raster) -> Iterator[str]:
-    """A note on obstacles that look like lettering: rows of small specks of unlike size that stand close together."""
+    """Yield a note on obstacles like lettering: rows of small specks of unlike size that stand close together."""
     labels, count = numbered(raster.cells, _ROUND)
     if count > MOST_SPECKS:
         yield (
@@ -182,7 +184,7 @@ def lettering(raster: Raster) -> Iterator[str]:
 
 
 def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
-    """Places of the letters of words that are written across, or upward."""
+    """Return the letters of words that are written across, or upward."""
     r0, c0, r1, c1 = specks.boxes.T if not turned else specks.boxes[:, [1, 0, 3, 2]].T
     if not len(r0):
         return []
@@ -211,7 +213,7 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
 
 
 def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
-    """Numbers of connected cells, from 1, and how many there are."""
+    """Number connected cells from 1, and return the numbers and their count."""
     from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, LABELS * cells.size)
@@ -220,7 +222,7 @@ def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.
 
 
 def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
-    """How many cells have each number, 0 included; some rows at a time, since counting takes eight bytes a cell."""
+    """Count the cells of each number, 0 included, some rows at a time to bound memory."""
     step = max(1, ROWS // labels.shape[1])
     area = np.zeros(count + 1, dtype=np.int64)
     for top in range(0, labels.shape[0], step):
@@ -229,22 +231,9 @@ def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
 
 
 def _box(cells: BoolArray) -> list[int]:
-    """First row and column of the cells that are there, and those after the last."""
+    """Return the first row and column of the True cells, and those after the last."""
     rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     return [int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1]
-
-
-def _grown(cells: BoolArray, steps: int) -> BoolArray:
-    """Cells, and those within some steps of one, diagonal ones too."""
-    wide = cells.copy()
-    for step in range(1, steps + 1):
-        wide[:, step:] |= cells[:, :-step]
-        wide[:, :-step] |= cells[:, step:]
-    grown = wide.copy()
-    for step in range(1, steps + 1):
-        grown[step:] |= wide[:-step]
-        grown[:-step] |= wide[step:]
-    return grown
 
 
 def _size(rows: int, columns: int, raster: Raster) -> str:
@@ -252,13 +241,13 @@ def _size(rows: int, columns: int, raster: Raster) -> str:
 
 
 def _rounded_up(value: float) -> float:
-    """Two digits of a number, rounded up."""
+    """Return a number rounded up to two digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.ceil(value / unit - 1e-9) * unit:.6g}")
 
 
 def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
-    """Return cells without what is thinner than ``thinnest`` (m), and a note on how much is left out."""
+    """Return cells without obstacles thinner than ``thinnest`` (m), and a note on the removed pixels."""
     pixels = min(MOST, math.ceil(thinnest / raster.resolution - 1e-9))
     kept = _thick(raster.cells, pixels)
     left = np.count_nonzero(raster.cells) - np.count_nonzero(kept)
@@ -267,7 +256,7 @@ def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
 
 
 def closing(raster: Raster) -> Iterator[str]:
-    """Yield a note on thin lines that part rooms where all walls are thicker, such as the swings of doors."""
+    """Yield a note on thin lines that separate rooms where all walls are thicker, such as the swings of doors."""
     cells = raster.cells
     thick = _thick(cells, THIN + 1)
     thin = cells & ~thick
@@ -312,7 +301,7 @@ def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray
 
 
 def _thick(cells: BoolArray, pixels: int) -> BoolArray:
-    """Cells of which a square of some pixels fits into the obstacles, or which are next to one."""
+    """Return obstacle cells in or next to a square of ``pixels`` that fits into the obstacles."""
     if pixels <= 1:
         return cells
     from scipy import ndimage  # slow to import

@@ -1,4 +1,7 @@
-"""A world from the lines and solid fills of a drawing, as DXF and PDF files have them."""
+"""Readers for floor plans in DXF and PDF: lines are walls, solid or dark fills are obstacles.
+
+They need the extra ``plans`` (ezdxf and pypdfium2).
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,7 @@ BLOCK = 2_000
 
 
 class Options(NamedTuple):
-    """What every drawing is asked for.
+    """Options of every drawing.
 
     wall_width  m
     layers      names, or None for all that are shown
@@ -68,7 +71,7 @@ class Options(NamedTuple):
 
 
 def checked_options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> Options:
-    """The options checked, or `MapError`."""
+    """Return the options, checked, or raise `MapError`."""
     one_of("door_arcs", door_arcs, get_args(DoorArcs), error=MapError)
     return Options(check_positive("wall_width", wall_width), _names(layers), check_inside(inside), door_arcs)
 
@@ -83,12 +86,12 @@ def _names(layers: Any) -> list[str] | None:
 
 
 def build(path: str | Path, found: Answer, placement: Placement, asked: Options, *, nothing: str) -> World:
-    """The world of a drawing's lines; what was left out is told in its notes.
+    """Build the world of a drawing's lines; its notes tell everything left out.
 
     found      ``points`` (n, 2) of all lines, where each line ``starts`` (m + 1,), its ``layer`` (m,), and its ``area``
                (m,): lines of one number above 0 bound an area
     placement  from the drawing's units to metres
-    nothing    what to do about a drawing without lines
+    nothing    advice for a drawing without lines
     """
     words, arrays = found
     left = f"left out: {said(words['left_out'])}" if words["left_out"] else ""
@@ -147,7 +150,7 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
 def _walls(
     points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
 ) -> list[BaseGeometry]:
-    """Polygons along lines, each of its width, m; what is wider than usual ends where its line does."""
+    """Return polygons along lines, each of its width, m; lines wider than usual have flat ends."""
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):
         limits.check(READING)
@@ -163,7 +166,7 @@ def _walls(
 def _without(
     arcs: Sequence[Arc], points: FloatArray, starts: IntArray, widths: FloatArray, lines: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Points, starts, widths and lines without arcs; what a line has beside its arc is a line of its own."""
+    """Return points, starts, widths and lines without arcs; the rest of such a line becomes a line of its own."""
     pieces = [
         (points[begin:end], widths[arc.line])
         for arc in arcs
@@ -182,7 +185,7 @@ def _without(
 
 
 def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArray[np.object_]:
-    """Lines, those of no length left out."""
+    """Return lines, without those of no length."""
     sizes = starts[lines + 1] - starts[lines]
     owner = np.repeat(np.arange(len(lines)), sizes)
     place = np.arange(len(owner)) + np.repeat(starts[lines] - np.cumsum(sizes) + sizes, sizes)
@@ -191,7 +194,7 @@ def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArr
 
 
 def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
-    """Polygons that lines bound together: what lies within an odd number of them."""
+    """Return the polygons that lines bound together: the areas within an odd number of them."""
     made: list[BaseGeometry] = []
     lines = np.flatnonzero(area)
     for some in np.split(lines, np.flatnonzero(np.diff(area[lines])) + 1):
@@ -205,7 +208,7 @@ def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Pat
 
 
 def _reached(free: BaseGeometry, inside: tuple[float, float], extent: BaseGeometry, path: str | Path) -> BaseGeometry:
-    """The part of the free space in which a point lies, or `MapError`."""
+    """Return the part of the free space that holds a point, or raise `MapError`."""
     here = shapely.Point(inside)
     for part in shapely.get_parts(free).tolist():
         if shapely.intersects(part, here):
@@ -272,7 +275,7 @@ def read_dxf(
 
 
 def _units(path: str | Path, found: Answer) -> tuple[str, float]:
-    """The units of a drawing by its header, and their metres."""
+    """Return the name of the units in a drawing's header, and their metres."""
     code = found.words["insunits"]
     if code in METRES:
         return METRES[code]

@@ -1,4 +1,8 @@
-"""Features of GeoJSON files, and what is noted of them: a line for all of a file that share a fault, not one each."""
+"""Features of GeoJSON files: their names, properties as text, choices among them, and notes on them.
+
+A note stands for all features of a file that share a fault. Properties are read as GIS and OpenStreetMap write them:
+numbers and lengths as text, several values in one text.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +38,7 @@ TOLD = 8
 
 
 class Feature(NamedTuple):
-    """What a file says of one thing, and where: its path, and the feature's number in it."""
+    """Feature of a file: its path, its number, and its data."""
 
     path: str | Path
     number: int
@@ -42,13 +46,13 @@ class Feature(NamedTuple):
 
     @property
     def properties(self) -> dict[str, Any]:
-        """What the file says of it beside its geometry; nothing where that is no object."""
+        """Return the properties; {} where they are no object."""
         found = self.data.get("properties")
         return found if isinstance(found, dict) else {}
 
     @property
     def name(self) -> str:
-        """What it is called: by ``name``, ``label``, ``title``, its ``id``, or the properties ``id`` and ``type``."""
+        """Return the name: ``name``, ``label``, ``title``, ``id``, or the properties ``id`` and ``type``."""
         own = self.properties
         named = [own.get(key) for key in ("name", "label", "title")]
         candidates = [
@@ -62,7 +66,7 @@ class Feature(NamedTuple):
 
     @property
     def called(self) -> str:
-        """Its number, and its name if it has one."""
+        """Return the number, and the name if there is one."""
         return f"{self.number} {shown(self.name)}" if self.name else str(self.number)
 
     def __str__(self) -> str:
@@ -70,7 +74,7 @@ class Feature(NamedTuple):
 
 
 class FeatureNotes:
-    r"""What was left out or mended.
+    r"""Notes on features that were left out or mended.
 
     >>> notes = FeatureNotes()
     >>> for number in (0, 1, 2, 5):
@@ -85,17 +89,17 @@ class FeatureNotes:
         self._found: dict[tuple[str, str], list[Feature]] = {}
 
     def add(self, feature: Feature, what: str) -> None:
-        """Note a feature; again and again, for its parts, is once."""
+        """Note a feature; repeated notes, for its parts, count once."""
         found = self._found.setdefault((str(feature.path), what), [])
         if not found or found[-1].number != feature.number:
             found.append(feature)
 
     def __contains__(self, what: object) -> bool:
-        """Whether anything was noted of any feature in these words."""
+        """Return whether any feature has a note with these words."""
         return any(said == what for _, said in self._found)
 
     def lines(self, path: str | Path | None = None) -> tuple[str, ...]:
-        """Put the notes on all files in words, or on one; those of a file in the order of its features."""
+        """Return the notes on all files, or on one, as lines in the order of the features."""
         files = list(dict.fromkeys(of for of, _ in self._found))
         notes = sorted(self._found.items(), key=lambda note: (files.index(note[0][0]), note[1][0].number))
         return tuple(
@@ -106,7 +110,7 @@ class FeatureNotes:
 
 
 def _listed(features: list[Feature]) -> str:
-    """Features by number and name, or where none has a name by ranges of numbers."""
+    """Return features by number and name, or by ranges of numbers if none has a name."""
     if not any(feature.name for feature in features):
         return _ranges(sorted({feature.number for feature in features}))
     called = dict.fromkeys(feature.called for feature in sorted(features, key=lambda feature: feature.number))
@@ -114,7 +118,7 @@ def _listed(features: list[Feature]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Numbers that increase, as few words: "0 to 2, 5"."""
+    """Return increasing numbers in few words: "0 to 2, 5"."""
     ranges: list[list[int]] = []
     for number in numbers:
         if ranges and number == ranges[-1][-1] + 1:
@@ -144,14 +148,14 @@ def length(value: Any) -> float | None:
 
 
 def number(value: Any) -> Any:
-    """Return the number that a text is, and every other value as it is."""
+    """Return the number that a text holds; other values stay as they are."""
     if isinstance(value, str) and len(value) <= 40 and (found := LENGTH.fullmatch(value.strip())) and not found[2]:
         return float(found[1])
     return value
 
 
 def truth(value: Any) -> bool | None:
-    """Return what a property says of yes or no, as a number, a boolean or text; None where it says neither."""
+    """Return the truth value of a number, a boolean or a text; None where it is neither yes nor no."""
     if isinstance(value, bool | int | float):
         return bool(value)
     text = value.strip().lower() if isinstance(value, str) else None
@@ -159,7 +163,7 @@ def truth(value: Any) -> bool | None:
 
 
 def values(key: str, value: Any) -> set[str]:
-    """Return what a property says, as texts: each of a list or between semicolons, and each level of a range.
+    """Return the values of a property as texts: items of a list, parts between semicolons, and levels of a range.
 
     >>> sorted(values("level", "0-2")), sorted(values("level", 0.0)), sorted(values("type", "room;hall"))
     (['0', '1', '2'], ['0'], ['hall', 'room'])
@@ -177,7 +181,7 @@ def values(key: str, value: Any) -> set[str]:
 
 
 def _text(value: Any) -> str:
-    """A value as text that is the same for 0, 0.0 and "0"."""
+    """Return a value as text, equal for 0, 0.0 and "0"."""
     read = number(value)
     if isinstance(read, float) and read.is_integer() and abs(read) < 1e15:
         return str(int(read))
@@ -187,7 +191,7 @@ def _text(value: Any) -> str:
 
 
 class Choice:
-    """Features chosen by their properties.
+    """Choice of features by their properties.
 
     >>> rooms = Choice({"indoor": ["room", "corridor"], "level": 0})
     >>> rooms.takes({"indoor": "room", "level": "0;1"}), rooms.takes({"indoor": "room"})
@@ -212,7 +216,7 @@ class Choice:
         return bool(self._wanted)
 
     def takes(self, properties: Mapping[str, Any], keys: Iterable[str] | None = None) -> bool:
-        """Whether properties have the values that are asked for, of all keys or of some."""
+        """Return whether properties have the wanted values, of all keys or of some."""
         asked = self._wanted.items() if keys is None else [(k, w) for k, w in self._wanted.items() if k in keys]
         return all(wanted & values(key, properties.get(key)) for key, wanted in asked)
 
@@ -233,7 +237,7 @@ def chosen_features(
     *,
     by_level: Callable[[Feature], bool] | None = None,
 ) -> tuple[list[Feature], tuple[str, ...]]:
-    """Return the features that are asked for, and a note; raise MapError where there are none.
+    """Return the chosen features, and a note; raise MapError where there are none.
 
     by_level  whether a feature, such as a door, is chosen by its level alone
     """

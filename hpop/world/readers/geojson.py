@@ -142,7 +142,7 @@ def read(
 def _ground(
     plan: _Plan, polygons: Meaning, width: float | None, noted: FeatureNotes, path: str | Path
 ) -> tuple[Ground, list[str]]:
-    """The ground of a plan whose polygons mean something, and notes on it."""
+    """Return the ground of a plan, with notes."""
     areas, lines = plan.areas, plan.lines
     if polygons == "obstacles":
         notes = [*_closing(areas, lines, width or 0.0)]
@@ -177,7 +177,7 @@ def _ground(
 def _shapes(
     features: Sequence[Feature], kinds: tuple[str, ...], noted: FeatureNotes, *, doors: bool
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Features and their geometries, those of doors included where these are read."""
+    """Return features and their geometries, those of doors included where these are read."""
     if not doors:
         return shaped(features, kinds, noted)
     opening = [feature for feature in features if is_door(feature)]
@@ -195,7 +195,7 @@ def _placed_by(
     shapes: NDArray[np.object_],
     path: str | Path,
 ) -> tuple[Placement, NDArray[np.object_], dict[str, Any]]:
-    """Return where geometries lie, the geometries in its units, and the options that say so."""
+    """Return the placement of geometries, the geometries in its units, and the options that describe it."""
     is_open = given.units is None and given.scale == 1.0
     system = systems.crs_of(crs) if crs is not None else document.crs if is_open else None
     if system is None or system == systems.DEGREES:
@@ -218,7 +218,7 @@ def _placed_by(
 
 
 class _Part(NamedTuple):
-    """A polygon, m, of a feature, and its heights."""
+    """Polygon of a feature, m, with its heights."""
 
     feature: Feature
     area: Polygon
@@ -230,7 +230,7 @@ class _Part(NamedTuple):
 
 
 def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Path) -> tuple[str, ...]:
-    """Notes on coordinates that are read as metres though their crs, or their size, says otherwise."""
+    """Yield notes on coordinates read as metres although their crs, or their size, says otherwise."""
     x0, y0, x1, y1 = shapely.total_bounds(shapes)
     if declared is not None:
         return (
@@ -246,7 +246,7 @@ def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Pa
 
 
 def _closing(areas: Sequence[_Part], lines: Sequence[_Part], width: float) -> Iterator[str]:
-    """Say of an obstacle that everything else lies in it, as in the outline of a building."""
+    """Yield a note on an obstacle that contains everything else, such as the outline of a building."""
     if not areas:
         return
     largest = max(areas, key=lambda part: part.area.area)
@@ -261,7 +261,7 @@ def _closing(areas: Sequence[_Part], lines: Sequence[_Part], width: float) -> It
 
 
 class _Plan(NamedTuple):
-    """What the features of a plan are: areas, walls along lines, and doors."""
+    """Parts of a plan: areas, walls along lines, and doors."""
 
     areas: list[_Part]
     lines: list[_Part]
@@ -281,7 +281,7 @@ class _Plan(NamedTuple):
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
-    """The heights between which a feature stands, m; notes on what cannot be read, which is the whole height."""
+    """Return the heights, m, of a feature; a note tells unreadable ones, which become the whole height."""
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
         notes.add(feature, "no properties, so of the whole height")

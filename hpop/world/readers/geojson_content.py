@@ -1,4 +1,4 @@
-"""Reader for what a GeoJSON (RFC 7946) file says of a building's life: points of interest, visitor flows, zones."""
+"""Reader for the content of a world from GeoJSON (RFC 7946): points of interest, visitor flows, zones."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def read(
 
 @dataclass(frozen=True)
 class _Source:
-    """Where files lie in the world, the crs of their plan, and notes: on features, and on which were chosen."""
+    """Placement of the files in the world, the crs of their plan, and notes on features and choices."""
 
     placement: Placement
     crs: str
@@ -114,7 +114,7 @@ class _Source:
     chosen: list[str]
 
     def made(self, files: ContentFiles, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
-        """What the geometries of some kinds in the files stand for."""
+        """Return the content that geometries of some kinds in the files stand for."""
         things: list[Landmark | Zone] = []
         for file in [files] if isinstance(files, str | Path | Mapping) else files:
             path, choice = _path_and_choice(file)
@@ -140,7 +140,7 @@ class _Source:
         return things
 
     def _in_degrees(self, shapes: NDArray[np.object_], crs: str | None, path: str | Path) -> NDArray[np.object_]:
-        """Geometries of a file as they are, or in degrees where those of the plan are."""
+        """Return geometries of a file as they are, or in degrees where those of the plan are."""
         if self.placement.units != "deg" or not len(shapes):
             return shapes
         if crs is None:
@@ -150,7 +150,7 @@ class _Source:
 
 
 def _path_and_choice(file: ContentFile) -> tuple[str | Path, Choice]:
-    """The path of a file, and which of its features are read."""
+    """Return the path of a file, and the choice among its features."""
     if not isinstance(file, Mapping):
         return file, Choice(None)
     path = file.get("path")
@@ -163,7 +163,7 @@ def _path_and_choice(file: ContentFile) -> tuple[str | Path, Choice]:
 
 
 def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
-    """What a part stands for; an error says where."""
+    """Return the content of a part; an error names its place."""
     try:
         return make(part, feature)
     except MapError as error:

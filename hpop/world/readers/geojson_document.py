@@ -1,4 +1,7 @@
-"""What a GeoJSON text (RFC 7946, RFC 8142) says: its features and the crs it declares; or which other format it is."""
+"""GeoJSON documents (RFC 7946, RFC 8142): features, the declared crs, and geometries in metres, mended where invalid.
+
+A text of another format raises an error that names the format.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +73,7 @@ MOST_DEEP = 20
 
 
 class Document(NamedTuple):
-    """What a file holds.
+    """Contents of a file.
 
     features  in the file's order
     crs       the code of what it declares, or None
@@ -115,7 +118,7 @@ def read_document(content: bytes, path: str | Path) -> Document:
 
 
 def _texts(text: str, path: str | Path) -> list[Any]:
-    """The texts of JSON in a text: one, or one a line (GeoJSONSeq, newline-delimited GeoJSON)."""
+    """Yield the JSON texts of a file: one, or one a line (GeoJSONSeq, newline-delimited GeoJSON)."""
     count = 0
 
     def look(parsed: Any) -> Any:
@@ -143,19 +146,19 @@ def _texts(text: str, path: str | Path) -> list[Any]:
 
 
 def _after(text: str, place: int) -> int:
-    """The place after what stands between texts."""
+    """Return the place after the separator of two texts."""
     found = BETWEEN.match(text, place)
     return found.end() if found else place
 
 
 def _hint(text: str) -> str:
-    """Say what a text that is no JSON seems to be."""
+    """Return the probable format of a text that is no JSON."""
     begin = text[:2_000].lower()
     return next((f" It seems to be {what}." for mark, what in MARKED if mark in begin), "")
 
 
 def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
-    """The features of one text."""
+    """Return the features of one text."""
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == "FeatureCollection":
         found = data.get("features")
@@ -174,7 +177,7 @@ def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
 
 
 def _other(data: Any) -> str:
-    """Say which other format of JSON it is, and what to do."""
+    """Return which other JSON format a text has, and what to do."""
     if not isinstance(data, dict):
         return ""
     if data.get("type") == "Topology":
@@ -202,7 +205,7 @@ WORDS[POLYGONS + LINES + POINTS] = "polygon, line or door"
 def shaped(
     features: Sequence[Feature], kinds: tuple[str, ...], notes: FeatureNotes
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return geometries of some kinds (n,), in the file's units, and the feature of each; the others are noted."""
+    """Return geometries of some kinds (n,), in the file's units, and the feature of each; note the others."""
     of: list[Feature] = []
     shapes: list[BaseGeometry] = []
     rest = iter(features)
@@ -218,7 +221,7 @@ def shaped(
 def placed(
     of: Sequence[Feature], shapes: NDArray[np.object_], placement: Placement, notes: FeatureNotes
 ) -> Iterator[tuple[Feature, list[Any]]]:
-    """Yield features, each with the parts of its geometry, m; what is mended is noted.
+    """Yield features, each with the parts of its geometry, m; mended ones are noted.
 
     In blocks, between which the limits are looked at. Polygons are valid, and a self-crossing outline is mended;
     `MapError` for one that crosses itself so often that to mend it would take for ever.
@@ -241,7 +244,7 @@ def placed(
 
 
 def left_out(kind: Any, kinds: tuple[str, ...]) -> str:
-    """Return the note on a geometry of another kind than was asked for."""
+    """Return the note on a geometry of another kind."""
     return f"a {shown(kind)}, not a {WORDS[kinds]}, left out"
 
 
@@ -275,7 +278,7 @@ def _shaped(
 
 
 def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> BaseGeometry | None:
-    """The geometry of coordinates, as GIS writes them: of two or more numbers each, with rings that are not closed."""
+    """Return the geometry of coordinates as GIS writes them: of two or more numbers, rings perhaps not closed."""
     kind = data["type"]
     if kind in POLYGONS:
         data = _with_rings(feature, data, notes)
@@ -294,7 +297,7 @@ def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> Ba
 
 
 def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> dict[str, Any]:
-    """A polygon or several with the rings that bound an area; notes on those that do not, or are not closed."""
+    """Return polygons with the rings that bound an area; note the others, and rings that are not closed."""
     polygons = data["coordinates"] if data["type"] == "MultiPolygon" else [data["coordinates"]]
     kept, is_whole = [], True
     for polygon in polygons if isinstance(polygons, list) else ():
@@ -320,7 +323,7 @@ def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> 
 
 
 def _bounds_area(ring: list[list[Any]]) -> bool:
-    """Whether a ring has enough different points; of most the first few tell."""
+    """Return whether a ring has enough different points; usually the first few tell."""
     seen: set[Any] = set()
     for point in ring:
         seen.add(tuple(item if isinstance(item, int | float | str) else None for item in point[:2]))
@@ -332,7 +335,7 @@ def _bounds_area(ring: list[list[Any]]) -> bool:
 def _mended(
     of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes
 ) -> NDArray[np.object_]:
-    """Geometries of features, those among the areas made valid that were not."""
+    """Return geometries of features, with invalid areas made valid."""
     check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
     invalid = np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist()
     crossings = [check_mendable(shapes[i], str(of[i])) for i in invalid]

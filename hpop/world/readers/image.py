@@ -1,4 +1,7 @@
-"""Reader for blueprints: an image in which dark means obstacle."""
+"""Reader for blueprints: an image in which dark means obstacle, decoded a block of rows at a time.
+
+Decoded pixels may take many bytes each, so a whole image is never decoded at once.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ DECODED, SHADES = 8, 80
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A decoded image, row 0 at the top.
+    """Decoded image, row 0 at the top.
 
     height, width  pixels
     is_turned      whether it was turned or mirrored as its EXIF orientation says
@@ -62,7 +65,7 @@ class Picture:
     is_turned: bool = False
 
     def blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray | None]]:
-        """Rows, about a million pixels at a time: their brightness (h, W, channels) from 0 to 1, and alpha (h, W).
+        """Yield rows, about a million pixels at a time: brightness (h, W, channels) from 0 to 1, and alpha (h, W).
 
         Grey images have one channel, coloured ones three; alpha is None for an image without.
         """
@@ -125,7 +128,7 @@ def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> Pictu
 
 
 def _orientation(image: Any) -> int:
-    """The EXIF orientation of an image, from 1 to 8; 1 where it says none that is known."""
+    """Return the EXIF orientation of an image, from 1 to 8; 1 where it is unknown."""
     try:
         found = image.getexif().get(ORIENTATION, 1)
     except Exception:  # what it says may be anything
@@ -142,7 +145,7 @@ def _unreadable(image: Any, path: str | Path, error: Exception) -> MapError:
 
 
 def shades(pixels: Pixels) -> FloatArray:
-    """Pixels as brightness from 0 (black) to 1 (white)."""
+    """Return pixels as brightness from 0 (black) to 1 (white)."""
     return np.asarray(pixels / float(np.iinfo(pixels.dtype).max))
 
 

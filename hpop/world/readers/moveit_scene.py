@@ -1,4 +1,4 @@
-"""Reader for planning scenes in YAML, as MoveIt has them and MotionBenchMaker writes them.
+"""Reader for planning scenes in YAML, as MoveIt and MotionBenchMaker write them.
 
 Of ``moveit_msgs/PlanningScene`` the objects of the world are read: boxes, cylinders, spheres and convex meshes. Points
 are lists ``[x, y, z]`` or keys ``{x: ..}``, quaternions x, y, z, w. What ``ros2 topic echo`` prints is read as well:
@@ -50,23 +50,23 @@ CONVEX = 1e-4
 
 
 class Part(NamedTuple):
-    """A piece of a file, and where it is in words."""
+    """Piece of a file, with its place in words."""
 
     what: str
     given: Any
 
     def fault(self, expected: str) -> MapError:
-        """What was expected of it, and what came."""
+        """Return the error for a piece, with the expected and the given value."""
         return MapError(f"{self.what} must be {expected}; got {shown(self.given)}.")
 
     def get(self, key: str) -> Part:
-        """What stands under a key of a mapping; None where there is none."""
+        """Return the value under a key of a mapping, or None."""
         if not isinstance(self.given, dict):
             raise self.fault("a yaml mapping")
         return Part(f"{self.what}: {key}", self.given.get(key))
 
     def entries(self, most: int = MOST_SOLIDS) -> list[Part]:
-        """The entries of a list; none of what is not given."""
+        """Return the entries of a list; none for a missing one."""
         given = [] if self.given is None else self.given
         if isinstance(given, str) and given.startswith(NO_ARRAY):
             raise MapError(f"{self.what} is left out, as ros2 topic echo --no-arr does; print it without that option.")
@@ -81,7 +81,7 @@ class Part(NamedTuple):
         return [Part(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
 
     def numbers(self, keys: str) -> tuple[float, ...]:
-        """Numbers in a list, or by the names of axes."""
+        """Return numbers in a list, or by the names of axes."""
         given = self.given
         if isinstance(given, dict) and given.keys() == set(keys):
             given = [given[key] for key in keys]
@@ -91,7 +91,7 @@ class Part(NamedTuple):
 
 
 class Object(NamedTuple):
-    """A collision object.
+    """Collision object.
 
     frame   in which it is given
     pose    (4, 4)  in that frame
@@ -149,7 +149,7 @@ def read(path: str | Path) -> World:
 
 
 def _apply(scene: Part, objects: dict[str, Object], *, is_diff: bool) -> None:
-    """Put the objects of a message into those that are known; MapError for what cannot be read."""
+    """Add the objects of a message to the known ones; MapError for unreadable ones."""
     world = scene.get("world")
     if not isinstance(world.given, dict) or "collision_objects" not in world.given:
         raise MapError(
@@ -191,7 +191,7 @@ def _apply(scene: Part, objects: dict[str, Object], *, is_diff: bool) -> None:
 
 
 def _unread(scene: Part) -> Iterator[str]:
-    """What of a message is not read though it says something, in words."""
+    """Return the parts of a message that are not read although they have a meaning, in words."""
     paddings = [entry.get("padding") for entry in scene.get("link_padding").entries()]
     scales = [entry.get("scale") for entry in scene.get("link_scale").entries()]
     padded = [
@@ -228,7 +228,7 @@ def _unread(scene: Part) -> Iterator[str]:
 
 
 def _transforms(scene: Part) -> dict[str, tuple[str, FloatArray]]:
-    """Return the frame in which each frame of ``fixed_frame_transforms`` lies, and its pose (4, 4) there."""
+    """Return the parent frame of each frame of ``fixed_frame_transforms``, and its pose (4, 4) there."""
     found: dict[str, tuple[str, FloatArray]] = {}
     for entry in scene.get("fixed_frame_transforms").entries():
         child, moved = entry.get("child_frame_id"), entry.get("transform")
@@ -241,7 +241,7 @@ def _transforms(scene: Part) -> dict[str, tuple[str, FloatArray]]:
 
 
 def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
-    """Return the frame to which a frame is fixed in the end, and its pose (4, 4) there."""
+    """Return the root frame of a frame, and its pose (4, 4) there."""
     pose, passed = np.eye(4), set[str]()
     while frame in transforms and frame not in passed:
         passed.add(frame)
@@ -251,7 +251,7 @@ def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> t
 
 
 def _refuse_unread(scene: Part) -> None:
-    """Refuse what would be solid beside the objects of the world."""
+    """Refuse solids beside the objects of the world."""
     octomap = scene.get("world").get("octomap")
     if isinstance(octomap.given, dict):
         inside = octomap.get("octomap")
@@ -264,7 +264,7 @@ def _refuse_unread(scene: Part) -> None:
 
 
 def _frame(thing: Part) -> str:
-    """The frame in which an object is given."""
+    """Return the frame of an object."""
     header = thing.get("header")
     frame = None if header.given is None else header.get("frame_id").given
     if not isinstance(frame, str | None):
@@ -273,7 +273,7 @@ def _frame(thing: Part) -> str:
 
 
 def _operation(thing: Part, *, is_diff: bool) -> int:
-    """What becomes of an object; ROS 2 prints the byte as a character."""
+    """Return the operation of an object; ROS 2 prints the byte as a character."""
     operation = thing.get("operation")
     given = operation.given
     known = isinstance(given, int | str | None) and not isinstance(given, bool) and given in OPERATIONS
@@ -283,7 +283,7 @@ def _operation(thing: Part, *, is_diff: bool) -> int:
 
 
 def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
-    """All objects are given in one frame, which is the world's."""
+    """Check that all objects are given in one frame, the world's."""
     known: dict[str, str] = {}
     for name, frame in frames.items():
         known.setdefault(frame, name)
@@ -296,7 +296,7 @@ def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
 
 
 def _shapes(thing: Part) -> Iterator[tuple[Shape, FloatArray]]:
-    """Shapes of an object with their poses in it."""
+    """Return the shapes of an object with their poses in it."""
     if thing.get("planes").given:
         raise MapError(
             f"{thing.get('planes').what} have no end and are not read; give a thin box in the place of each."
@@ -315,7 +315,7 @@ def _shapes(thing: Part) -> Iterator[tuple[Shape, FloatArray]]:
 
 
 def _pose(part: Part, place: str = "position", turned: str = "orientation") -> FloatArray:
-    """A pose, of ``position`` and ``orientation``; what is left out is none. A quaternion of zeros is one left out."""
+    """Return the pose of ``position`` and ``orientation``; missing ones are identities, as is a quaternion of zeros."""
     if part.given is None:
         return np.eye(4)
     position, orientation = part.get(place), part.get(turned)
@@ -350,7 +350,7 @@ def _primitive(part: Part) -> Shape:
 
 
 def _mesh(part: Part) -> Hull:
-    """The hull of a mesh, which is convex: all its corners lie on it."""
+    """Return the hull of a convex mesh: all its corners lie on it."""
     if part.get("resource").given is not None:
         raise part.get("resource").fault("left out, and the mesh's vertices and triangles be given: no file is read")
     vertices = np.array([v.numbers("xyz") for v in part.get("vertices").entries(MOST_POINTS)]).reshape(-1, 3)
@@ -369,7 +369,7 @@ def _mesh(part: Part) -> Hull:
 
 
 def _triangle(part: Part, count: int) -> list[int]:
-    """Three places of vertices."""
+    """Return the three vertices of a triangle."""
     inner = part.get("vertex_indices") if isinstance(part.given, dict) else part
     if not isinstance(inner.given, list) or len(inner.given) != 3:
         raise inner.fault("three places of vertices")
@@ -377,7 +377,7 @@ def _triangle(part: Part, count: int) -> list[int]:
 
 
 def _is_convex(hull: Hull, corners: FloatArray) -> bool:
-    """Whether triangles (F, 3, 3) hold as much as their hull does: a closed surface, all turned the same way."""
+    """Return whether triangles (F, 3, 3) enclose the volume of their hull: closed, with one orientation."""
     a, b, c = (corners - hull.points.mean(axis=0)).transpose(1, 0, 2)
     held = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
     return held >= (1 - CONVEX) * hull.volume

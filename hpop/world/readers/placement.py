@@ -1,4 +1,7 @@
-"""Where coordinates of a file lie in the world: metres in a plane, or degrees on the earth, put on a plane near by."""
+"""Placement of a file's coordinates in the world: metres in a plane, degrees on the earth, or a crs by pyproj.
+
+Degrees are put on a plane near by. A crs is a coordinate reference system.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +69,7 @@ def crs_of(name: Any) -> str:
 
 
 def declared(member: Any) -> str | None:
-    """Return the crs that a file's member ``crs`` names (GeoJSON 2008, which RFC 7946 dropped); None where it has none.
+    """Return the crs that a file's member ``crs`` names (GeoJSON 2008, dropped by RFC 7946), or None.
 
     >>> declared({"type": "name", "properties": {"name": "EPSG:25832"}}), declared(None)
     ('EPSG:25832', None)
@@ -116,7 +119,7 @@ def on_earth(shapes: NDArray[np.object_], crs: str, what: Any) -> NDArray[np.obj
 
 
 def _stretched(points: FloatArray, crs: str) -> str:
-    """Say what scale makes metres of a web map's coordinates."""
+    """Return advice on the scale that makes metres of a web map's coordinates."""
     if crs not in MERCATOR or not len(points):
         return ""
     return f", or give scale: {1 / math.cosh(float(points[:, 1].mean()) / RADIUS):.4g}"
@@ -124,7 +127,7 @@ def _stretched(points: FloatArray, crs: str) -> str:
 
 @dataclass(frozen=True)
 class Placement:
-    """From a file's coordinates to metres.
+    """Map from a file's coordinates to metres.
 
     scale   metres a unit of the file
     origin  the file's point that becomes (0, 0); None is (0, 0), and the south-west corner of a plan in degrees
@@ -146,7 +149,7 @@ class Placement:
             raise MapError(f"units deg are turned into metres as the earth is round; leave out scale {self.scale:g}.")
 
     def settled(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> Placement:
-        """The same with units and origin that are known, from geometries of features in the file's units.
+        """Return the placement with units and origin known, from geometries of features in the file's units.
 
         Degrees are recognised where all that is there lies within 180 and 90 and spans less than `WIDEST` each way, as
         no plan in metres does. `MapError` where some features look like degrees and others do not.
@@ -185,13 +188,13 @@ class Placement:
         return "m"
 
     def refuse_degrees(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> None:
-        """`MapError` where a file that is to be in metres, as its plan is, looks like degrees."""
+        """Raise `MapError` where a file that should be in metres, as its plan is, looks like degrees."""
         small = _as_degrees(shapes)
         if self.units == "m" and self.scale == 1.0 and len(small) and small.all():
             raise MapError(f"{_spanned(of, shapes, small)}, but the plan is in metres. Give both in one of them.")
 
     def placed(self, points: FloatArray) -> FloatArray:
-        """Points (n, 2) in metres; of a placement that is settled."""
+        """Return points (n, 2) in metres; for a settled placement."""
         origin = self.origin or (0.0, 0.0)
         if self.units != "deg":
             return np.asarray((points - origin) * self.scale)
@@ -204,13 +207,13 @@ class Placement:
         return metres
 
     def place(self, shapes: NDArray[np.object_]) -> NDArray[np.object_]:
-        """Geometries in metres, in the plane; of a placement that is settled."""
+        """Return geometries in metres, in the plane; for a settled placement."""
         placed = shapely.transform(shapely.force_2d(shapes), self.placed)
         check_coordinates(placed, "a geometry, less the origin and times the scale,")
         return np.asarray(placed, dtype=object)
 
     def note(self, path: Any, crs: str | None = None) -> tuple[str, ...]:
-        """Return what is told of a placement that is settled: how degrees, or coordinates of a crs, became metres."""
+        """Return a note on how degrees, or coordinates of a crs, became metres; for a settled placement."""
         if self.units != "deg" or self.origin is None:
             return ()
         what = "degrees" if crs is None else f"in {crs}"
@@ -221,7 +224,7 @@ class Placement:
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Which geometries (n,) have coordinates of the earth and are as small as what is in a building; points are not."""
+    """Return which geometries (n,) look like degrees: coordinates on the earth, as small as a building, not points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)
@@ -229,14 +232,14 @@ def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
 
 
 def _spanned(of: Sequence[Feature], shapes: NDArray[np.object_], small: BoolArray) -> str:
-    """The first of the features that look like degrees, and why it does."""
+    """Return the first feature that looks like degrees, and why it does."""
     first = int(small.argmax())
     x0, y0, x1, y1 = shapely.bounds(shapes[first])
     return f"{of[first]} spans {x1 - x0:.3g} x {y1 - y0:.3g} at ({x0:g}, {y0:g}), as degrees do"
 
 
 def check_origin(origin: Any) -> tuple[float, float]:
-    """The file's point that becomes (0, 0), as two finite floats, or `MapError`."""
+    """Return the file's point that becomes (0, 0), as two finite floats, or raise `MapError`."""
     try:
         x, y = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
@@ -250,7 +253,7 @@ def check_origin(origin: Any) -> tuple[float, float]:
 
 
 def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
-    """Points (n, 2), longitude and latitude, in the plane that touches the WGS 84 ellipsoid at the origin, m.
+    """Return points (n, 2), longitude and latitude, in the plane tangent to WGS 84 at the origin, m.
 
     Seen along the vertical there, lengths shrink by half the square of their distance in radians, 2e-6 at 12 km; beyond
     a quarter of the earth they are infinite.
@@ -264,7 +267,7 @@ def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
 
 
 def _on_earth(degrees: FloatArray) -> FloatArray:
-    """Points (n, 3) on the ellipsoid from its centre, m; z to the north pole, x to longitude 0."""
+    """Return points (n, 3) on the ellipsoid from its centre, m; z to the north pole, x to longitude 0."""
     longitude, latitude = np.radians(degrees).T
     squared = FLATTENING * (2 - FLATTENING)  # of the eccentricity
     normal = RADIUS / np.sqrt(1 - squared * np.sin(latitude) ** 2)

@@ -58,7 +58,7 @@ OTHERS = {
 
 
 def reader_of(path: str | Path) -> str:
-    """The reader of a file by its ending, or of a folder, a bag; `MapError` where the ending says none."""
+    """Return the reader of a file by its ending; a folder is a bag. `MapError` for an unknown ending."""
     try:
         ending = Path(path).suffix.lower()
         if os.path.isdir(path):

@@ -1,4 +1,8 @@
-"""Rooms that share walls, as indoor maps have them: walls stand along their outlines, doors open these."""
+"""Rooms, walls and doors of floor plans: walls along lines and round rooms, and doors that open them.
+
+Indoor maps have rooms that share walls, and doors as points or lines. Drawings have the swings of doors as arcs, lines
+that close a passage although it is open.
+"""
 
 from __future__ import annotations
 
@@ -50,27 +54,27 @@ PLACES_TOLD = 3
 
 
 class Room(NamedTuple):
-    """A polygon of a plan, m, with its feature."""
+    """Room of a plan: its feature and its area, m."""
 
     feature: Feature
     area: Polygon
 
 
 class Door(NamedTuple):
-    """An opening of walls, m: a point, a line or a polygon."""
+    """Opening of walls, m: a point, a line or a polygon."""
 
     feature: Feature
     place: BaseGeometry
 
 
 def kind_of(feature: Feature) -> str:
-    """What a feature of a building is by its property ``indoor``, or else ``type``."""
+    """Return the kind of a feature of a building: its property ``indoor``, or else ``type``."""
     own = feature.properties
     return str(own.get("indoor", own.get("type", ""))).lower()
 
 
 def is_door(feature: Feature) -> bool:
-    """Whether a feature is a door by OpenStreetMap's properties, or by its type."""
+    """Return whether a feature is a door by OpenStreetMap's properties, or by its type."""
     own = feature.properties
     tagged = any(own.get(key) is not None and truth(own.get(key)) is not False for key in ("door", "entrance"))
     return tagged or kind_of(feature) == "door"
@@ -79,7 +83,7 @@ def is_door(feature: Feature) -> bool:
 def walled(
     rooms: Sequence[Room], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
 ) -> tuple[BaseGeometry, list[Polygon]]:
-    """Return the free space of rooms less their walls, and what else is solid, both opened at doors; in m.
+    """Return the free space of rooms without their walls, and other solid lines, both opened at doors; in m.
 
     A wall stands along each outline of a room, half of its ``width`` on either side. Areas and corridors have none of
     their own, so that they go over into each other. A door is open over its own width and through the wall.
@@ -108,7 +112,7 @@ def walled(
 
 
 def _opening(door: Door, width: float, notes: FeatureNotes) -> BaseGeometry:
-    """What a door opens in a wall of a width, m: a disc round a point, a strip along a line, or its own area."""
+    """Return the opening of a door in a wall of a width, m: a disc round a point, a strip along a line, or its area."""
     if isinstance(door.place, Polygon):
         return door.place
     if door.place.length > 0:
@@ -145,12 +149,12 @@ def touching(rooms: Sequence[Room]) -> tuple[Room, Room] | None:
 
 
 def check_width(width: Any) -> float | None:
-    """The thickness of walls, m, or None for none; `MapError` for what is no length."""
+    """Return the thickness of walls, m, or None for none; `MapError` for no length."""
     return None if width is None else check_positive("wall_width", width)
 
 
 def walls(line: LineString, width: float, what: str) -> list[Polygon]:
-    """What is within half a width (m) of a line; its ends reach as far beyond, so that walls that meet leave no notch.
+    """Return the area within half a width (m) of a line; ends reach as far beyond, so that walls meet without a notch.
 
     >>> [wall.bounds for wall in walls(LineString([(0, 0), (4, 0)]), 0.5, "the line")]
     [(-0.25, -0.25, 4.25, 0.25)]
@@ -162,14 +166,14 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
 
 
 def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
-    """The same for many lines (n,), of which none comes near to itself again and again."""
+    """Return `walls` of many lines (n,), none of which comes near to itself again and again."""
     found = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
     parts: NDArray[np.object_] = shapely.get_parts(found)
     return [part for part in parts.tolist() if isinstance(part, Polygon) and part.area > 0]
 
 
 class Arc(NamedTuple):
-    """The arc of a door in a line.
+    """Arc of a door in a line.
 
     line         which
     first, last  its points in the line's array, both included
@@ -185,7 +189,7 @@ class Arc(NamedTuple):
 
 
 def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator[Arc]:
-    """Yield the arcs of doors in lines of points (n, 2), m; a line may also hold the leaf, at either end of its arc."""
+    """Yield the arcs of doors in lines of points (n, 2), m; a line may also hold the leaf, at an end of its arc."""
     sizes = starts[lines + 1] - starts[lines]
     for number, line in enumerate(lines[(sizes >= POINTS[0]) & (sizes <= POINTS[1])].tolist()):
         if number % LINES_AT_ONCE == 0:
@@ -200,7 +204,7 @@ def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator
 
 
 def _radius(arc: FloatArray) -> float | None:
-    """The radius, m, of points (n, 2) that a door swings through; None where they are no such arc."""
+    """Return the radius, m, of points (n, 2) on the swing of a door, or None."""
     if len(arc) < POINTS[0]:
         return None
     a, b, c = arc[0], arc[len(arc) // 2], arc[-1]

@@ -1,4 +1,7 @@
-"""Reader for ROS map_server maps: a yaml file and the image that it names."""
+"""Readers for maps of ROS: a map_server yaml file with its image, or the grid in a bag of ROS 1 or 2.
+
+Bags need the extra ``bags`` (rosbags).
+"""
 
 from __future__ import annotations
 
@@ -44,7 +47,7 @@ OCCUPIED, FREE = 65, 19
 
 @dataclass(frozen=True, eq=False)
 class OccupancyMap:
-    """A map as map_server sees it.
+    """Map of map_server: occupied, free and unknown cells.
 
     occupied, free  (H, W) bool       row 0 at the bottom; a cell that is neither is unknown
     resolution      float         m
@@ -64,7 +67,7 @@ class OccupancyMap:
 
     @property
     def unknown(self) -> int:
-        """Number of cells that are neither occupied nor free."""
+        """Return the number of cells that are neither occupied nor free."""
         return int((~self.free & ~self.occupied).sum())
 
 
@@ -125,7 +128,7 @@ def read(
 
 
 def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
-    """Notes on unknown cells, and on those read as free that were saved as unknown, as Nav2 did until 2025."""
+    """Return notes on unknown cells, and on free cells that were saved as unknown, as Nav2 did until 2025."""
     share, greys = (
         f"{path}: {100 * cells / grid.free.size:.3g} % of its cells" for cells in (grid.unknown, grid.free_greys)
     )
@@ -138,7 +141,7 @@ def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 
 def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
-    """Notes on a keep-out mask that closes nothing, or has cells that are neither closed nor free."""
+    """Return notes on a keep-out mask that closes nothing, or has cells that are neither closed nor free."""
     closed = int(mask.occupied.sum())
     says = f"{path}: {closed:,} cells of the mask are closed" if closed else f"{path}: the mask closes nothing"
     if not mask.unknown:
@@ -150,7 +153,7 @@ def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 
 def load(path: str | Path) -> OccupancyMap:
-    """Read a yaml file and its image, and classify the cells; `MapError` for anything that is not a map."""
+    """Read a yaml file and its image, and classify the cells; `MapError` for anything but a map."""
     content = read_bytes(path, "map file", limit=MAX_YAML)
     data = _mapping(read_text(content, path, "map file"), path)
     data = {key: _plain(value) for key, value in data.items()}
@@ -197,7 +200,7 @@ def load(path: str | Path) -> OccupancyMap:
 
 
 def _plain(value: Any) -> Any:
-    """A value with text that is a number read as one, as map_server's YAML reads it; lists item by item."""
+    """Return a value with texts of numbers read as numbers, as map_server's YAML does; lists item by item."""
     if isinstance(value, list):
         return [_plain(item) for item in value]
     if isinstance(value, str) and NUMBER.fullmatch(value.strip()):
@@ -242,7 +245,7 @@ def classify(
     occupied_thresh: float,
     free_thresh: float,
 ) -> tuple[BoolArray, BoolArray]:
-    """Tell occupied and free pixels (H, W) apart, as map_server does; the others are unknown.
+    """Return occupied and free pixels (H, W), as map_server does; the others are unknown.
 
     The brightness of a pixel is the mean of its colours in [0, 1]; in trinary mode an alpha channel is
     averaged in with them. ``occ`` is 1 - brightness, or the brightness if negated.
@@ -350,7 +353,7 @@ def read_bag(
 
 
 def _checked(path: str | Path) -> str:
-    """The whole path of a file, or of a folder of files; `MapError` for what is not there, or would be waited for."""
+    """Return the whole path of a file or folder; `MapError` for a missing path or one that is no regular file."""
     try:
         whole = os.path.abspath(path)
         within = [entry.path for entry in os.scandir(whole)] if os.path.isdir(whole) else [whole]
