@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.base.lazy import find_former_names, on_first_use
+from hpop.base.lazy import find_former_names, homes_of, on_first_use
 
 if TYPE_CHECKING:
     from hpop import drive as drive
@@ -19,80 +19,33 @@ if TYPE_CHECKING:
     from hpop import study as study
     from hpop import testing as testing
     from hpop import view as view
-    from hpop.criteria.base import Criterion, criterion
-    from hpop.drive.start import follow
-    from hpop.models import DifferentialDrive, MobileArm, PanTilt, SerialArm
-    from hpop.models.base import model
-    from hpop.motions import Motions
-    from hpop.planners import Lattice
-    from hpop.problems.front import Front
-    from hpop.problems.planning import Planning
-    from hpop.problems.problem import Problem
-    from hpop.runtime.status import Status
-    from hpop.trajectories.trajectory import Trajectory
-    from hpop.world import Person, Track, World, read_tracks
+    from hpop.criteria.base import Criterion as Criterion
+    from hpop.criteria.base import criterion as criterion
+    from hpop.drive.start import follow as follow
+    from hpop.models import DifferentialDrive as DifferentialDrive
+    from hpop.models import MobileArm as MobileArm
+    from hpop.models import PanTilt as PanTilt
+    from hpop.models import SerialArm as SerialArm
+    from hpop.models.base import model as model
+    from hpop.motions import Motions as Motions
+    from hpop.planners import Lattice as Lattice
+    from hpop.problems.front import Front as Front
+    from hpop.problems.planning import Planning as Planning
+    from hpop.problems.problem import Problem as Problem
+    from hpop.runtime.status import Status as Status
+    from hpop.trajectories.trajectory import Trajectory as Trajectory
+    from hpop.world import Person as Person
+    from hpop.world import Track as Track
+    from hpop.world import World as World
+    from hpop.world import read_tracks as read_tracks
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "Criterion": "hpop.criteria.base",
-    "DifferentialDrive": "hpop.models",
-    "Front": "hpop.problems.front",
-    "Lattice": "hpop.planners",
-    "MobileArm": "hpop.models",
-    "Motions": "hpop.motions",
-    "PanTilt": "hpop.models",
-    "Person": "hpop.world",
-    "Planning": "hpop.problems.planning",
-    "Problem": "hpop.problems.problem",
-    "SerialArm": "hpop.models",
-    "Status": "hpop.runtime.status",
-    "Track": "hpop.world",
-    "Trajectory": "hpop.trajectories.trajectory",
-    "World": "hpop.world",
-    "criterion": "hpop.criteria.base",
-    "follow": "hpop.drive.start",
-    "model": "hpop.models.base",
-    "read_tracks": "hpop.world",
-}
-
-_MODULES = (
-    "drive",
-    "errors",
-    "examples",
-    "export",
-    "frontier",
-    "search",
-    "study",
-    "testing",
-    "view",
-)  # each after ``import hpop`` alone
-
-__all__ = [
-    "Criterion",
-    "DifferentialDrive",
-    "Front",
-    "Lattice",
-    "MobileArm",
-    "Motions",
-    "PanTilt",
-    "Person",
-    "Planning",
-    "Problem",
-    "SerialArm",
-    "Status",
-    "Track",
-    "Trajectory",
-    "World",
-    "criterion",
-    "follow",
-    "model",
-    "read_tracks",
-]
-
-__getattr__ = on_first_use(__name__, _HOMES, _MODULES)
+_HOMES = homes_of(__name__)
+__all__ = [name for name, home in _HOMES.items() if home]
+__getattr__ = on_first_use(__name__, _HOMES)
 find_former_names()
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__, *_MODULES})
+    return sorted({*globals(), *_HOMES})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import sys
 import warnings
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from importlib.abc import InspectLoader, Loader, MetaPathFinder
@@ -14,26 +14,25 @@ from types import ModuleType
 from typing import Any
 
 
-def on_first_use(package: str, homes: Mapping[str, str], modules: Collection[str] = ()) -> Callable[[str], Any]:
-    """The ``__getattr__`` of a package: each name is imported from its home, a module, when it is first asked for.
+def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """Return the ``__getattr__`` of a package: it imports each name from its home when the name is first used.
 
-    ``modules`` are those of the package itself that are imported in the same way.
+    ``homes`` are modules by the names of :func:`homes_of`; the home of a module of the package itself is "".
     """
 
     def imported(name: str) -> Any:
-        if name in modules:
-            return import_module(f"{package}.{name}")
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(import_module(homes[name]), name)
+        return getattr(import_module(homes[name]), name) if homes[name] else import_module(f"{package}.{name}")
 
     return imported
 
 
 def homes_of(package: str) -> dict[str, str]:
-    """The module of each name that the source of a package imports for type checkers alone, from which it is imported.
+    """Return the home of each name that the source of a package imports for type checkers only.
 
-    So what is imported on first use is named once, where type checkers and editors read it too.
+    So each name that is imported on first use stands once, where type checkers and editors read it too. The home of a
+    module that the package imports from itself is "".
     """
     spec = sys.modules[package].__spec__
     source = spec.loader.get_source(package) if spec and isinstance(spec.loader, InspectLoader) else None
@@ -45,11 +44,12 @@ def homes_of(package: str) -> dict[str, str]:
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
     )
     imports = (one for node in guarded for one in node.body if isinstance(one, ast.ImportFrom))
-    return {alias.asname or alias.name: str(one.module) for one in imports for alias in one.names}
+    homes = ((alias.asname or alias.name, str(one.module)) for one in imports for alias in one.names)
+    return {name: "" if home == package else home for name, home in homes}
 
 
 def library(name: str, what: str, extra: str = "tables") -> Any:
-    """A library of an extra, which ``what`` needs; where it is not installed, ImportError says how to install it."""
+    """Import a library of an extra, which ``what`` needs; ImportError says how to install a missing one."""
     try:
         return import_module(name)
     except ImportError as error:

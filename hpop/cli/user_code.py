@@ -96,7 +96,7 @@ def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
         package = home[0].relative_to(HOME).parts[0]
         way_out = (
             f"{home[0]} is there, but hpop.{package} does not import it: name its class in "
-            f"{HOME / package}/__init__.py, in the imports for type checkers, _HOMES and __all__"
+            f"{HOME / package}/__init__.py, among its imports"
         )
     else:
         way_out = "one of your own is not imported yet: hpop check FILE.py:NAME, or give --import FILE.py as well"

@@ -4,46 +4,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.base.lazy import on_first_use
+from hpop.base.lazy import homes_of, on_first_use
 
 if TYPE_CHECKING:
-    from hpop.drive.change import Change
-    from hpop.drive.execution import Execution
-    from hpop.drive.moment import Moment
-    from hpop.drive.options import Commit, Option, Options
-    from hpop.drive.record import load
-    from hpop.drive.script import Event, Happening, performed
-    from hpop.drive.start import follow
-    from hpop.drive.wishes import Wish
+    from hpop.drive.change import Change as Change
+    from hpop.drive.execution import Execution as Execution
+    from hpop.drive.moment import Moment as Moment
+    from hpop.drive.options import Commit as Commit
+    from hpop.drive.options import Option as Option
+    from hpop.drive.options import Options as Options
+    from hpop.drive.record import load as load
+    from hpop.drive.script import Event as Event
+    from hpop.drive.script import Happening as Happening
+    from hpop.drive.script import performed as performed
+    from hpop.drive.start import follow as follow
+    from hpop.drive.wishes import Wish as Wish
 
-__all__ = [
-    "Change",
-    "Commit",
-    "Event",
-    "Execution",
-    "Happening",
-    "Moment",
-    "Option",
-    "Options",
-    "Wish",
-    "follow",
-    "load",
-    "performed",
-]
-
-_HOMES = {
-    "Change": "hpop.drive.change",
-    "Commit": "hpop.drive.options",
-    "Event": "hpop.drive.script",
-    "Execution": "hpop.drive.execution",
-    "Happening": "hpop.drive.script",
-    "Moment": "hpop.drive.moment",
-    "Option": "hpop.drive.options",
-    "Options": "hpop.drive.options",
-    "Wish": "hpop.drive.wishes",
-    "follow": "hpop.drive.start",
-    "load": "hpop.drive.record",
-    "performed": "hpop.drive.script",
-}
-
+_HOMES = homes_of(__name__)
+__all__ = [*_HOMES]
 __getattr__ = on_first_use(__name__, _HOMES)

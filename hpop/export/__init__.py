@@ -9,47 +9,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.base.lazy import on_first_use
+from hpop.base.lazy import homes_of, on_first_use
 from hpop.export.base import Content, Exported, Frames, export_format
 
 if TYPE_CHECKING:
-    from hpop.export.glb import glb
-    from hpop.export.poses import euroc, pose_csv, pose_json, tum, unity_csv, unreal_csv
-    from hpop.export.ros import bag, mcap, nav2_yaml
-    from hpop.export.writing import save, write
+    from hpop.export.glb import glb as glb
+    from hpop.export.poses import euroc as euroc
+    from hpop.export.poses import pose_csv as pose_csv
+    from hpop.export.poses import pose_json as pose_json
+    from hpop.export.poses import tum as tum
+    from hpop.export.poses import unity_csv as unity_csv
+    from hpop.export.poses import unreal_csv as unreal_csv
+    from hpop.export.ros import bag as bag
+    from hpop.export.ros import mcap as mcap
+    from hpop.export.ros import nav2_yaml as nav2_yaml
+    from hpop.export.writing import save as save
+    from hpop.export.writing import write as write
 
-_HOMES = {
-    "bag": "hpop.export.ros",
-    "euroc": "hpop.export.poses",
-    "glb": "hpop.export.glb",
-    "mcap": "hpop.export.ros",
-    "nav2_yaml": "hpop.export.ros",
-    "pose_csv": "hpop.export.poses",
-    "pose_json": "hpop.export.poses",
-    "save": "hpop.export.writing",
-    "tum": "hpop.export.poses",
-    "unity_csv": "hpop.export.poses",
-    "unreal_csv": "hpop.export.poses",
-    "write": "hpop.export.writing",
-}
-
-__all__ = [
-    "Content",
-    "Exported",
-    "Frames",
-    "bag",
-    "euroc",
-    "export_format",
-    "glb",
-    "mcap",
-    "nav2_yaml",
-    "pose_csv",
-    "pose_json",
-    "save",
-    "tum",
-    "unity_csv",
-    "unreal_csv",
-    "write",
-]
-
+_HOMES = homes_of(__name__)
+__all__ = [*_HOMES, "Content", "Exported", "Frames", "export_format"]
 __getattr__ = on_first_use(__name__, _HOMES)

@@ -4,90 +4,40 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hpop.base.lazy import on_first_use
+from hpop.base.lazy import homes_of, on_first_use
 
 if TYPE_CHECKING:
-    from hpop.preference import Best, People, Preference, Prior
-    from hpop.study.analysis import Analysis, analyse
-    from hpop.study.answers import Answers, Choice
-    from hpop.study.conditions import Baseline, Condition, pick
-    from hpop.study.design import Design
-    from hpop.study.design_file import Protocol
-    from hpop.study.documents import front_digest
-    from hpop.study.folder import Checked, check, prepare
-    from hpop.study.forms import Form, score
-    from hpop.study.learning import Fitted, fit_criterion
-    from hpop.study.leaving import Withdrawal, replace, withdraw
-    from hpop.study.page import session_page
-    from hpop.study.participants import Participant
-    from hpop.study.simulating import simulate
-    from hpop.study.statistics import Power, power
-    from hpop.study.stimuli import save_stimuli
+    from hpop.preference import Best as Best
+    from hpop.preference import People as People
+    from hpop.preference import Preference as Preference
+    from hpop.preference import Prior as Prior
+    from hpop.study.analysis import Analysis as Analysis
+    from hpop.study.analysis import analyse as analyse
+    from hpop.study.answers import Answers as Answers
+    from hpop.study.answers import Choice as Choice
+    from hpop.study.conditions import Baseline as Baseline
+    from hpop.study.conditions import Condition as Condition
+    from hpop.study.conditions import pick as pick
+    from hpop.study.design import Design as Design
+    from hpop.study.design_file import Protocol as Protocol
+    from hpop.study.documents import front_digest as front_digest
+    from hpop.study.folder import Checked as Checked
+    from hpop.study.folder import check as check
+    from hpop.study.folder import prepare as prepare
+    from hpop.study.forms import Form as Form
+    from hpop.study.forms import score as score
+    from hpop.study.learning import Fitted as Fitted
+    from hpop.study.learning import fit_criterion as fit_criterion
+    from hpop.study.leaving import Withdrawal as Withdrawal
+    from hpop.study.leaving import replace as replace
+    from hpop.study.leaving import withdraw as withdraw
+    from hpop.study.page import session_page as session_page
+    from hpop.study.participants import Participant as Participant
+    from hpop.study.simulating import simulate as simulate
+    from hpop.study.statistics import Power as Power
+    from hpop.study.statistics import power as power
+    from hpop.study.stimuli import save_stimuli as save_stimuli
 
-__all__ = [
-    "Analysis",
-    "Answers",
-    "Baseline",
-    "Best",
-    "Checked",
-    "Choice",
-    "Condition",
-    "Design",
-    "Fitted",
-    "Form",
-    "Participant",
-    "People",
-    "Power",
-    "Preference",
-    "Prior",
-    "Protocol",
-    "Withdrawal",
-    "analyse",
-    "check",
-    "fit_criterion",
-    "front_digest",
-    "pick",
-    "power",
-    "prepare",
-    "replace",
-    "save_stimuli",
-    "score",
-    "session_page",
-    "simulate",
-    "withdraw",
-]
-
-_HOMES = {
-    "Analysis": "hpop.study.analysis",
-    "Answers": "hpop.study.answers",
-    "Baseline": "hpop.study.conditions",
-    "Best": "hpop.preference",
-    "Checked": "hpop.study.folder",
-    "Choice": "hpop.study.answers",
-    "Condition": "hpop.study.conditions",
-    "Design": "hpop.study.design",
-    "Fitted": "hpop.study.learning",
-    "Form": "hpop.study.forms",
-    "Participant": "hpop.study.participants",
-    "People": "hpop.preference",
-    "Power": "hpop.study.statistics",
-    "Preference": "hpop.preference",
-    "Prior": "hpop.preference",
-    "Protocol": "hpop.study.design_file",
-    "Withdrawal": "hpop.study.leaving",
-    "analyse": "hpop.study.analysis",
-    "check": "hpop.study.folder",
-    "fit_criterion": "hpop.study.learning",
-    "front_digest": "hpop.study.documents",
-    "pick": "hpop.study.conditions",
-    "power": "hpop.study.statistics",
-    "prepare": "hpop.study.folder",
-    "replace": "hpop.study.leaving",
-    "save_stimuli": "hpop.study.stimuli",
-    "score": "hpop.study.forms",
-    "session_page": "hpop.study.page",
-    "simulate": "hpop.study.simulating",
-    "withdraw": "hpop.study.leaving",
-}
-
+_HOMES = homes_of(__name__)
+__all__ = [*_HOMES]
 __getattr__ = on_first_use(__name__, _HOMES)
