@@ -1,8 +1,8 @@
 """Write what follows from the code, so that it is kept in one place.
 
 ``criteria_reference.md`` has every criterion that comes with hpop, from the registry and the docstrings,
-``formats_reference.md`` every export format, ``glossary.md`` the words of ``hpop explain``; ``scenario.schema.json`` is
-what ``hpop schema`` prints.
+``formats_reference.md`` every export format, ``options_reference.md`` every key and option of a scenario,
+``glossary.md`` the words of ``hpop explain``; ``scenario.schema.json`` is what ``hpop schema`` prints.
 
 Run it after one of these has changed: ``make reference``, or ``python docs/make_reference.py``.
 """
@@ -63,6 +63,70 @@ def formats_reference() -> str:
     for name, one in known.items():
         parts.append(f"## `{name}`\n\n{text(inspect.cleandoc(one.__doc__))}\n")
     return "\n".join(parts)
+
+
+OPTIONS = """# Reference of options
+
+Written by `make reference` from the code; do not edit. Every key and option of a [scenario](command_line.md#scenarios),
+with its default. Python takes the same names. Lengths are in m, times in s, angles in rad; in a scenario an angle may also
+be text such as `90 deg`.
+"""
+OPTION_SECTIONS = {"Maps": "world", "Robots": "model", "Planners": "planner", "Goals": "goal"}
+ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones"}
+
+
+def options_reference() -> str:
+    """Return the page on keys and options of scenarios."""
+    whole = json_schema.scenario_schema(at_home=True)
+    parts = [OPTIONS, "## Keys of a scenario\n", f"{options(whole, 'key')}\n"]
+    for title, key in OPTION_SECTIONS.items():
+        parts.append(f"## {title}\n")
+        described, forms = named_forms(whole["definitions"][key])
+        for name in sorted(forms):
+            form = next((one for one in forms[name].get("anyOf", [forms[name]]) if "properties" in one), {})
+            said = described.get(name) or form.get("description", "")
+            parts.append(f"### `{name}`\n\n{text(said)}\n")
+            if form:
+                parts.append(f"{options(form, 'option')}\n")
+    for title, key in ENTRIES.items():
+        parts.append(f"## {title}\n")
+        form = whole["definitions"][key]
+        for one in form.get("anyOf", [form]):
+            parts.append(f"{text(one.get('description', ''))}\n\n{options(one, 'key')}\n")
+    return "\n".join(parts)
+
+
+def named_forms(section: dict[str, Any]) -> tuple[dict[str, str], dict[str, Any]]:
+    """Return what each name of a section of the schema is, and the schema of its options."""
+    alternatives = section.get("anyOf", [section])
+    described = {one["const"]: one.get("description", "") for one in alternatives if "const" in one}
+    forms = {name: form for one in alternatives for name, form in one.get("properties", {}).items()}
+    return described, forms
+
+
+def options(form: dict[str, Any], title: str) -> str:
+    """Return the properties of one object of the schema as a table."""
+    needed = form.get("required", ())
+    rows = []
+    for name, said in form["properties"].items():
+        default = f"`{number(said['default'])}`" if "default" in said else "give it" if name in needed else ""
+        rows.append(
+            {
+                title: f"`{name}`",
+                "default": default,
+                "meaning": meaning(said.get("description", "")),
+            }
+        )
+    return table(rows)
+
+
+def meaning(said: str) -> str:
+    """Return a description as one cell: no line breaks, and readers by the names that scenarios use.
+
+    >>> meaning("As :func:`hpop.world.readers.dxf.read`\\n has it.")
+    'As the reader `dxf` has it.'
+    """
+    return re.sub(r"`hpop\.world\.readers\.(\w+)\.read`", r"the reader `\1`", re.sub(r"\s+", " ", text(said)))
 
 
 def entry(cls: Any) -> str:
@@ -131,6 +195,7 @@ PAGES = {
     "criteria_reference.md": reference,
     "formats_reference.md": formats_reference,
     "glossary.md": glossary.page,
+    "options_reference.md": options_reference,
     "scenario.schema.json": schema,
 }
 

@@ -25,36 +25,47 @@ def blocks(file: str, language: str = "python") -> list[str]:
 
 
 @pytest.mark.parametrize("map_alone", [True, pytest.param(False, marks=pytest.mark.proof)])
-def test_the_first_block_of_the_readme_plans_and_draws(tmp_path, monkeypatch, map_alone):
+def test_the_first_plan_in_the_docs_plans_and_draws(tmp_path, monkeypatch, map_alone):
     monkeypatch.setattr("hpop.view.save_pictures", partial(save_pictures, dpi=40, map_alone=map_alone))
     monkeypatch.chdir(tmp_path)
-    exec(compile(blocks("README.md")[0], "README.md", "exec"), {})
+    exec(compile(blocks("docs/first_plan.md")[0], "docs/first_plan.md", "exec"), {})
     written = {path.name for path in (tmp_path / "out/museum").iterdir()}
     others = set() if map_alone else {"front.png", "trace.png", "where.png"}
     assert {"front.json", "front.html", "map.png", *others} <= written
     assert {path.name for path in tmp_path.iterdir()} == {"out"}  # which git ignores in a clone
 
 
-def test_the_scenario_in_the_readme_is_the_one_of_the_demo(tmp_path):
+def test_the_python_in_the_readme_writes_the_motion_of_a_camera(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    exec(compile(blocks("README.md")[0], "README.md", "exec"), names)
+    assert names["chosen"].costs["turns"] <= 5
+    assert (tmp_path / "camera.csv").read_text().startswith("t (s),x (m),")
+
+
+def test_the_scenario_in_the_docs_is_the_one_of_the_demo():
     import yaml
 
-    shown = yaml.safe_load(blocks("README.md", "yaml")[0])
+    shown = yaml.safe_load(blocks("docs/command_line.md", "yaml")[0])
     assert shown == yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
 
 
 def test_the_holds_in_the_docs_are_what_is_said_beside_them():
-    (block,) = (block for block in blocks("docs/model.md") if "with_hold" in block)
+    (block,) = (block for block in blocks("docs/motions.md") if "with_hold" in block)
     names: dict[str, Any] = {}
-    exec(compile(block, "docs/model.md", "exec"), names)
+    exec(compile(block, "docs/motions.md", "exec"), names)
     assert names["held"].kinds == ("move", "hold", "turn", "move", "turn")
     assert names["held"].states.clock.tolist() == [0, 0, 2.5, 2.5, 2.5, 2.5]
 
 
-@pytest.mark.parametrize("name", ["Glare", "DoorDistance", "Boredom", "Effort"])
-def test_a_criterion_in_the_docs_passes_its_conformance_checks(name, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("page", "name"),
+    [("criteria", "Glare"), ("criteria", "DoorDistance"), ("criteria", "Boredom"), ("criteria_rules", "Effort")],
+)
+def test_a_criterion_in_the_docs_passes_its_conformance_checks(page, name, tmp_path, monkeypatch):
     from hpop.testing import check_criterion
 
-    (block,) = (block for block in blocks("docs/criteria.md") if f"class {name}:" in block)
+    (block,) = (block for block in blocks(f"docs/{page}.md") if f"class {name}:" in block)
     module = tmp_path / f"docs_{name.lower()}.py"  # pickling needs an importable module
     module.write_text(re.sub(r'criterion\("', r'criterion("docs_', block))
     monkeypatch.syspath_prepend(tmp_path)
@@ -66,7 +77,7 @@ def test_the_quanta_in_the_docs_are_fine_enough_for_the_problem_of_the_readme():
 
     from hpop.scenario import load_scenario
 
-    (shown,) = (block for block in blocks("docs/criteria.md", "yaml") if "quanta:" in block)
+    (shown,) = (block for block in blocks("docs/criteria_rules.md", "yaml") if "quanta:" in block)
     scenario = load_scenario(ROOT / "examples/museum.yaml")
     problem = replace(scenario.problem, **yaml.safe_load(shown))
     front = problem.solve(scenario.planners)
@@ -84,8 +95,9 @@ def test_what_the_page_of_fronts_does_with_one_runs(tmp_path, monkeypatch):
     front = problem.solve("lattice", step=1.0)[::4]
     front.save("front.json")
     names = {"problem": problem, "front": front, "json": json, "Path": Path}
-    for block in blocks("docs/front.md"):
-        exec(compile(block, "docs/front.md", "exec"), names)
+    for page in ("docs/front.md", "docs/front_reference.md"):
+        for block in blocks(page):
+            exec(compile(block, page, "exec"), names)
     assert 0 < len(names["few"]) < len(front)
     assert names["table"].units["vx"] == "m/s"
     assert (tmp_path / "camera.csv").read_text().startswith("t (s),x (m),")
@@ -104,7 +116,7 @@ def test_the_question_in_the_docs_is_answered():
 
 def test_the_search_in_the_docs_finds_what_it_says():
     names: dict = {}
-    exec(compile(blocks("docs/planners.md")[0], "docs/planners.md", "exec"), names)
+    exec(compile(blocks("docs/search.md")[0], "docs/search.md", "exec"), names)
     assert names["paths"].costs.tolist() == [[2, 8], [6, 2]]
     assert names["paths"].nodes(0).tolist() == [0, 1, 3]
 
@@ -129,7 +141,7 @@ def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
 
     import hpop
 
-    (block,) = (block for block in blocks("docs/planners.md") if "class Straight:" in block)
+    (block,) = (block for block in blocks("docs/own_planner.md") if "class Straight:" in block)
     (tmp_path / "docs_straight.py").write_text(block.replace('planner("straight")', 'planner("docs_straight")'))
     monkeypatch.syspath_prepend(tmp_path)
     straight = importlib.import_module("docs_straight").Straight
@@ -147,7 +159,7 @@ def test_the_planner_in_the_docs_plans(tmp_path, monkeypatch):
 
 
 def test_the_robot_in_the_docs_is_one(tmp_path, monkeypatch):
-    (block,) = (block for block in blocks("docs/model.md") if "class Slider" in block)
+    (block,) = (block for block in blocks("docs/own_robot.md") if "class Slider" in block)
     (tmp_path / "docs_slider.py").write_text(block.replace('model("slider")', 'model("docs_slider")'))
     monkeypatch.syspath_prepend(tmp_path)
     slider = importlib.import_module("docs_slider").Slider
@@ -158,11 +170,11 @@ def test_the_robot_in_the_docs_is_one(tmp_path, monkeypatch):
 def test_a_planner_in_the_docs_is_one_of_those_that_there_are():
     from hpop.base.registry import planners
 
-    headings = re.findall(r"^## ([a-z][a-z-]*)$", (ROOT / "docs/planners.md").read_text(), re.MULTILINE)
+    headings = re.findall(r"^## ([a-z][a-z-]*)$", (ROOT / "docs/planners_reference.md").read_text(), re.MULTILINE)
     at_home = {name for name, cls in planners.items() if cls.__module__.startswith("hpop.planners.")}
     assert set(headings) == at_home
-    readme = (ROOT / "README.md").read_text()
-    assert all(f"`{name}`" in readme for name in at_home)
+    guide = (ROOT / "docs/planners.md").read_text()
+    assert all(f"`{name}`" in guide for name in at_home)
 
 
 def test_the_scenario_of_several_planners_is_the_one_in_the_docs():
@@ -179,9 +191,9 @@ def test_the_scenario_of_several_planners_is_the_one_in_the_docs():
 
 
 def test_the_curve_in_the_docs_is_what_it_says():
-    (block,) = (block for block in blocks("docs/model.md") if "driven(" in block)
+    (block,) = (block for block in blocks("docs/motions.md") if "driven(" in block)
     names: dict = {}
-    exec(compile(block, "docs/model.md", "exec"), names)
+    exec(compile(block, "docs/motions.md", "exec"), names)
     curve = names["curve"]
     assert curve.kinds == ("drive",) * 5
     assert curve.states.names == ("x", "y", "yaw", "speed", "turn_rate", "clock")
@@ -220,7 +232,7 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
 
     shelf = load_scenario(ROOT / "examples/arm_shelf.yaml").problem
     world = shelf.world.with_content(landmarks=[Landmark(0.7, 0.25, z=0.43)])
-    table = (ROOT / "docs/arm.md").read_text().partition("## Criteria")[2].partition("\n\nMeans")[0]
+    table = (ROOT / "docs/arm_reference.md").read_text().partition("## Criteria")[2].partition("\n\nMeans")[0]
     rows = [re.findall(r"`(\w+)`", line.split("|")[2]) for line in table.splitlines() if "`" in line]
     at_home = {name for name, cls in criteria.items() if cls.__module__.startswith("hpop.criteria.")}
     assert sorted(name for row in rows for name in row) == sorted(at_home)

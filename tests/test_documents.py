@@ -32,9 +32,10 @@ from hpop.world.content.content import Landmark
 
 ROOT = Path(__file__).resolve().parents[1]
 FILES = ["README.md", "CONTRIBUTING.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").glob("*.md"))]
-#: Whole pages that tests run from top to bottom, the README's first block, and the template of a planner.
+#: Whole pages that tests run from top to bottom, the first plan, and the template of a planner.
 RUN_THERE = {
-    *("docs/arm.md", "docs/front.md", "docs/optimisers.md", "docs/preferences.md", "docs/questions.md", "docs/study.md")
+    *("docs/arm.md", "docs/front.md", "docs/front_reference.md", "docs/optimisers.md", "docs/preferences.md"),
+    *("docs/questions.md", "docs/study.md"),
 }
 CLAIMED = ("save_pictures(problem", "class Straight:")
 TOUR = yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
@@ -164,14 +165,14 @@ def test_targets_of_make_and_extras_in_the_documents_are_there() -> None:
     assert set(named) == extras
 
 
-def test_the_readmes_commands_plan_show_and_pick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_commands_of_the_command_line_page_plan_show_and_pick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From any folder. `hpop plan` is what `hpop demo` runs; pictures take seconds."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("hpop.view.save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
-    readme = (ROOT / "README.md").read_text()
+    page = (ROOT / "docs/command_line.md").read_text()
     said: dict[str, str] = {}
-    for line, name in re.findall(r"^    hpop ((demo|show|pick) .*out/museum.*)$", readme, re.MULTILINE):
+    for line, name in re.findall(r"^    hpop ((demo|show|pick) .*out/museum.*)$", page, re.MULTILINE):
         done = CliRunner().invoke(main, shlex.split(line, comments=True))
         assert done.exit_code == 0, done.output
         said[name] = said.get(name, "") + done.output

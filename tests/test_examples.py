@@ -63,7 +63,7 @@ def map_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("map_alone")
 def test_the_museum_tour_has_a_complete_front_and_its_picture(tmp_path):
-    """All four are drawn of the same front by the first block of the README (`test_docs.py`)."""
+    """All four are drawn of the same front by docs/first_plan.md (`test_docs.py`)."""
     front = example("01_museum.py").main(tmp_path)
     assert front.status == "complete"
     assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png"}

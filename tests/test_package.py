@@ -99,7 +99,7 @@ def test_the_readmes_first_block_runs_from_any_folder_with_the_wheel(
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(str(tmp_path / "installed"))
-    assert (tmp_path / "here/out/museum/map.png").exists()
+    assert (tmp_path / "here/camera.csv").exists()
 
 
 @pytest.mark.proof

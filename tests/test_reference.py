@@ -22,7 +22,8 @@ def script():
 
 
 @pytest.mark.parametrize(
-    "page", ["criteria_reference.md", "formats_reference.md", "glossary.md", "scenario.schema.json"]
+    "page",
+    ["criteria_reference.md", "formats_reference.md", "glossary.md", "options_reference.md", "scenario.schema.json"],
 )
 def test_what_is_written_from_the_code_is_up_to_date(script, page):
     assert (script.DOCS / page).read_text(encoding="utf-8") == script.PAGES[page](), "something changed: make reference"

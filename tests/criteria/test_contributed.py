@@ -48,9 +48,9 @@ def test_a_criterion_is_named_documented_and_tested(name, cls, path):
         missing.append(f"no test names it: write tests/criteria/test_{path.stem}.py, with values computed by hand")
     if not re.search(rf"`{name}`", text("docs/questions.md")):
         missing.append(f"docs/questions.md has no row for it: which question does `{name}` answer?")
-    if not re.search(rf"`{name}`", text("docs/arm.md")):
+    if not re.search(rf"`{name}`", text("docs/arm_reference.md")):
         missing.append(
-            f"the table of criteria in docs/arm.md does not name `{name}`: add it to the row that says what it makes "
+            f"the table of criteria in docs/arm_reference.md does not name `{name}`: add it to the row that says what it makes "
             "of an arm, or to the one of those that an arm is refused"
         )
     if f"### `{name}`" not in text("docs/criteria_reference.md"):

@@ -59,10 +59,10 @@ def test_a_printed_front_names_what_it_is_a_front_to(front: Front, capsys: pytes
 
 
 def test_the_goal_in_the_docs_is_planned_to() -> None:
-    text = (Path(__file__).parents[2] / "docs/model.md").read_text()
+    text = (Path(__file__).parents[2] / "docs/states.md").read_text()
     (block,) = (block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "LookAt(" in block)
     names: dict[str, Any] = {}
-    exec(compile(block, "docs/model.md", "exec"), names)
+    exec(compile(block, "docs/states.md", "exec"), names)
     assert len(names["front"]) >= 1
 
 
