@@ -123,10 +123,11 @@ def options(form: dict[str, Any], title: str) -> str:
 def meaning(said: str) -> str:
     """Return a description as one cell: no line breaks, and readers by the names that scenarios use.
 
-    >>> meaning("As :func:`hpop.world.readers.dxf.read`\\n has it.")
+    >>> meaning("As :func:`hpop.world.readers.drawing.read_dxf`\\n has it.")
     'As the reader `dxf` has it.'
     """
-    return re.sub(r"`hpop\.world\.readers\.(\w+)\.read`", r"the reader `\1`", re.sub(r"\s+", " ", text(said)))
+    reader = r"`hpop\.world\.readers\.(?:\w+\.read_)?(\w+?)(?:\.read)?`"
+    return re.sub(reader, r"the reader `\1`", re.sub(r"\s+", " ", text(said)))
 
 
 def entry(cls: Any) -> str:
