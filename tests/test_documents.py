@@ -165,8 +165,10 @@ def test_targets_of_make_and_extras_in_the_documents_are_there() -> None:
     assert set(named) == extras
 
 
-def test_the_commands_of_the_command_line_page_plan_show_and_pick(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From any folder. `hpop plan` is what `hpop demo` runs; pictures take seconds."""
+def test_the_commands_of_the_command_line_page_plan_show_and_pick(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Run the commands from any folder; pictures take seconds, and are left out."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("hpop.view.save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
