@@ -68,8 +68,8 @@ def formats_reference() -> str:
 OPTIONS = """# Reference of options
 
 Written by `make reference` from the code; do not edit. Every key and option of a [scenario](command_line.md#scenarios),
-with its default. Python takes the same names. Lengths are in m, times in s, angles in rad; in a scenario an angle may also
-be text such as `90 deg`.
+with its default. Python takes the same names. Lengths are in m, times in s, angles in rad; in a scenario an angle may
+also be text such as `90 deg`.
 """
 OPTION_SECTIONS = {"Maps": "world", "Robots": "model", "Planners": "planner", "Goals": "goal"}
 ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones"}
@@ -123,7 +123,7 @@ def options(form: dict[str, Any], title: str) -> str:
 def meaning(said: str) -> str:
     """Return a description as one cell: no line breaks, and readers by the names that scenarios use.
 
-    >>> meaning("As :func:`hpop.world.readers.drawing.read_dxf`\\n has it.")
+    >>> meaning("As :func:`hpop.world.readers.drawing.read_dxf` has it.")
     'As the reader `dxf` has it.'
     """
     reader = r"`hpop\.world\.readers\.(?:\w+\.read_)?(\w+?)(?:\.read)?`"
