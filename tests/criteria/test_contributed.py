@@ -50,8 +50,8 @@ def test_a_criterion_is_named_documented_and_tested(name, cls, path):
         missing.append(f"docs/questions.md has no row for it: which question does `{name}` answer?")
     if not re.search(rf"`{name}`", text("docs/arm_reference.md")):
         missing.append(
-            f"the table of criteria in docs/arm_reference.md does not name `{name}`: add it to the row that says whether "
-            "splines improve it, or to the row of those that an arm is refused"
+            f"the table of criteria in docs/arm_reference.md does not name `{name}`: add it to the row that "
+            "says whether splines improve it, or to the row of those that an arm is refused"
         )
     if f"### `{name}`" not in text("docs/criteria_reference.md"):
         missing.append("docs/criteria_reference.md has no section of it: run `make reference`, which writes one")
