@@ -27,7 +27,7 @@ import numpy as np
 import hpop
 from hpop.base.arrays import FloatArray
 from hpop.criteria import Criterion, make_criterion
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.motions import Motions, States
 from hpop.planners import Roadmap
 from hpop.planners.programs.spline.job import SplineJob

@@ -22,7 +22,7 @@ import numpy as np
 from museums import problem as museum_problem
 
 import hpop
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.planners import EpsilonConstraint, Lattice
 from hpop.planners.judgement import is_free

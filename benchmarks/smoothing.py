@@ -19,7 +19,7 @@ import numpy as np
 
 import hpop
 from hpop.criteria import Duration, Turns
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.programs.smoothing.job import SmoothingJob
 from hpop.planners.programs.smoothing.program import DrivenProgram

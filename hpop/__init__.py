@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from hpop.motions import Motions as Motions
     from hpop.planners import Lattice as Lattice
     from hpop.problems.front import Front as Front
-    from hpop.problems.planning import Planning as Planning
+    from hpop.problems.problem import Planning as Planning
     from hpop.problems.problem import Problem as Problem
     from hpop.runtime.status import Status as Status
     from hpop.trajectories.trajectory import Trajectory as Trajectory

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from hpop.base.math import smooth_abs
-from hpop.criteria.base import motion_costs, trajectory_cost
+from hpop.criteria.costs import motion_costs, trajectory_cost
 from hpop.models.laws import linear, rest_to_rest
 from hpop.motions import Leg, States, StateSpace, integrated
 from hpop.motions.symbolic import SymbolicMotions

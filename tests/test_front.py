@@ -12,7 +12,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import MapError
 from hpop.frontier import FrontError, FrontFileError
 from hpop.problems.problem import Problem

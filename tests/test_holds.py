@@ -9,7 +9,8 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import CriterionError, ModelError, OptionError
 from hpop.models.driven import driven
 from hpop.motions import HOLD, Hold, States, laws_of

@@ -12,7 +12,7 @@ import shapely
 
 import hpop
 from hpop.base.registry import make_model
-from hpop.criteria.base import trajectory_cost
+from hpop.criteria.costs import trajectory_cost
 from hpop.errors import CriterionError, ModelError, UnsupportedModel
 from hpop.motions import States, lacking
 from hpop.planners import Candidates

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import hpop
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import FrontFileError
 from hpop.models.driven import driven
 from hpop.motions import States

@@ -11,8 +11,8 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import trajectory_costs
 from hpop.criteria.comfort.length import Length
+from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.performance.obstruction import Exposure, Obstruction
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError, UnknownName
 from hpop.planners.base import Candidates

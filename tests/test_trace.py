@@ -9,12 +9,13 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.models.driven import driven
 from hpop.motions import States, lacking
 from hpop.planners.programs.spline.knots import Knots
-from hpop.problems.trace import in_pieces, trace
+from hpop.problems.evaluation import in_pieces, trace
 from hpop.testing.worlds import random_world
 from tests.models.serial_arm.arms import arm6
 from tests.own_criteria import NAMES as EVERY

@@ -14,7 +14,7 @@ import shapely
 
 import hpop
 from hpop.base.registry import models
-from hpop.criteria.base import trajectory_cost
+from hpop.criteria.costs import trajectory_cost
 from hpop.errors import ModelError
 from hpop.motions import States
 from hpop.problems.verify import verify

@@ -8,11 +8,12 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hpop.criteria.base import make_criterion, motion_costs, trajectory_cost, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import motion_costs, trajectory_cost, trajectory_costs
 from hpop.errors import ModelError, OptionError
 from hpop.models import DifferentialDrive
 from hpop.motions import States
-from hpop.trajectories.batches import batches
+from hpop.motions.by_law import batches
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

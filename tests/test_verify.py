@@ -11,7 +11,8 @@ import shapely
 
 import hpop
 from hpop.base import registry
-from hpop.criteria.base import criterion, trajectory_costs
+from hpop.criteria.base import criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.driven import driven
 from hpop.motions import Motions

@@ -18,12 +18,12 @@ from rich.text import Text
 
 from hpop.base.arrays import FloatArray, distinct
 from hpop.base.text import printable
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
+from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
-from hpop.problems.further import criteria_of
 from hpop.problems.problem import Problem
 
 MOST_ROWS = 20

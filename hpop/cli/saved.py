@@ -178,9 +178,9 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     """The front with further criteria reported."""
-    from hpop.problems import further
+    from hpop.problems import evaluation
     from hpop.runtime import status
     from hpop.runtime.status import Progress
 
     with status.progress_bar() as progress:
-        return further.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))
+        return evaluation.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))

@@ -11,8 +11,8 @@ from hpop.base.lazy import homes_of, on_first_use
 from hpop.criteria.base import Criterion as Criterion
 from hpop.criteria.base import criterion as criterion
 from hpop.criteria.base import make_criterion as make_criterion
-from hpop.criteria.base import motion_costs as motion_costs
-from hpop.criteria.base import trajectory_cost as trajectory_cost
+from hpop.criteria.costs import motion_costs as motion_costs
+from hpop.criteria.costs import trajectory_cost as trajectory_cost
 
 if TYPE_CHECKING:
     from hpop.criteria.comfort.angular_acceleration import AngularAcceleration as AngularAcceleration

@@ -18,23 +18,18 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import Column, FloatArray
+from hpop.base.arrays import Column
 from hpop.base.registry import completed, criteria, made
 from hpop.base.text import shown
-from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, own_failure
-from hpop.motions import MODEL_DEFAULTS, Model, Motions, lacking, laws_of
-from hpop.runtime.limits import LimitPassed
-from hpop.trajectories.batches import batches
-from hpop.trajectories.history import History
-from hpop.trajectories.motion_table import BLOCK, MotionTable
-from hpop.trajectories.trajectory import Trajectory
+from hpop.errors import CriterionError
+from hpop.motions import Model, lacking
 
 if TYPE_CHECKING:
     from hpop.criteria.convex import ConvexCost, ConvexPath
@@ -45,7 +40,6 @@ Group = Literal["P", "C", "R", "O"]
 Aggregate = Literal["sum", "time-mean", "max", "trajectory"]
 Role = Literal["duration", "length", "turns"]
 DEFAULT_QUANTUM = 1e-6
-SPOKEN = 100  # trajectories between two reports of how far an evaluation is
 T = TypeVar("T", bound=type)
 
 
@@ -89,7 +83,7 @@ class Criterion(Protocol):
     @property
     def quantum(self) -> float: ...
     def cost(self, m: Any) -> Column:
-        """Cost (M,) of each motion of :class:`hpop.Motions`: its share of the sum, its integral, its worst moment.
+        """Return the cost (M,) of each motion of :class:`hpop.Motions`: its share of the sum, integral or worst moment.
 
         With memory (aggregate "trajectory"), the running value (M,) at the end of each motion of a
         :class:`hpop.trajectories.history.History`.
@@ -200,7 +194,7 @@ def criterion(
 
 @checked_arguments
 def make_criterion(spec: CriterionSpec) -> Criterion:
-    """A criterion from its name, from ``{name: {parameter: value}}``, or itself.
+    """Return a criterion from its name, from ``{name: {parameter: value}}``, or itself.
 
     Raises UnknownName for a name nobody registered and CriterionError for parameters it does not have.
     """
@@ -214,18 +208,18 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
 
 
 def place_of(role: Role, criteria: Sequence[Criterion]) -> int | None:
-    """Place of the criterion that planners know by a role; None if none of them has it."""
+    """Return the index of the criterion that planners know by a role; None if none has it."""
     return next((j for j, criterion in enumerate(criteria) if criterion.role == role), None)
 
 
 def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
-    """The JSON-able form that :func:`make_criterion` reads back."""
+    """Return the JSON-able form that :func:`make_criterion` reads back."""
     fields = dataclasses.fields(criterion)  # type: ignore[arg-type]
     return {criterion.name: {field.name: getattr(criterion, field.name) for field in fields if field.init}}
 
 
 def check_usable(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError where a criterion asks for what neither robot nor world has, or cannot be saved."""
+    """Raise CriterionError where a criterion requires what robot and world lack, or cannot be saved."""
     check_requirements(criterion, model, world)
     try:
         json.dumps(describe_criterion(criterion), allow_nan=False)
@@ -237,34 +231,21 @@ def check_usable(criterion: Criterion, model: Model, world: World) -> None:
 
 
 def check_command(criterion: Criterion) -> str:
-    """How the conformance checks of a criterion are run: by the file of its class, or its module in a package."""
-    cls = _asked(criterion)
+    """Return the command of a criterion's conformance checks, by the file or the module of its class."""
+    cls = class_of(criterion)
     file = getattr(sys.modules.get(cls.__module__), "__file__", None)
     source = cls.__module__ if "." in cls.__module__ or file is None else file
     return f"hpop check {quote(f'{source}:{cls.__qualname__}')}"
 
 
-def _asked(criterion: Criterion) -> type:
-    """The class of the criterion that was asked for: of a mean, where its time integral stands in for it."""
+def class_of(criterion: Criterion) -> type:
+    """Return the class of a criterion; of the mean, where a time integral of hpop stands in for one."""
     cls, mean = type(criterion), criterion.mean
     return type(mean) if cls.__module__.startswith("hpop.") and mean is not None else cls
 
 
-@checked_arguments
-def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
-    """Costs (M,) of motions, checked: one finite number >= 0 a motion.
-
-    Raises CriterionError that names the criterion, the kind of motion and the first wrong value; where somebody's
-    ``cost`` itself raises an error, one that says where, from that error. Of no motions a criterion is not asked.
-    """
-    if not len(motions):
-        check_requirements(criterion, motions.model, motions.world)
-        return np.zeros(0)
-    return _checked(criterion, motions, len(motions), motions.kind)
-
-
 def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError for a criterion that requires what a model and a world lack, with those to take instead."""
+    """Raise CriterionError where a criterion requires what model and world lack, with criteria to take instead."""
     absent = lacking(completed(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return
@@ -274,151 +255,3 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
         f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
         + (f"; take {' or '.join(map(repr, able))}" if able else "")
     )
-
-
-def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
-    laws_of(completed(m.model, MODEL_DEFAULTS))  # completes these as well
-    check_requirements(criterion, m.model, m.world)
-    try:
-        costs = np.asarray(criterion.cost(m))
-    except UnsupportedCriterion as error:
-        raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
-    except (HpopError, MemoryError, LimitPassed):
-        raise
-    except Exception as error:  # someone else's criterion: anything can come; one of hpop's own that fails is a bug
-        if _asked(criterion).__module__.startswith("hpop."):
-            raise
-        failure = CriterionError(own_failure(f"criterion {criterion.name!r}", error))
-        failure.add_note(f"`{check_command(criterion)}` tests it")
-        raise failure from error
-    if costs.shape != (size,):
-        raise CriterionError(
-            f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "
-            f"for {kind!r} motions; it returned shape {costs.shape}"
-        )
-    if not (np.can_cast(costs.dtype, np.float64, "same_kind")):
-        raise CriterionError(f"criterion {criterion.name!r} must return numbers, got dtype {costs.dtype}")
-    costs = costs.astype(np.float64)
-    wrong = ~(costs >= 0) | np.isinf(costs)
-    if wrong.any():
-        value = costs[np.argmax(wrong)]
-        raise CriterionError(
-            f"criterion {criterion.name!r} must cost a finite number >= 0, but {int(wrong.sum())} of {size} "
-            f"{kind!r} motions cost {value}; shift or clip it in cost()"
-        )
-    return costs
-
-
-@checked_arguments
-def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
-    """The criterion's value on one trajectory; see :func:`trajectory_costs`."""
-    return float(trajectory_costs([criterion], [trajectory], world)[0, 0])
-
-
-def trajectory_costs(
-    criteria: Sequence[Criterion],
-    trajectories: Sequence[Trajectory],
-    world: World,
-    *,
-    table: MotionTable | None = None,
-    say: Callable[[str], None] | None = None,
-) -> FloatArray:
-    """Values (n, k) of criteria on whole trajectories of one model; 0 where start is goal and nothing moves.
-
-    The motions of all trajectories are evaluated together, grouped by law; one that several share is evaluated once,
-    unless its cost depends on its time or, along curves, on its neighbours. A time-mean is the integral over the
-    duration. With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
-
-    Parameters
-    ----------
-    table : the motions of the trajectories, where that is known
-    say : called now and then with what is done, in words
-    """
-    values = np.full((len(trajectories), len(criteria)), np.nan)
-    with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
-    for i, trajectory in enumerate(trajectories if with_memory else ()):
-        if say is not None and i % SPOKEN == 0:
-            named = ", ".join(criteria[j].name for j in with_memory)
-            say(f"{named} of {i:,} of {len(trajectories):,} trajectories")
-        history = History(world, trajectory)  # what criteria derive from it, one derives for all
-        for j in with_memory:
-            running = running_values(criteria[j], history)
-            values[i, j] = running[-1] if running.size else 0.0
-    additive = [j for j in range(len(criteria)) if j not in with_memory]
-    if len(trajectories) > 1 and additive:
-        shared = table or MotionTable.of(trajectories)
-        values[:, additive] = _shared_costs([criteria[j] for j in additive], shared, world, say)
-    unknown = np.isnan(values)
-    rows, columns = np.flatnonzero(unknown.any(axis=1)).tolist(), np.flatnonzero(unknown.any(axis=0)).tolist()
-    for part in _parts([len(trajectories[i]) for i in rows]):
-        if say is not None:
-            say(f"costs of {part.start:,} of {len(rows):,} trajectories")
-        own = [trajectories[i] for i in rows[part]]
-        values[np.ix_(rows[part], columns)] = _own_costs([criteria[j] for j in columns], own, world)
-    return values
-
-
-def _shared_costs(
-    criteria: Sequence[Criterion], table: MotionTable, world: World, say: Callable[[str], None] | None
-) -> FloatArray:
-    """Values (n, k) of criteria without memory, each distinct motion evaluated once.
-
-    NaN of trajectories with curves, and for criteria that want to know when a motion begins.
-    """
-    each, lasts = np.zeros((len(criteria), len(table))), np.zeros(len(table))
-    done = 0
-    for index, motions in table.batches(world):
-        lasts[index] = motions.duration
-        for j, criterion in enumerate(criteria):
-            if say is not None:
-                say(f"{criterion.name} of {done:,} of {len(table):,} motions")
-            try:
-                each[j, index] = motion_costs(criterion, motions)
-            except (CriterionError, UnsupportedCriterion):  # evaluated with its time, it says itself what is wrong
-                each[j] = np.nan
-        done += index.size
-    each[:, table.curved] = np.nan
-    durations = np.bincount(table.owner, lasts[table.motions], minlength=len(table.counts))  # (n,) s, in time order
-    values = []
-    for costs, criterion in zip(each, criteria, strict=True):
-        total = table.maxima(costs) if criterion.aggregate == "max" else table.sums(costs)
-        if criterion.aggregate == "time-mean":
-            total = np.divide(total, durations, out=np.zeros(durations.size), where=durations > 0)
-        values.append(total)
-    return np.stack(values, axis=1)
-
-
-def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
-    """Values (n, k) of criteria without memory, each motion evaluated at its time and with its neighbours."""
-    values = np.zeros((len(trajectories), len(criteria)))
-    durations = np.array([trajectory.duration for trajectory in trajectories])
-    for owner, motions in batches(trajectories, world):
-        for j, criterion in enumerate(criteria):
-            if criterion.aggregate == "max":
-                np.maximum.at(values[:, j], owner, motion_costs(criterion, motions))
-            else:
-                values[:, j] += np.bincount(owner, motion_costs(criterion, motions), minlength=len(trajectories))
-    for j, criterion in enumerate(criteria):
-        if criterion.aggregate == "time-mean":
-            values[:, j] = np.divide(values[:, j], durations, out=np.zeros(len(trajectories)), where=durations > 0)
-    return values
-
-
-def _parts(counts: Sequence[int]) -> Iterator[slice]:
-    """Runs of trajectories with so many motions each, of bounded size together."""
-    begin = motions = 0
-    for i, number in enumerate(counts):
-        motions += number
-        if motions >= BLOCK or i == len(counts) - 1:
-            yield slice(begin, i + 1)
-            begin, motions = i + 1, 0
-
-
-def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
-    """Running values (M,) of a criterion with memory at the end of each motion, checked like :func:`motion_costs`."""
-    return running_values(criterion, History(world, trajectory))
-
-
-def running_values(criterion: Criterion, history: History) -> FloatArray:
-    """The same of a history."""
-    return _checked(criterion, history, len(history), "trajectory") if len(history) else np.zeros(0)

@@ -12,7 +12,7 @@ from hpop.base.arrays import BoolArray
 from hpop.drive.closings import Closing
 from hpop.drive.plan import SAME, Plan, between
 from hpop.motions import Collision, laws_of
-from hpop.trajectories.batches import batches
+from hpop.motions.by_law import batches
 from hpop.trajectories.contacts import STEP, first_contact
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World

@@ -33,7 +33,7 @@ from hpop.drive.wishes import Wish, wished
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
 from hpop.motions import States
-from hpop.motions.space import StateSpec
+from hpop.motions.states import StateSpec
 from hpop.planners.base import Planner
 from hpop.planners.graphs.timed.safety import LEAVING
 from hpop.problems.front import Point

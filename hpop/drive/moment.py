@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.criteria.base import Criterion, motion_costs, running_costs, trajectory_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs, running_costs, trajectory_costs
 from hpop.drive.plan import SAME, Plan, between, held, motion_ends
 from hpop.drive.surroundings import Surroundings
 from hpop.motions import States
-from hpop.motions.sections import sections
+from hpop.trajectories.history import sections
 from hpop.trajectories.trajectory import Trajectory
 
 

@@ -11,8 +11,8 @@ from hpop.base.arrays import IntArray
 from hpop.errors import DriveError
 from hpop.models.laws import Turn
 from hpop.motions import HOLD, States, is_curve, laws_of
-from hpop.motions.hold import CLOCK, LONGEST
-from hpop.motions.possible import extras
+from hpop.motions.by_law import extras
+from hpop.motions.laws import CLOCK, LONGEST
 from hpop.trajectories.trajectory import Trajectory
 
 SAME = 1e-9  # s, m or rad: two moments, or two states, are the same

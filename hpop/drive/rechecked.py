@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.drive.closings import Closing
 from hpop.drive.cuts import closed_ways
 from hpop.drive.plan import SAME, joined, part

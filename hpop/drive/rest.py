@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.drive.moment import Past
 from hpop.frontier.dominance import quantised
 from hpop.planners.base import Candidates
 from hpop.problems import solving
+from hpop.problems.evaluation import claimable
 from hpop.problems.front import Front, Point
-from hpop.problems.further import claimable
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, listed, states_by_place
 from hpop.drive.known import Known
 from hpop.frontier import is_nondominated

@@ -22,13 +22,9 @@ from hpop.base.scalars import python_value
 from hpop.base.text import shown
 from hpop.errors import HpopWarning, QueryError
 from hpop.motions import Model, States
-from hpop.motions.space import StateSpace, StateSpec, Values
+from hpop.motions.states import StateSpace, StateSpec, Values
 
 if TYPE_CHECKING:
-    from hpop.problems.problem import Problem
-
-if TYPE_CHECKING:
-    from hpop.motions.space import Values
     from hpop.problems.problem import Problem
 
     Place = tuple[float, float, float]

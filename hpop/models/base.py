@@ -134,6 +134,11 @@ class PlanarModel(Model):
         return tuple(part.swept for part in self.parts)
 
     @property
+    def body_parts(self) -> tuple[Part, ...]:
+        """The parts that stay where another camera replaces its own: all, unless a model says that a mast goes."""
+        return self.parts
+
+    @property
     def carrying(self) -> tuple[Joint, ...]:
         """The joints that carry its parts and bodies, each once."""
         if len(self.space.names) == 3:

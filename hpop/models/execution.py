@@ -32,8 +32,8 @@ from hpop.base.math import wrap
 from hpop.base.options import LEAST
 from hpop.models.laws import Run
 from hpop.motions import HOLD, Law, Model, States
-from hpop.motions.hold import CLOCK
-from hpop.motions.possible import extras
+from hpop.motions.by_law import extras
+from hpop.motions.laws import CLOCK
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 RUN_SAMPLES = 400  # moments of a run at which the distance covered is known, to find when a planned state is passed

@@ -255,15 +255,21 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
     )
 
 
+def turned_body(name: str, motions: Motions) -> Body:
+    """Return what a body at its own distance from the axis does while nothing but the base moves, not along curves."""
+    m, law = motions, cast(PlanarLaw, motions.law)
+    start, rotation = m.model.pose(name, m.start), law.turned(m.start, m.end)
+    lever = hypot(start.x - m.start.x, start.y - m.start.y)
+    end, length, turned = m.model.pose(name, m.end), law.travel(m.start, m.end, lever), smooth_abs(rotation)
+    return Body(start, end, length, turned, rotation, (rotation,))
+
+
 def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
     """What a body that joints carry does in each of the motions: integrated where these move, else as a rigid one."""
-    m, law, joints = motions, motions.law, {joint.name: joint.along for joint in mount.on}
+    law, joints = motions.law, {joint.name: joint.along for joint in mount.on}
     turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
     if isinstance(law, PlanarLaw) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:
-        start, rotation = m.model.pose(name, m.start), law.turned(m.start, m.end)
-        lever = hypot(start.x - m.start.x, start.y - m.start.y)
-        end, length, turned = m.model.pose(name, m.end), law.travel(m.start, m.end, lever), smooth_abs(rotation)
-        body = Body(start, end, length, turned, rotation, (rotation,))
+        body = turned_body(name, motions)
     else:
         body = integrated(name, motions)
     return replace(

@@ -7,28 +7,37 @@ over motions therefore runs unchanged on graphs, on trajectories and inside nonl
 
 from __future__ import annotations
 
-from hpop.motions.batch import Motions, lacking
-from hpop.motions.bodies import Body, integrated
-from hpop.motions.collision import Collision, JointCollision, PlaneCollision, Separations, collision_of, free_along
-from hpop.motions.hold import HOLD, Hold, laws_of, stands
-from hpop.motions.instants import Instants, Rate
+from hpop.motions.batch import Motions
+from hpop.motions.bodies import Body, Instants, Rate, integrated
 from hpop.motions.laws import (
-    MODEL_DEFAULTS,
+    HOLD,
     Coupled,
     Curve,
+    Hold,
     Law,
     LawDefaults,
     Leg,
-    Model,
     Phase,
-    Wheeled,
     is_coupled,
     is_curve,
     onward,
     slopes,
+    stands,
 )
-from hpop.motions.space import StateSpace
-from hpop.motions.states import Pose, States, Twist, Vector
+from hpop.motions.model import (
+    MODEL_DEFAULTS,
+    Collision,
+    JointCollision,
+    Model,
+    PlaneCollision,
+    Separations,
+    Wheeled,
+    collision_of,
+    free_along,
+    lacking,
+    laws_of,
+)
+from hpop.motions.states import Pose, States, StateSpace, Twist, Vector
 
 __all__ = [
     "HOLD",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, reduce
 from itertools import chain, islice
@@ -14,12 +14,23 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.base.options import whole
-from hpop.motions.bodies import Body, standing
-from hpop.motions.hold import stands
-from hpop.motions.instants import Instants, Rate, first_derivative, second_derivative
-from hpop.motions.laws import Law, Model, Phase, is_curve, slopes
-from hpop.motions.panels import INTEGRATED, Nodes, before_kinks, elapsed_before, panel_counts, quadrature_nodes, runs
-from hpop.motions.quadrature import ValuesAt, adaptive_integrals, evenly, pieces_of, timed
+from hpop.motions.bodies import Body, Instants, Rate, first_derivative, second_derivative, standing
+from hpop.motions.laws import Law, Phase, is_curve, slopes, stands
+from hpop.motions.model import Model
+from hpop.motions.quadrature import (
+    INTEGRATED,
+    Nodes,
+    ValuesAt,
+    adaptive_integrals,
+    before_kinks,
+    elapsed_before,
+    evenly,
+    panel_counts,
+    pieces_of,
+    quadrature_nodes,
+    runs,
+    timed,
+)
 from hpop.motions.states import States, picked_states
 from hpop.runtime import limits
 
@@ -385,9 +396,3 @@ class Motions:
 
     def __repr__(self) -> str:
         return f"<Motions: {len(self):,} of {self.kind}, {type(self.model).__name__} in {self.world!r}>"
-
-
-@checked_arguments
-def lacking(requires: Collection[str], model: Model, world: World) -> list[str]:
-    """What a criterion requires and neither the model nor the world has, sorted."""
-    return sorted(set(requires) - model.provides - world.contents)

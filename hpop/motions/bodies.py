@@ -1,18 +1,33 @@
-"""Moving bodies as criteria see them over a batch of motions."""
+"""Moving bodies: at moments, over whole motions, and as a table of columns."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import Column
+from hpop.base.arrays import Column, FloatArray
 from hpop.base.math import norm
+from hpop.base.table import Table
+from hpop.base.text import shown
+from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
 from hpop.motions.laws import is_curve
-from hpop.motions.states import Pose
+from hpop.motions.model import Model
+from hpop.motions.states import LazyStates, Pose, States, Twist, Vector
 
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions
+
+NO_BODIES = frozenset(
+    {"heading", "joints", "plane", "rigid", "spline", "turn-move", "wheels"}
+)  # what else models provide
+POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
+VELOCITY = ("vx", "vy", "vz")
+ROTATION = ("wx", "wy", "wz")
 
 
 @checked_arguments
@@ -46,7 +61,7 @@ class Body:
 
 
 def standing(name: str, motions: Motions) -> Body:
-    """What a body does while the robot holds, whatever the model: nothing."""
+    """Return what a body does while the robot holds: nothing, for every model."""
     nothing = 0.0 * motions.duration
     start, end = (motions.model.pose(name, states) for states in (motions.start, motions.end))
     return Body(start, end, nothing, nothing, nothing, (nothing,), stays=True, steady=True, upright=True)
@@ -54,7 +69,7 @@ def standing(name: str, motions: Motions) -> Body:
 
 @checked_arguments
 def integrated(name: str, motions: Motions) -> Body:
-    """What a body does by the model's twists, integrated along each motion: right for any model, exact for few.
+    """Return what a body does by integrating the model's twists: right for any model, exact for few.
 
     A model that knows closed forms gives those (:meth:`hpop.motions.Model.body`).
     """
@@ -68,3 +83,154 @@ def integrated(name: str, motions: Motions) -> Body:
         rotation=rotation,
         turns=m.turns or m.law.bends(m.start, m.end) if is_curve(m.law) else (rotation,),
     )
+
+
+@checked_arguments
+class Instants:
+    """Moments within motions, of which a rate is a function.
+
+    ``s.camera`` and ``s.base`` are poses; ``s.twist("camera")`` says how fast a body moves and turns, and
+    ``s.twist_rate("camera")`` how fast that changes; ``s.speed``, ``s.turn_rate``, ``s.acceleration`` and
+    ``s.turn_acceleration`` are the base's. ``s.state`` has the states and ``s.t`` the time.
+
+    Columns are computed when they are first read, and what was read is remembered: a rate that reads nothing that
+    changes during a motion is constant, and is then evaluated once.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        names: tuple[str, ...],
+        size: int,
+        t: Column,
+        column: Callable[[str], Column],
+        derivatives: Callable[[str], tuple[Column, Column]],
+    ) -> None:
+        self._model = model
+        self._t = t
+        self.read = read = set[str]()  # functions that refer to it, not to these moments, let them be freed at once
+        self.state = LazyStates(names, size, column, read)
+
+        def first(name: str) -> Column:
+            read.add(first_derivative(name))
+            return derivatives(name)[0]
+
+        def second(name: str) -> Column:
+            read.add(second_derivative(name))
+            return derivatives(name)[1]
+
+        self.rates = LazyStates(names, size, first, set())
+        self.changes = LazyStates(names, size, second, set())
+
+    @property
+    def t(self) -> Column:
+        """Time of each moment, s, from the start of the trajectory."""
+        self.read.add("t")
+        if self._t is None:
+            raise UnsupportedCriterion(
+                "it asks for the time, which the motions of a planner without time do not have; where people move, "
+                "plan by 'lattice' or 'roadmap', which have a clock"
+            )
+        return self._t
+
+    @cached_property
+    def base(self) -> Pose:
+        """Pose of the base."""
+        return self._model.pose("base", self.state)
+
+    @cached_property
+    def camera(self) -> Pose:
+        """Pose of the camera."""
+        return self._model.pose("camera", self.state)
+
+    def twist(self, body: str) -> Twist:
+        """Return velocity, m/s, and rotation, rad/s, of a body: three columns each, world frame."""
+        return self._model.twist(body, self.state, self.rates)
+
+    def twist_rate(self, body: str) -> Twist:
+        """Return acceleration, m/s², and angular acceleration, rad/s²; a planned move begins at cruise speed."""
+        return self._model.twist_rate(body, self.state, self.rates, self.changes)
+
+    @cached_property
+    def speed(self) -> Column:
+        """Speed of the base, m/s: along its heading, where it has wheels (backwards it is negative)."""
+        velocity = self.twist("base").velocity
+        return self._along_heading(velocity) if self._on_wheels else norm(velocity)
+
+    @cached_property
+    def turn_rate(self) -> Column:
+        """Yaw rate of the base, rad/s."""
+        return self.twist("base").rotation[2]
+
+    @cached_property
+    def acceleration(self) -> Column:
+        """Rate at which the speed of the base changes, m/s²; a planned move begins and ends at cruise speed."""
+        acceleration = self.twist_rate("base").velocity
+        if self._on_wheels:
+            return self._along_heading(acceleration)
+        along = sum(v * a for v, a in zip(self.twist("base").velocity, acceleration, strict=True))
+        return np.where(self.speed > 0, along / np.where(self.speed > 0, self.speed, 1.0), 0.0)
+
+    @cached_property
+    def turn_acceleration(self) -> Column:
+        """Angular acceleration of the base about the vertical, rad/s²."""
+        return self.twist_rate("base").rotation[2]
+
+    @cached_property
+    def camera_velocity(self) -> tuple[Column, Column]:
+        """Velocity (x, y) of the camera in the world frame, m/s."""
+        return self.twist("camera").velocity[:2]
+
+    @property
+    def _on_wheels(self) -> bool:
+        return "wheels" in self._model.provides
+
+    def _along_heading(self, vector: Vector) -> Column:
+        yaw = self.base.yaw
+        return vector[0] * np.cos(yaw) + vector[1] * np.sin(yaw)
+
+
+def first_derivative(name: str) -> str:
+    """Return the name of a state's first derivative by time among the columns that a rate has read."""
+    return f"{name}'"
+
+
+def second_derivative(name: str) -> str:
+    """Return the name of a state's second derivative by time among the columns that a rate has read."""
+    return f"{name}''"
+
+
+Rate = Callable[[Instants], Column]
+
+
+def body_table(model: Model, body: str | None, times: FloatArray, states: States, rates: States) -> Table:
+    """Return time, pose, velocity and rotation of a body (N,), world frame; of None the states and rates.
+
+    Raises OptionError for a body that the model does not have.
+    """
+    columns: list[tuple[str, str, Column]] = [("t", "s", times)]
+    if body is None:
+        space = dict(zip(model.space.names, model.space.units, strict=True))
+        columns += [(name, unit, getattr(states, name)) for name, unit in space.items()]
+        columns += [(f"{name}_rate", f"{unit}/s", getattr(rates, name)) for name, unit in space.items()]
+    else:
+        check_body(model, body, or_else=", or None for its states")
+        pose, twist = model.pose(body, states), model.twist(body, states, rates)
+        columns += [(name, unit, getattr(pose, name)) for name, unit in POSE.items()]
+        columns += [(name, "m/s", column) for name, column in zip(VELOCITY, twist.velocity, strict=True)]
+        columns += [(name, "rad/s", column) for name, column in zip(ROTATION, twist.rotation, strict=True)]
+    names = [name for name, _, _ in columns]
+    if len(set(names)) < len(names):
+        raise OptionError(f"the states of this robot would be columns of one name ({', '.join(names)}); ask for a body")
+    values = {name: np.array(np.broadcast_to(column, times.shape), float) for name, _, column in columns}
+    return Table(values, {name: unit for name, unit, _ in columns})
+
+
+def check_body(model: Model, body: str, *, or_else: str = "") -> None:
+    """Raise OptionError for a body that the model does not have."""
+    known = sorted(model.provides - NO_BODIES)
+    if body not in known:
+        raise OptionError(
+            f"this robot has no body {shown(body)}.{did_you_mean(body, known)} "
+            f"body is one of {', '.join(known)}{or_else}"
+        )

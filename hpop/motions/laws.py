@@ -1,31 +1,29 @@
-"""What moves, and by which laws: the protocols that models and motion laws follow."""
+"""Motion laws: their timing, the protocols that they follow, and the hold, which every robot has."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeGuard, runtime_checkable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, Column, FloatArray
-from hpop.motions.collision import Collision
-from hpop.motions.space import StateSpace
-from hpop.motions.states import Pose, States, Twist
+from hpop.base.arrays import BoolArray, Column
+from hpop.motions.states import States, StateSpace
 
 if TYPE_CHECKING:
-    from hpop.motions.batch import Motions
-    from hpop.motions.bodies import Body
-    from hpop.trajectories.trajectory import Trajectory
-    from hpop.world import World
+    pass
 
 
 INSTANT = 1e-12  # s: a phase that lasts no longer is one by rounding, such as the cruise of a short turn
+_FOUND: dict[tuple[type, type], bool] = {}
+CLOCK = "clock"  # s, from any zero: the state whose differences are the durations of holds and curves
+LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another unit, and would be sampled without end
 
 
 @checked_arguments
 class Phase(NamedTuple):
-    """One smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
+    """A smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
 
     duration  (M,)  s
     begin     (M,)  share of the motion done when the phase begins
@@ -42,14 +40,14 @@ class Phase(NamedTuple):
     change: Column = 0.0
 
     def share(self, u: Column) -> Column:
-        """Share of the motion done at fraction ``u`` of the phase's time."""
+        """Return the share of the motion done at fraction ``u`` of the phase's time."""
         if self.shape == "ramp":
             return self.begin + (self.end - self.begin) * u * (1.0 + self.change * (u - 1.0))
         grown = {"hold": 0.0 * u, "cruise": u, "drive": u, "speed-up": u * u, "slow-down": u * (2.0 - u)}[self.shape]
         return self.begin + (self.end - self.begin) * grown
 
     def share_rates(self, u: Column) -> tuple[Column, Column]:
-        """First and second time derivative of the share, 1/s and 1/s², at fraction ``u`` of the phase's time."""
+        """Return first and second time derivative of the share, 1/s and 1/s², at fraction ``u`` of the time."""
         first, second = {
             "hold": (0.0 * u, 0.0),
             "cruise": (1.0 + 0.0 * u, 0.0),
@@ -64,7 +62,7 @@ class Phase(NamedTuple):
         return scale * first, scale * frequency * second
 
     def part(self, first: Column, last: Column) -> Phase:
-        """What lies between two fractions (M,) of the phase's time."""
+        """Return the part between two fractions (M,) of the phase's time."""
         ends = self.share(first), self.share(last)
         change = {"speed-up": 1.0, "slow-down": -1.0, "ramp": self.change}.get(self.shape)
         if change is None:
@@ -75,7 +73,7 @@ class Phase(NamedTuple):
 
 
 class Law(Protocol):
-    """How one kind of motion goes from its start state to its end state.
+    """A motion law: how one kind of motion goes from its start state to its end state.
 
     These may be left out, and have defaults:
 
@@ -94,10 +92,10 @@ class Law(Protocol):
         """Names of the states that change within a motion; all others keep their start value."""
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Timing, in order; the durations add up to the motion's."""
+        """Return the timing, in order; the durations add up to the motion's."""
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
-        """State ``name`` where ``share`` of the motion is done."""
+        """Return state ``name`` where ``share`` of the motion is done."""
 
     if TYPE_CHECKING:  # the defaults are set by `completed`
 
@@ -112,7 +110,7 @@ class Law(Protocol):
 
 
 class LawDefaults:
-    """What a law has of the contract without saying so."""
+    """Defaults of what a law may leave out."""
 
     extra: ClassVar[tuple[str, ...]] = ()
     reversible: ClassVar[bool] = False
@@ -124,10 +122,10 @@ class Coupled(Law, Protocol):
     """A law whose states depend on each other, so that its motions do not lead to any end that is given."""
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """First and second derivative of state ``name`` by the share."""
+        """Return first and second derivative of a state by the share of the motion done."""
 
     def strays(self, start: States, end: States) -> Column:
-        """How far (M,), m or rad, the end is from where the law leads from the start."""
+        """Return how far (M,), m or rad, the end is from where the law leads from the start."""
 
 
 @runtime_checkable
@@ -146,35 +144,32 @@ class Curve(Coupled, Protocol):
         """Names of the states whose second derivative by time stays the same within a motion."""
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Signed rotation (M,), rad, before and after the yaw rate changes its sign, which it does once at most."""
+        """Return the signed rotation (M,), rad, before and after the yaw rate changes sign, at most once."""
 
 
 @checked_arguments
 def is_curve(law: Law) -> TypeGuard[Curve]:
-    """Whether a law is one of curves."""
+    """Return whether a law is one of curves."""
     return _is(law, Curve)
 
 
 @checked_arguments
 def is_coupled(law: Law) -> TypeGuard[Coupled]:
-    """Whether the states of a law depend on each other."""
+    """Return whether the states of a law depend on each other."""
     return _is(law, Coupled)
 
 
 def _is(law: Law, protocol: type) -> bool:
-    """Whether a law follows a protocol; each class is looked at once, which takes as long as a short trajectory."""
+    """Return whether a law follows a protocol; the answer is cached by class."""
     found = _FOUND.get((type(law), protocol))
     if found is None:
         found = _FOUND[type(law), protocol] = isinstance(law, protocol)
     return found
 
 
-_FOUND: dict[tuple[type, type], bool] = {}
-
-
 @checked_arguments
 def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-    """First and second derivative of a state by the share of the motion done."""
+    """Return first and second derivative of a state by the share of the motion done."""
     if is_coupled(law):
         return law.slopes(name, start, end, share)
     return getattr(end, name) - getattr(start, name), 0.0
@@ -182,7 +177,7 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
 
 @checked_arguments
 def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
-    """States ``end`` (M,) as a law leads there: what comes round the shorter way, half a turn counter-clockwise.
+    """Return states ``end`` (M,) where a law leads: turning columns the shorter way, half a turn left.
 
     What a coupled law makes of the other states follows them: a head turns back half a turn clockwise.
     """
@@ -194,7 +189,7 @@ def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
 
 
 class Leg(NamedTuple):
-    """One motion of each of M chains that lead from states to others.
+    """One motion of each of M chains that lead from state to state.
 
     kind     of its law
     end      states (M,) where it ends
@@ -206,182 +201,34 @@ class Leg(NamedTuple):
     present: BoolArray
 
 
-@runtime_checkable
-class Model(Protocol):
-    """A system: what moves, by which laws, and where its camera is.
+@checked_arguments
+@dataclass(frozen=True)
+class Hold(LawDefaults):
+    """A hold: nothing changes but the clock, whose difference is the duration.
 
-    These may be left out, and have defaults:
-
-    name           in the registry; the name of the class
-    field_of_view  (horizontal, vertical) rad, what the camera sees at once; None for all round
-                   (:mod:`hpop.models.camera`)
-    bodies         method of the states (N,): what of the robot can stand in the way of its camera, and is drawn, as
-                   pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
-    parts          what collides, in a form of the model's own; ()
-    platform       upright prisms, :class:`hpop.models.base.Part`, that x, y and yaw place and in which the robot stays
-                   whatever its other states are; the parts of a model that provides "plane", () of others
-    mounts         where bodies are that the base carries, by name, as :class:`hpop.models.base.Mount`; {}
-    joints         names of the states that are joints; ()
-    executed       the law by which motions of a planned law are done, by kind; {}
-    notes          what was assumed of the robot, in words, which fronts repeat; ()
+    Motions of other laws pass the clock through unread.
     """
 
-    @property
-    def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for.
+    kind: str = "hold"
 
-        "base", "camera"  bodies
-        "tool"            a body as well: what the robot works with
-        "joints"          angles or lengths that motors set; ``joints`` names these states, without those of the base
-        "heading"         the base looks where it goes
-        "wheels"          two driven wheels or tracks at either side of an axis, as :class:`Wheeled` says
-        "plane"           x, y and yaw are among the states, and the robot is made of upright ``parts``, so that its
-                          collisions are a :class:`PlaneCollision`
-        "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
-        "rigid"           no states but x, y and yaw
-        "spline"          the law "spline", cubics from knot to knot, and a :class:`JointCollision`
-        """
+    varies = frozenset({CLOCK})
+    extra = (CLOCK,)
 
-    @property
-    def space(self) -> StateSpace:
-        """Its states: columns in order."""
+    def phases(self, start: States, end: States) -> tuple[Phase, ...]:
+        """Return a single phase, in which the share is that of the time."""
+        duration = end.clock - start.clock
+        return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
 
-    @property
-    def laws(self) -> Mapping[str, Law]:
-        """Motion laws by kind."""
-
-    def pose(self, body: str, states: States) -> Pose:
-        """Pose of a body in each of the states."""
-
-    def twist(self, body: str, states: States, rates: States) -> Twist:
-        """How fast a body moves and turns, given the first derivatives of the states by time."""
-
-    def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """The time derivative of :meth:`twist`, given the second derivatives as well."""
-
-    def body(self, name: str, motions: Motions) -> Body:
-        """What a body does in each of the motions: :func:`hpop.motions.bodies.integrated`, or a closed form."""
-
-    def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """How far (M,), m and rad, no body moves or turns farther: it chooses the panels of quadratures."""
-
-    def connect(self, a: States, b: States) -> list[Leg]:
-        """The motions, one after another, that lead from states a (M,) to b; what is NaN in b is left as it comes."""
-
-    def collision(self, world: World) -> Collision:
-        """What planning asks which states and motions are free: never too kind."""
-
-    def judge(self, world: World) -> Collision:
-        """What a result is verified by: shares no geometry with :meth:`collision`."""
-
-    def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """What the robot really does of a trajectory, and when (n+1,), s, it passes each planned state."""
-
-    def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """What the robot cannot do of a trajectory, in words: "does not go ahead in motion 3, a move"."""
-
-    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Which motions (M,) of one law :meth:`faults` may find a fault in, told of thousands at once."""
-
-    def describe(self) -> dict[str, Any]:
-        """JSON-able name and parameters, enough to build the same model: ``{name: {parameter: value}}``."""
-
-    if TYPE_CHECKING:  # the defaults are set by `completed`
-
-        @property
-        def name(self) -> str:
-            return type(self).__name__
-
-        @property
-        def field_of_view(self) -> tuple[float, float] | None:
-            return None
-
-        def bodies(self, states: States) -> Sequence[tuple[Any, FloatArray]]:
-            return ()
-
-        @property
-        def parts(self) -> tuple[Any, ...]:
-            return ()
-
-        @property
-        def platform(self) -> tuple[Any, ...]:
-            return ()
-
-        @property
-        def mounts(self) -> Mapping[str, Any]:
-            return {}
-
-        @property
-        def joints(self) -> tuple[str, ...]:
-            return ()
-
-        @property
-        def executed(self) -> Mapping[str, str]:
-            return {}
-
-        @property
-        def notes(self) -> tuple[str, ...]:
-            return ()
+    def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
+        """Return the clock where a share of the time has passed."""
+        begin = getattr(start, name)
+        return begin + (getattr(end, name) - begin) * share
 
 
-class Wheeled(Model, Protocol):
-    """A model that provides "wheels": two driven wheels or tracks, at either side of the axis of its base.
-
-    Where it is "rigid" as well, curves are planned for it, by the law "drive" and within the limits of its base.
-    """
-
-    @property
-    def wheel_base(self) -> float:
-        """Distance between them, m."""
-
-    @property
-    def wheel_speed(self) -> float:
-        """Largest speed of each, m/s."""
-
-    @property
-    def wheel_acceleration(self) -> float:
-        """Largest acceleration of each, m/s²."""
-
-    @property
-    def speed(self) -> float:
-        """Largest speed of a rigid base, m/s."""
-
-    @property
-    def acceleration(self) -> float:
-        """Largest acceleration of a rigid base, m/s²."""
-
-    @property
-    def turn_rate(self) -> float:
-        """Largest yaw rate of a rigid base, rad/s."""
-
-    @property
-    def turn_acceleration(self) -> float:
-        """Largest angular acceleration of a rigid base, rad/s²."""
+HOLD = Hold()
 
 
-class _Name:
-    """Default name: that of the class."""
-
-    def __get__(self, instance: object, owner: type) -> str:
-        return owner.__name__
-
-
-class _Platform:
-    """Default platform: the parts of a model in the plane."""
-
-    def __get__(self, instance: Any, owner: type) -> tuple[Any, ...]:
-        return tuple(instance.parts) if instance is not None and "plane" in instance.provides else ()
-
-
-MODEL_DEFAULTS: dict[str, Any] = {
-    "name": _Name(),
-    "field_of_view": None,
-    "bodies": lambda model, states: (),
-    "parts": (),
-    "platform": _Platform(),
-    "mounts": {},
-    "joints": (),
-    "executed": {},
-    "notes": (),
-}
-"""What a model has of the contract without saying so."""
+@checked_arguments
+def stands(law: Law) -> bool:
+    """Return whether nothing of a robot moves under a law."""
+    return law.varies <= {CLOCK}

@@ -15,15 +15,17 @@ one rule then serves all phases of a law's timing, whose joints would be kinks o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hpop.base.arrays import Column, FloatArray, IntArray, numbered
+from hpop.motions.laws import Phase
+from hpop.runtime import limits
 
 if TYPE_CHECKING:
-    from hpop.motions.laws import Phase
+    from hpop.motions.batch import Motions
 
 NODES = np.linspace(0.0, 1.0, 5)
 BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0  # of means over a piece
@@ -49,15 +51,23 @@ WeightsOf = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
 
 The pieces begin at fractions (P,) and have widths (P,), of motions (P,).
 """
+PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
+HELD = 1.0  # s: no panel of a hold lasts longer
+FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
+AT_ONCE = 2**18  # panels that are cut together
+INTEGRATED = "costs were integrated along motions"
+JUST = 1e-9  # s: a moment just before another
+FINEST = 0.125  # of a field cell: no detail of a rate makes panels shorter
+CURVE_PANELS = 8  # a curve has at least as many: rates have kinks where a speed changes its sign or exceeds a limit
 
 
 def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
-    """Weights (P, 5) of means over the fraction."""
+    """Return the weights (P, 5) of means over the fraction."""
     return width[:, None] * BOOLE
 
 
 def timed(phases: Sequence[Phase]) -> WeightsOf:
-    """Of time integrals over the share done, under phases that cover a motion."""
+    """Return the weights of time integrals over the share done, under phases that cover a motion."""
 
     def weights(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
         moments = np.zeros((POWERS.size, begin.size))
@@ -81,7 +91,7 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
 
 
 def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
-    """Fraction of a phase's time in which a part of its share is done: the inverse of ``Phase.share``."""
+    """Return the fraction of a phase's time in which a part of its share is done: inverse of ``Phase.share``."""
     if shape == "ramp":
         below = (1.0 - change) + np.sqrt(np.maximum(0.0, (1.0 - change) ** 2 + 4.0 * change * part))
         return np.asarray(np.minimum(1.0, np.divide(2.0 * part, below, out=np.zeros_like(part), where=below > 0)))
@@ -91,14 +101,14 @@ def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
 
 
 def pieces_of(turned: Column, *, jumps: bool = False) -> IntArray:
-    """Pieces (M,) to begin with, of motions in which no body turns farther than so many rad."""
+    """Return the number of first pieces (M,) of motions in which no body turns farther than ``turned`` rad."""
     return np.asarray(np.maximum(1.0, np.ceil(turned / (LONG_FOR_JUMPS if jumps else LONG))), dtype=np.int64)
 
 
 def adaptive_integrals(
     values_at: ValuesAt, weights_of: WeightsOf, motions: IntArray, pieces: IntArray, *, jumps: bool = False
 ) -> FloatArray:
-    """Integrals (M,) over some of M motions, 0 of the others.
+    """Return integrals (M,) over some of M motions, 0 of the others.
 
     pieces  (M,) to begin with, of each motion
     jumps   whether the rate jumps
@@ -125,12 +135,12 @@ def adaptive_integrals(
 
 
 def _blocks(size: int) -> list[slice]:
-    """Pieces whose columns stay in the processor's cache; of few at once most time would go between operations."""
+    """Return slices of pieces whose columns fit the processor's cache."""
     return [slice(begin, begin + BLOCK) for begin in range(0, size, BLOCK)]
 
 
 def _evenly_cut(motions: IntArray, pieces: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Owner, begin and width (P,) of so many even pieces of each of some motions; all are multiples of 1/GRAIN."""
+    """Return owner, begin and width (P,) of even pieces of some motions; all are multiples of 1/GRAIN."""
     motion, piece = numbered(pieces)
     begin, end = (np.round(number / pieces[motion] * GRAIN) / GRAIN for number in (piece, piece + 1))
     return motions[motion], begin, end - begin
@@ -139,7 +149,7 @@ def _evenly_cut(motions: IntArray, pieces: IntArray) -> tuple[IntArray, FloatArr
 def _at_nodes(
     values_at: ValuesAt, motions: IntArray, owner: IntArray, begin: FloatArray, width: FloatArray
 ) -> FloatArray:
-    """Values (P, 5) at the nodes of the pieces of some motions, each shared end once."""
+    """Return values (P, 5) at the nodes of the pieces of some motions, each shared end once."""
     before = _values(values_at, begin, width, owner, NODES[:-1])
     ends = np.append(before[1:, 0], np.zeros(min(1, owner.size)))
     whole = np.zeros(motions.size), np.ones(motions.size)
@@ -150,7 +160,7 @@ def _at_nodes(
 def _values(
     values_at: ValuesAt, begin: FloatArray, width: FloatArray, owner: IntArray, nodes: FloatArray
 ) -> FloatArray:
-    """Values (P, K) at K nodes of pieces."""
+    """Return values (P, K) at K nodes of pieces."""
     values = np.empty((owner.size, nodes.size))
     for part in _blocks(owner.size):
         fractions = begin[part, None] + width[part, None] * nodes
@@ -160,16 +170,151 @@ def _values(
 
 
 def _differences(values: FloatArray, *, jumps: bool) -> FloatArray:
-    """How far (P,) the values (P, 5) of a piece are from a parabola, or from each other if the rate jumps."""
+    """Return how far (P,) the values (P, 5) of a piece are from a parabola, or from each other if they jump."""
     if jumps:
         return np.asarray(values.max(axis=1) - values.min(axis=1))
     return np.asarray(np.abs(values[:, 1::2] - np.einsum("ij,pj->pi", BETWEEN, values[:, ::2])).max(axis=1))
 
 
 def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, size: int, *, jumps: bool) -> FloatArray:
-    """How large (M,) differences times what a piece lasts may be, by the pieces that a motion begins with."""
+    """Return a bound (M,) on a piece's differences times its duration, from a motion's first pieces."""
     if not jumps:
         return np.asarray(AGREE * np.bincount(owner, np.abs(values * weights).sum(axis=1), minlength=size))
     largest = np.zeros(size)
     np.maximum.at(largest, owner, np.abs(values).max(axis=1))
     return np.asarray(HIDDEN * largest * np.bincount(owner, weights.sum(axis=1), minlength=size))
+
+
+class Nodes(NamedTuple):
+    """Nodes of a phase, of a run of motions or of a part of one motion.
+
+    run     the motions
+    owner   (N,) motion of each node
+    u       (N,) fraction of the phase's time
+    weight  (N,) of a mean over the phase
+    """
+
+    run: slice
+    owner: IntArray
+    u: FloatArray
+    weight: FloatArray
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        """Return sums of values (N,) over each motion of the run."""
+        each = np.bincount(self.owner - self.run.start, values, minlength=self.run.stop - self.run.start)
+        return np.asarray(each, dtype=np.float64)
+
+
+def quadrature_nodes(
+    motions: Motions, phase: Phase, within: FloatArray, timed: bool, detail: float | None = None
+) -> Iterator[Nodes]:
+    """Yield the nodes of all motions, panels no coarser than promised.
+
+    About `AT_ONCE` panels are cut together, so that long motions take time and not memory; in between, the limits are
+    asked.
+    """
+    panels = panel_counts(motions, phase, timed, detail)
+    first, last = kinks_between(motions, phase) if timed else (0 * panels, 0 * panels)
+    for run in runs(panels + last - first):
+        if run.start:
+            limits.check(INTEGRATED)
+        yield from _nodes(motions, phase, within, run, panels[run], (first[run], last[run]))
+
+
+def runs(sizes: IntArray) -> Iterator[slice]:
+    """Yield runs of motions with at most `AT_ONCE` panels (M,) together, or of one motion."""
+    until, begin = np.cumsum(sizes), 0
+    while begin < sizes.size:
+        before = int(until[begin - 1]) if begin else 0
+        end = max(begin + 1, int(np.searchsorted(until, before + AT_ONCE, side="right")))
+        yield slice(begin, end)
+        begin = end
+
+
+def _nodes(
+    motions: Motions, phase: Phase, within: FloatArray, run: slice, panels: IntArray, kinks: tuple[IntArray, IntArray]
+) -> Iterator[Nodes]:
+    """Yield the nodes of a run of motions with their panels, cut at kinks from the first to the last."""
+    motion, panel = numbered(panels)
+    owner, count = motion + run.start, panels[motion]
+    whose, at = _kinks_in(motions, phase, run, *kinks)
+    if at.size:
+        owner, begin = np.concatenate([owner, whose]), np.concatenate([panel / count, at])
+        order = np.lexsort((begin, owner))
+        owner, begin = owner[order], begin[order]
+        end = np.where(np.diff(owner, append=run.stop) > 0, 1.0, np.append(begin[1:], 1.0))
+    for low in range(0, owner.size, 2 * AT_ONCE):
+        if low:
+            limits.check(INTEGRATED)
+        part = slice(low, low + 2 * AT_ONCE)
+        if at.size:
+            share = end[part] - begin[part]
+            u = (begin[part, None] + share[:, None] * within).ravel()
+        else:
+            share = 1.0 / count[part]
+            u = ((panel[part, None] + within) / count[part, None]).ravel()  # (nodes,)
+        yield Nodes(run, np.repeat(owner[part], within.size), u, np.repeat(share / within.size, within.size))
+
+
+def _kinks_in(
+    motions: Motions, phase: Phase, run: slice, first: IntArray, last: IntArray, before: float = 0.0
+) -> tuple[IntArray, FloatArray]:
+    """Return motion and fraction of the phase's time of the kinks within it, or of moments just before."""
+    each = last - first
+    if not each.any():
+        return np.empty(0, np.int64), np.empty(0)
+    owner, number = numbered(each)
+    whose = owner + run.start
+    since = motions.world.content.kinks[first[owner] + number] - (motions.t0 + elapsed_before(motions, phase))[whose]
+    return whose, np.clip((since - before) / np.maximum(phase.duration[whose], JUST), 0.0, 1.0)
+
+
+def before_kinks(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
+    """Return motion and fraction of the phase's time just before every kink after its begin, up to its end.
+
+    A prediction that jumps has its new value at the kink itself: who leaves is there until just before.
+    """
+    return _kinks_in(motions, phase, slice(0, len(motions)), *kinks_between(motions, phase, JUST), before=JUST)
+
+
+def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[IntArray, IntArray]:
+    """Return the indices (M,) of the first kink within a phase and of the first kink after it."""
+    kinks = motions.world.content.kinks if motions.panels is None and motions.t0 is not None else np.empty(0)
+    if not kinks.size:
+        return np.zeros(len(motions), dtype=np.int64), np.zeros(len(motions), dtype=np.int64)
+    begin = motions.t0 + elapsed_before(motions, phase)
+    first = np.searchsorted(kinks, begin, side="right")
+    return first, np.maximum(first, np.searchsorted(kinks, begin + phase.duration + beyond, side="left"))
+
+
+def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | None = None) -> IntArray:
+    """Return the number (M,) of panels in a phase: fixed, or so that none is longer or turns more than promised.
+
+    detail  m  of a rate's change: the robot and the fastest person together go no farther than half of it in a panel
+    """
+    if motions.panels is not None:
+        return np.full(len(motions), motions.panels)
+    cell = motions.world.cell
+    fine = np.inf if detail is None else max(0.5 * detail, FINEST * cell)
+    walked = min(motions.world.content.fastest, FASTEST) * phase.duration if timed else 0.0 * phase.duration
+    if motions.stands:
+        lasting = np.maximum(phase.duration / HELD, walked / min(cell, fine))
+        return np.asarray(np.maximum(1, np.ceil(lasting - 1e-9)), dtype=np.int64)
+    share = phase.end - phase.begin
+    farthest, most_turned = motions.model.extent(motions)
+    # Under constant acceleration the fastest panel covers up to twice the mean; 2.42 times where it changes sign.
+    stretch = {"speed-up": 2.0, "slow-down": 2.0, "ramp": 2.0, "drive": 2.42}.get(phase.shape, 1.0)
+    lengths, angles = stretch * farthest * share, stretch * most_turned * share
+    panels = np.maximum(np.maximum(lengths, walked) / cell, np.maximum(angles / PANEL_ANGLE, (lengths + walked) / fine))
+    least = CURVE_PANELS if phase.shape == "drive" else 1
+    return np.asarray(np.maximum(least, np.ceil(panels - 1e-9)), dtype=np.int64)
+
+
+def elapsed_before(motions: Motions, phase: Phase) -> Column:
+    """Return the time (M,) from the start of each motion to the start of a phase, s."""
+    elapsed: Column = 0.0
+    for other in motions.phases:
+        if other is phase:
+            break
+        elapsed = elapsed + other.duration
+    return elapsed

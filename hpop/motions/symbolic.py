@@ -9,7 +9,8 @@ import numpy as np
 
 from hpop.base.arrays import Column, FloatArray
 from hpop.base.symbols import lift
-from hpop.motions import Motions, States
+from hpop.motions.batch import Motions
+from hpop.motions.states import States
 
 __all__ = ["SymbolicMotions", "lift", "sparse_lookup"]
 

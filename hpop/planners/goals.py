@@ -8,7 +8,7 @@ from hpop.base.registry import planners
 from hpop.errors import QueryError
 
 if TYPE_CHECKING:
-    from hpop.motions.space import Values
+    from hpop.motions.states import Values
     from hpop.planners.base import Planner
     from hpop.problems.problem import Problem
 

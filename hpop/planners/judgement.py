@@ -15,7 +15,8 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.goals import GoalSet
 from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates

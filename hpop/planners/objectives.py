@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.criteria.base import Criterion, Group, place_of
-from hpop.criteria.quanta import stand_in_of
+from hpop.criteria.costs import stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
 

@@ -12,26 +12,18 @@ from hpop.base.options import LEAST, MOST, real
 from hpop.base.registry import completed, make_model
 from hpop.base.table import facts_html, picture_html
 from hpop.base.text import shown
-from hpop.criteria.base import (
-    Criterion,
-    CriterionSpec,
-    check_usable,
-    describe_criterion,
-    make_criterion,
-    trajectory_costs,
-)
-from hpop.criteria.quanta import with_quanta
+from hpop.criteria.base import Criterion, CriterionSpec, check_usable, describe_criterion, make_criterion
+from hpop.criteria.costs import trajectory_costs, with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
 from hpop.models.collision.leaving import left
 from hpop.motions import MODEL_DEFAULTS, Model, laws_of
-from hpop.motions.space import StateSpec, Values
-from hpop.planners.base import Candidates, PlannerSpec
-from hpop.problems import further, solving
+from hpop.motions.states import StateSpec, Values
+from hpop.planners.base import Candidates, Planner, PlannerSpec, edge_objectives, make_planner
+from hpop.problems import evaluation, solving
+from hpop.problems.evaluation import Trace, trace
 from hpop.problems.front import Front
-from hpop.problems.sight import notes_on_landmarks
-from hpop.problems.solving import StageCallback
-from hpop.problems.trace import Trace, trace
+from hpop.problems.solving import StageCallback, last_answer, notes_on_landmarks
 from hpop.runtime.status import ProgressCallback, followed
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
@@ -41,7 +33,7 @@ from hpop.world.content.predictions import bounded, with_people
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem:
-    """What is asked: all non-dominated trajectories of a model in a world, from start to goal.
+    """A planning problem: all non-dominated trajectories of a model in a world, from start to goal.
 
     world     obstacles and free space
     model     the robot with its camera
@@ -127,7 +119,7 @@ class Problem:
         return f"<Problem: {of} from {GoalSet((self.start,))} to {self.target} in {self.world!r}>"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table, and a map where :mod:`hpop.view` is imported."""
+        """Return the view in a notebook: a table, and a map where :mod:`hpop.view` is imported."""
         criteria = (f"{c.name} ({c.unit})" if c.unit != "1" else c.name for c in self.criteria)
         facts = {"criteria": ", ".join(criteria), "robot": repr(self.model), "world": repr(self.world)}
         facts |= {"start": str(GoalSet((self.start,))), "goal": str(self.target)}
@@ -153,7 +145,7 @@ class Problem:
         executor: Executor | None = None,
         **options: Any,
     ) -> Front:
-        """The front of what one planner, or several together, find.
+        """Return the front of the trajectories that one planner, or several together, find.
 
         Parameters
         ----------
@@ -179,7 +171,7 @@ class Problem:
         stage: StageCallback | None = None,
         **options: Any,
     ) -> Iterator[Front]:
-        """The front after each planner in turn: all found so far, so that nothing is lost if a later one fails.
+        """Yield the front after each planner in turn, so that nothing is lost if a later one fails.
 
         After an interruption (Ctrl-C) the planners that remain are not run.
 
@@ -196,13 +188,13 @@ class Problem:
         return solving.front(self, candidates, progress)
 
     def keeping(self, margin: float) -> Problem:
-        """The same question of a robot that keeps a margin, m, from people who stand; itself where nobody stands."""
+        """Return the problem of a robot that keeps a margin, m, from people who stand; itself where none does."""
         if not margin or not self.world.content.bodies:
             return self
         return replace(self, world=self.world.keeping(margin))
 
     def at(self, state: StateSpec, t: float) -> Problem:
-        """The same question asked from elsewhere and later: from a state, ``t`` seconds from now.
+        """Return the problem asked from another state, ``t`` seconds from now.
 
         People who move are where they are predicted to be by then, and go on as predicted now; all else stays.
         """
@@ -217,7 +209,7 @@ class Problem:
     def evaluate(self, of: Front, *, also: Sequence[CriterionSpec] = ()) -> Front: ...
 
     def evaluate(self, of: Trajectory | Front, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float] | Front:
-        """Cost of a trajectory in each criterion, by name; or a front with further criteria, without planning anew.
+        """Return a trajectory's cost in each criterion, by name; or a front with further criteria.
 
         Of a front, which must answer this problem (any start and goal), what ``also`` names is evaluated on its
         trajectories and becomes further reported columns. They are not optimised, and the certificate says so: other
@@ -231,17 +223,17 @@ class Problem:
         front's column; QueryError for the front of another problem.
         """
         if isinstance(of, Front):
-            return further.evaluated(self, of, also)
-        criteria = [*self.criteria, *further.made(self, also, self.criteria)]
+            return evaluation.evaluated(self, of, also)
+        criteria = [*self.criteria, *evaluation.made(self, also, self.criteria)]
         values = trajectory_costs(criteria, [_checked_trajectory(of)], self.world)[0]
         return dict(zip((c.name for c in criteria), values.tolist(), strict=True))
 
     def trace(self, trajectory: Trajectory) -> Trace:
-        """Each criterion's rate and running value along a trajectory; see :class:`hpop.problems.trace.Trace`."""
+        """Return each criterion's rate and running value along a trajectory; see :class:`.evaluation.Trace`."""
         return trace(self.criteria, _checked_trajectory(trajectory), self.world)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able description from which :meth:`from_description` builds the same problem."""
+        """Return a JSON-able description from which :meth:`from_description` builds the same problem."""
         return {
             "world": self.world.describe(),
             "model": self.model.describe(),
@@ -277,7 +269,7 @@ class Problem:
 
 
 def _lacks(model: Any) -> str:
-    """What lacks of a model of one's own; nothing of what is none at all."""
+    """Return the attributes that a model of one's own lacks, as text; "" for anything else."""
     members = [name for name in vars(Model) if not name.startswith("_")]
     absent = [name for name in members if not hasattr(model, name)]
     if isinstance(model, type) or not 0 < len(absent) < len(members) - 1:
@@ -286,7 +278,7 @@ def _lacks(model: Any) -> str:
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
-    """A mean and the integral that stands in for it in graph searches may both be listed, if they agree."""
+    """Raise CriterionError where a mean and the integral that stands in for it are listed but disagree."""
     for mean in criteria:
         integral = mean.integral or mean
         for other in criteria:
@@ -301,3 +293,68 @@ def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
     if not isinstance(trajectory, Trajectory):
         raise QueryError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
     return trajectory
+
+
+@checked_arguments
+class Planning:
+    """A planner for many queries with their own start and goal, in one world with one robot and fixed criteria.
+
+    The planner's graph is anchored at the world where its family can be, as the lattice's can; so its free states, its
+    arcs and their costs are computed for the first query and used by all others. Start and goal are joined to the
+    graph, as they are to any (:mod:`hpop.planners.graphs.joined_ends`). A graph that is drawn for each query, such as a
+    roadmap, is built anew.
+
+    Fronts are exact on that graph. They differ from those of ``Problem.solve``, whose lattice goes through the start.
+
+    >>> import hpop, shapely
+    >>> world = hpop.World.from_polygons([shapely.box(3, 0, 4, 3)], extent=shapely.box(0, 0, 8, 6))
+    >>> robot = hpop.DifferentialDrive(radius=0.3)
+    >>> planning = hpop.Planning(world, robot, ["turns", "length"], {"lattice": {"step": 1}})
+    >>> [len(planning.solve((1, 1, 0), goal)) for goal in ((7, 1, None), (6.3, 4.4, None))]
+    [3, 2]
+    """
+
+    def __init__(
+        self,
+        world: World,
+        model: Model,
+        criteria: Sequence[CriterionSpec],
+        planner: PlannerSpec = "lattice",
+        **question: Any,
+    ) -> None:
+        """Keep what all queries share.
+
+        Parameters
+        ----------
+        planner : name, ``{name: options}`` or object
+        question : ``quanta`` and ``horizon`` of every problem, as :class:`hpop.Problem` takes them
+        """
+        self.world, self.model, self.criteria = world, model, tuple(criteria)
+        self.planner: Planner = make_planner(planner).anchored()
+        self._question = question
+
+    def problem(self, start: StateSpec, goal: GoalSpec) -> Problem:
+        """Return the problem of a query; raises QueryError for ends that make no sense."""
+        return Problem(self.world, self.model, start, goal, self.criteria, **self._question)
+
+    def solve(self, start: StateSpec, goal: GoalSpec) -> Front:
+        """Return the front between two ends; raises as :meth:`hpop.Problem.solve` does."""
+        return self.front(self.problem(start, goal))
+
+    def front(self, problem: Problem) -> Front:
+        """Return the front of a problem by the planner that keeps its graph, without stages before the last."""
+        return last_answer(problem, self.planner)
+
+    def updated(self, world: World) -> Planning:
+        """Return planning in a changed world, which computes again only what the change touches.
+
+        Arcs of the lattice are checked again where the robot may meet the change. Costs are computed again for those
+        arcs, and for all arcs by criteria that read of the world what changed: its obstacles, people or zones.
+        """
+        changed = Planning(world, self.model, self.criteria, self.planner, **self._question)
+        family, margin = self.planner.graph_of_drives, self.planner.margin
+        if family is not None:
+            made = with_quanta(tuple(map(make_criterion, self.criteria)), self._question.get("quanta"))
+            criteria = edge_objectives(made, self.planner.name).optimised
+            family.update(self.world.keeping(margin), world.keeping(margin), self.model, criteria)
+        return changed

@@ -10,34 +10,114 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import BoolArray
 from hpop.base.registry import GROUPS
-from hpop.base.text import shown
-from hpop.criteria.base import Criterion, trajectory_costs
-from hpop.criteria.quanta import stated
+from hpop.base.text import shown, some
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import stated, trajectory_costs
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
+from hpop.goals import Goal
+from hpop.motions import Model, States
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
 from hpop.planners.goals import check_goal
 from hpop.planners.in_time import evaluable_in_time
 from hpop.planners.needs import refuse_unsupported
 from hpop.planners.spending import Limited, Spending
 from hpop.problems.front import Front
-from hpop.problems.sight import notes_on_targets
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status, log
 from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.trajectories.motion_table import MotionTable
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world import World
+from hpop.world.content.content import Landmark
 from hpop.world.files import by_names
+from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
+SEEN = 0.05  # m: radius of the ball about a target, of which some is to be seen
+RAYS = 37
 StageCallback = Callable[[Front], None]
-GRACE, MOST_GRACE = 0.03, 0.3  # of a time limit, and s, by which the evaluation of what was found may pass it
 SOME = 4_000  # points that are made, re-evaluated and saved within half a second
 SOME_WITH_MEMORY = 40  # where criteria look at each trajectory by itself, which takes some 8 ms each
+
+
+def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
+    """Say from where trajectories end whose camera looks at a target that something hides."""
+    looks = [(one, one.looked_at) for one in goal.alternatives() if one.looked_at is not None]
+    if not looks or not len(trajectories):
+        return ()
+    names = model.space.names
+    ends = States(**{name: np.array([getattr(t.states, name)[-1] for t in trajectories]) for name in names})
+    notes = []
+    for look, target in looks:
+        there = look.reached(model, ends)
+        hidden = there & _hidden(world, model, ends, target)
+        if hidden.any():
+            share = "" if hidden.sum() == there.sum() else f"{hidden.sum()} of {there.sum()} trajectories, by number "
+            share += "" if not share else some([str(i) for i in np.flatnonzero(hidden).tolist()])
+            x, y, z = target
+            notes.append(
+                f"the target ({x:g}, {y:g}, {z:g}) of look_at is hidden by an obstacle from where "
+                f"{share or 'all trajectories'} end: check its place and height, or list the criterion 'occlusion'"
+            )
+    return tuple(notes)
+
+
+def _hidden(world: World, model: Model, states: States, target: tuple[float, float, float]) -> BoolArray:
+    """Return whether solids hide all of a ball about a target from cameras in states (N,)."""
+    pose = model.pose("camera", states)
+    place = rows((pose.x, pose.y, pose.z), states.size)
+    share = surfaces_of(world).blocked(
+        Surfaces.of([]), np.empty((0, states.size, 4, 4)), place, *towards_ball(place, target, SEEN, RAYS)
+    )
+    return np.asarray(share >= 1.0 - 1e-9)
+
+
+def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iterable[Criterion]) -> tuple[str, ...]:
+    """Say which landmarks obstacles wall in, if a criterion needs landmarks."""
+    if not world.content.landmarks or not any("landmarks" in criterion.requires for criterion in criteria):
+        return ()
+    pose = model.pose("camera", start)
+    camera = tuple(float(np.ravel(column)[0]) for column in (pose.x, pose.y, pose.z))
+    walled = [mark for mark in world.content.landmarks if _walled_in(world, mark, camera)]
+    if not walled:
+        return ()
+    who = [f"{mark.name!r} at ({mark.x:.4g}, {mark.y:.4g})" for mark in walled]
+    return (
+        f"landmarks that are walled in, and seen from nowhere else: {some(who)}; obstacles close about them (a white "
+        "letter on a dark pedestal is free ground within an obstacle): move them, or mend the map",
+    )
+
+
+def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
+    """Return whether obstacles at all heights between a landmark and a camera separate the two.
+
+    What contains the landmark hides nothing, so it is not walled in by that.
+    """
+    low, high = sorted((mark.z, camera[2]))
+    if world.has_heights:
+        solid: list[BaseGeometry] = [o.polygon for o in world.obstacles if o.z_min <= low and o.z_max >= high]
+        raster = world.raster
+        if raster is not None and raster.z_min <= low and raster.z_max >= high:
+            solid.append(raster.solid())
+        region = shapely.difference(world.extent, shapely.union_all(solid))
+    else:
+        region = world.ground.free_space((low, high)).region
+    parts = shapely.get_parts(region)
+    place, eye = shapely.Point(mark.x, mark.y), shapely.Point(camera[:2])
+    own, other = (parts[shapely.intersects(parts, point)] for point in (place, eye))
+    return bool(own.size and other.size) and not any(one.equals(two) for one in own for two in other)
+
+
+GRACE, MOST_GRACE = 0.03, 0.3  # of a time limit, and s, by which the evaluation of what was found may pass it
 
 
 @checked_arguments
@@ -50,7 +130,7 @@ def fronts(
     executor: Executor | None = None,
     stage: StageCallback | None = None,
 ) -> Iterator[Front]:
-    """The front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
+    """Yield the front after each planner in turn; see :meth:`hpop.Problem.fronts`."""
     made = [make_planner(planner, options) for planner in planners]
     _check_joinable(made)
     _check_checkpoints(made)
@@ -107,7 +187,7 @@ def last_answer(problem: Problem, planner: Planner) -> Front:
 
 
 def front(problem: Problem, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
-    """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; of many, say how far that is.
+    """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; report progress.
 
     Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the planner
     added up by more than the planner's tolerance, the certificate says so: that is a bug.
@@ -183,7 +263,7 @@ def _until_limit(spending: Spending) -> float | None:
 def _stages(
     problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """What a planner finds, in stages; where an end cannot be used, the map's notes may say why."""
+    """Yield a planner's candidates, in stages; an unusable end gets the map's notes."""
     try:
         yield from stages_of(planner, problem, progress, executor)
     except QueryError as error:
@@ -204,7 +284,7 @@ def _evaluated(
     save: Callable[[Candidates], bool],
     progress: ProgressCallback | None,
 ) -> Front:
-    """The front of a planner's last answer and its stages; what was found is worth the time of a first Ctrl-C."""
+    """Return the front of a planner's last answer and its stages; a first Ctrl-C does not end it."""
     if progress:
         progress(Progress("evaluation"))
     is_some_saved = save(last)
@@ -221,7 +301,7 @@ def _evaluated(
 def _save_some(
     problem: Problem, before: Front | None, stages: Candidates | None, stage: StageCallback | None, last: Candidates
 ) -> bool:
-    """Hand over some of many points that an interrupted planner found; whether there were so many."""
+    """Hand over some of many points that an interrupted planner found; return whether there were so many."""
     number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
     if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
         return False
@@ -233,7 +313,7 @@ def _save_some(
 
 
 def _union(before: Front | None, found: Front) -> Front:
-    """The front of what was found before and now."""
+    """Return the union of two fronts."""
     return found if before is None else before | found
 
 
@@ -271,6 +351,6 @@ def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
 
 
 def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
-    """A note on the groups that no criterion is of: they exist so that nobody forgets an aspect."""
+    """Return a note on the groups without a criterion."""
     empty = [f"{name} ({group})" for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
     return [f"groups without a criterion: {', '.join(empty)}"] if empty else []

@@ -10,13 +10,14 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import MOST
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.models.execution import needed_about
 from hpop.motions import Motions, States, free_along
-from hpop.motions.space import Values
+from hpop.motions.states import Values
 from hpop.planners.judgement import on_map
+from hpop.problems.evaluation import claimable, criteria_of
 from hpop.problems.front import Front
-from hpop.problems.further import claimable, criteria_of
 from hpop.problems.problem import Problem
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.motion_table import MotionTable

@@ -12,8 +12,8 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.errors import ModelError, OptionError, RosError
 from hpop.motions import Model, States
-from hpop.motions.hold import CLOCK
-from hpop.motions.possible import STILL
+from hpop.motions.by_law import STILL
+from hpop.motions.laws import CLOCK
 from hpop.ros.messages import SECOND, Message, header, mapping, planar_pose, pose_stamped, time_of
 from hpop.trajectories.poses import Poses, nanoseconds, poses_at
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory

@@ -14,7 +14,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.text import shown
 from hpop.errors import HpopError, LimitError, OptionError, QueryError, RosError, UnknownName
 from hpop.frontier.union import JOINT
-from hpop.motions.space import Values
+from hpop.motions.states import Values
 from hpop.planners.base import Planner
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows

@@ -52,7 +52,7 @@ from hpop.base.options import LEAST, MOST, real
 from hpop.base.registry import criteria, models, planners, readers
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion
-from hpop.criteria.quanta import with_quanta
+from hpop.criteria.costs import with_quanta
 from hpop.errors import LimitError, QueryError, StudyError, UnsupportedModel, did_you_mean
 from hpop.motions import Model
 from hpop.planners.base import Planner

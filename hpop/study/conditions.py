@@ -15,7 +15,7 @@ from hpop.base.options import one_of, real, whole
 from hpop.base.text import counted, printable
 from hpop.errors import StudyError
 from hpop.frontier.choosing import farthest, scaled
-from hpop.motions.body_table import check_body
+from hpop.motions.bodies import check_body
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.study.participants import MOST_STIMULI

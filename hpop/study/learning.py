@@ -18,7 +18,8 @@ from hpop.base.files import replacing
 from hpop.base.options import MOST, one_of, real
 from hpop.base.scalars import is_whole
 from hpop.base.text import shown
-from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion, trajectory_costs
+from hpop.criteria.base import Criterion, CriterionSpec, describe_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.learnt import LEAST_WEIGHT, Learnt, Source, checked_parts, document
 from hpop.errors import HpopWarning, StudyError
 from hpop.frontier.strict_json import pieces

@@ -14,12 +14,11 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.randomness import RNG
 from hpop.criteria.base import Criterion
 from hpop.motions import Model
-from hpop.testing.checks import Check
+from hpop.testing.contracts import Check
 from hpop.testing.criteria import check_criterion, criterion_checks
 from hpop.testing.models import check_model, model_checks
-from hpop.testing.motions import random_motions
 from hpop.testing.planners import check_planner, planner_checks
-from hpop.testing.worlds import random_world, reframed
+from hpop.testing.worlds import random_motions, random_world, reframed
 
 __all__ = [
     "Check",

@@ -1,29 +1,71 @@
-"""What plugins may leave out: whether that which they say of it is as their protocols have it."""
+"""Conformance checks, and what they compare: declared attributes with their protocols, and bodies with their poses."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, get_args
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
+from hpop.base.arrays import FloatArray
 from hpop.base.registry import criteria
 from hpop.base.text import shown
 from hpop.criteria.base import Aggregate, Criterion, Group, Role
-from hpop.errors import ModelError
+from hpop.errors import HpopError, ModelError
 from hpop.models.camera import checked_field_of_view
 from hpop.models.collision.parts import Part
-from hpop.motions import Model, Motions, States, collision_of
-from hpop.testing.checks import SAME, differ
+from hpop.motions import Body, Model, Motions, Pose, States, collision_of
+from hpop.motions.states import Vector
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
+SAME = 1e-9  # m or rad, and relative: so far apart is the same
+LEAST_SCALE = 1e-5  # of columns: where all is smaller, this is what a share is taken of
 WHEELS = ("wheel_base", "wheel_speed", "wheel_acceleration")
 RIGID = ("speed", "acceleration", "turn_rate", "turn_acceleration")
+MOMENTS = 40  # within each motion
+MOMENT = 1e-6  # s, of differences
+SAMPLES = 1000  # along a motion whose way and rotation are measured
+TWIST_TOLERANCE = 1e-4  # relative, of differences
+BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in the place of curves
+
+
+class Check(NamedTuple):
+    """One conformance check: what it claims, and what contradicts it ("" where it holds)."""
+
+    claim: str
+    fault: str
+
+
+def raise_faults(what: str, checks: Iterable[Check], error: type[HpopError]) -> None:
+    """Raise an error that lists every check that fails, if any does."""
+    faults = [f"{check.claim}: {check.fault}" for check in checks if check.fault]
+    if faults:
+        raise error(f"{what} fails {len(faults)} check{'s' * (len(faults) > 1)}:\n  " + "\n  ".join(faults))
+
+
+def fault_of(test: Callable[[], str]) -> str:
+    """Return the fault that a check finds; an exception of the tested code is a fault, not a crash."""
+    try:
+        return test()
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+
+
+def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float, scale: float | None = None) -> str:
+    """Say where two columns differ by more than a share of each value and of a scale, by default the largest."""
+    gap = np.abs(expected - found)
+    largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
+    allowed = tolerance * np.maximum(np.abs(expected), max(largest, LEAST_SCALE))
+    if np.all(gap <= allowed):  # not a number is a fault
+        return ""
+    worst = int(np.argmax(np.where(np.isnan(gap), np.inf, gap - allowed)))
+    return f"{what}: expected {expected.flat[worst]:.6g}, found {found.flat[worst]:.6g}"
 
 
 def model_says(model: Model, world: World, states: States) -> str:
-    """What is wrong with the optional attributes of a model, asked in states (N,); "" where nothing is."""
+    """Say what is wrong with the optional attributes of a model, in states (N,); "" where nothing is."""
     if not (isinstance(model.name, str) and model.name):
         return f"name is a word, got {shown(model.name)}"
     try:
@@ -75,7 +117,7 @@ def _wheels(model: Any) -> str:
 
 
 def _platform(model: Model, states: States) -> str:
-    """Upright prisms, in which the parts of a model in the plane are wherever its joints are."""
+    """Say whether the platform of a model in the plane leaves out a part in some state."""
     strange = [part for part in model.platform if not isinstance(part, Part) or part.on]
     if strange:
         return f"platform holds parts without joints (hpop.models.base.Part), got {shown(strange[0])}"
@@ -106,7 +148,7 @@ def _bodies(model: Model, states: States) -> str:
 
 
 def _measures(model: Model, world: World, states: States) -> str:
-    """What a collision says beside which states are free."""
+    """Say what is wrong with the optional attributes of a collision."""
     collision = collision_of(model, world)
     if (clearance := collision.clearance) is not None:
         found = np.asarray(clearance(states))
@@ -121,7 +163,7 @@ def _measures(model: Model, world: World, states: States) -> str:
 
 
 def law_says(motions: Motions) -> str:
-    """What is wrong with the optional attributes of a law, shown on some of its motions."""
+    """Say what is wrong with the optional attributes of a law, shown on some of its motions."""
     law = motions.law
     extra = law.extra
     if not isinstance(extra, tuple) or not all(isinstance(name, str) for name in extra):
@@ -144,7 +186,7 @@ def law_says(motions: Motions) -> str:
 
 
 def criterion_says(criterion: Criterion) -> str:
-    """What is wrong with what a criterion declares; "" where nothing is."""
+    """Say what is wrong with the declarations of a criterion; "" where nothing is."""
     choices = {
         "group": (criterion.group, get_args(Group)),
         "aggregate": (criterion.aggregate, get_args(Aggregate)),
@@ -180,4 +222,123 @@ def _integral(criterion: Criterion) -> str:
         return f"integral stands in for a time-mean, and this is a {criterion.aggregate}"
     if not isinstance(integral, Criterion) or integral.aggregate != "sum":
         return f"integral is a criterion that is a sum, got {shown(integral)}"
+    return ""
+
+
+def _each(motions: Motions) -> Iterator[Trajectory]:
+    """Yield each of some motions as a trajectory."""
+    names = motions.start.names
+    ends = {name: np.stack([getattr(motions.start, name), getattr(motions.end, name)], axis=1) for name in names}
+    for i in range(len(motions)):
+        yield Trajectory(motions.model, States(**{name: ends[name][i] for name in names}), (motions.kind,))
+
+
+def _columns(vector: Vector, size: int) -> FloatArray:
+    """Return three columns, or numbers in their place, as an array (3, N)."""
+    return np.stack([np.broadcast_to(column, (size,)) for column in vector])
+
+
+def axes_of(pose: Pose, size: int) -> FloatArray:
+    """Return position and axes (4, 3, N) of a pose."""
+    return np.stack([_columns(v, size) for v in ((pose.x, pose.y, pose.z), pose.ahead, pose.left, pose.up)])
+
+
+def _rotations(before: FloatArray, after: FloatArray) -> FloatArray:
+    """Return rotation vectors (3, N) of small angles between axes (3, 3, N)."""
+    turned: FloatArray = 0.5 * np.cross(before, after, axis=1).sum(axis=0)
+    return turned
+
+
+def upright(bodies: list[str], batches: list[Motions]) -> str:
+    """Say where axes of bodies are not at right angles, not of length 1, or disagree with their angles."""
+    for motions in batches:
+        for body in bodies:
+            pose = motions.model.pose(body, motions.start)
+            _, ahead, left, up = axes_of(pose, len(motions))
+            products = np.einsum("ikn,jkn->ijn", *(np.stack([ahead, left, up]),) * 2)
+            unit = np.broadcast_to(np.eye(3)[:, :, None], products.shape)
+            if fault := differ(f"products of the axes of the {body}", unit, products, SAME, 1.0):
+                return fault
+            if fault := differ(f"ahead x left of the {body}", up, np.cross(ahead, left, axis=0), SAME, 1.0):
+                return fault
+            yaw, pitch = (np.broadcast_to(angle, (len(motions),)) for angle in (pose.yaw, pose.pitch))
+            along = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
+            if fault := differ(f"ahead of the {body} by its yaw and pitch", along, ahead, 1e-6, 1.0):
+                return fault
+    return ""
+
+
+def twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
+    """Say where twists and their rates disagree with differences of poses and twists."""
+    for motions in batches:
+        model = motions.model
+        for trajectory in _each(motions):
+            times = rng.uniform(2 * MOMENT, max(3 * MOMENT, trajectory.duration - 2 * MOMENT), MOMENTS)
+            states, (rates, changes) = trajectory.at(times), trajectory.rates(times)
+            around = [(trajectory.at(t), trajectory.rates(t)[0]) for t in (times - MOMENT, times + MOMENT)]
+            for body in bodies:
+                before, after = (axes_of(model.pose(body, there), MOMENTS) for there, _ in around)
+                twist = model.twist(body, states, rates)
+                moved = (after[0] - before[0]) / (2 * MOMENT)
+                turned = _rotations(before[1:], after[1:]) / (2 * MOMENT)
+                rate = model.twist_rate(body, states, rates, changes)
+                begin, end = (model.twist(body, *there) for there in around)
+                gains = (
+                    (_columns(getattr(end, part), MOMENTS) - _columns(getattr(begin, part), MOMENTS)) / (2 * MOMENT)
+                    for part in ("velocity", "rotation")
+                )
+                for what, expected, found in zip(
+                    ("velocity", "rotation", "acceleration", "angular acceleration"),
+                    (moved, turned, *gains),
+                    (twist.velocity, twist.rotation, rate.velocity, rate.rotation),
+                    strict=True,
+                ):
+                    told = f"{what} of the {body} in a {motions.kind}"
+                    if fault := differ(told, expected, _columns(found, MOMENTS), TWIST_TOLERANCE, 10.0):
+                        return fault
+    return ""
+
+
+def measured(bodies: list[str], batches: list[Motions]) -> str:
+    """Say where lengths and rotations of bodies disagree with sums over samples of their poses."""
+    for motions in batches:
+        size = len(motions)
+        for name in bodies:
+            body: Body = motions.body(name)
+            way, turned, rotation, tilted = (np.zeros(size) for _ in range(4))
+            for i, trajectory in enumerate(_each(motions)):
+                states = trajectory.at(np.linspace(0.0, trajectory.duration, SAMPLES))
+                axes = axes_of(motions.model.pose(name, states), SAMPLES)
+                steps = _rotations(axes[1:, :, :-1], axes[1:, :, 1:])
+                way[i] = np.linalg.norm(np.diff(axes[0]), axis=0).sum()
+                turned[i], rotation[i] = np.linalg.norm(steps, axis=0).sum(), steps[2].sum()
+                tilted[i] = np.linalg.norm(steps[:2], axis=0).sum()
+            compared = {"length": way, "turned": turned, "rotation": rotation}
+            for what, expected in compared.items():
+                found = getattr(body, what) + np.zeros(size)
+                told = f"{what} of the {name} in a {motions.kind}"
+                if fault := differ(told, expected, found, BODY_TOLERANCE, float(np.abs(expected).max()) + SAME):
+                    return fault
+            added = sum(turn + np.zeros(size) for turn in body.turns)
+            if fault := differ(f"sum of the turns of the {name} in a {motions.kind}", body.rotation, added, 1e-6, 1.0):
+                return fault
+            if body.stays and way.max() > SAME:
+                return f"the {name} is said to stay in a {motions.kind}, but goes {way.max():.3g} m"
+            if body.steady and turned.max() > SAME:
+                return f"the {name} is said not to turn in a {motions.kind}, but turns {turned.max():.3g} rad"
+            if body.upright and tilted.max() > SAME:
+                return f"the {name} is said to stay upright in a {motions.kind}, but tilts {tilted.max():.3g} rad"
+    return ""
+
+
+def bounded(bodies: list[str], batches: list[Motions]) -> str:
+    """Say which body moves or turns farther than the extent of its motions."""
+    for motions in (batch for batch in batches if not batch.stands):
+        farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
+        for name in bodies:
+            body: Body = motions.model.body(name, motions)
+            for what, bound, found in (("goes", farthest, body.length), ("turns", most_turned, body.turned)):
+                if (found > bound * (1 + 1e-6) + 1e-6).any():
+                    worst = int(np.argmax(found - bound))
+                    return f"the {name} {what} {found[worst]:.6g} in a {motions.kind}, the bound is {bound[worst]:.6g}"
     return ""

@@ -15,25 +15,24 @@ from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.base.randomness import RNG, seed_of
 from hpop.base.registry import completed, make_model
 from hpop.base.text import shown
-from hpop.criteria.base import (
-    CRITERION_DEFAULTS,
-    Criterion,
-    motion_costs,
-    running_costs,
-    trajectory_cost,
-    trajectory_costs,
-)
+from hpop.criteria.base import CRITERION_DEFAULTS, Criterion
+from hpop.criteria.costs import motion_costs, running_costs, trajectory_cost, trajectory_costs
 from hpop.errors import CriterionError
 from hpop.models.driven import driven
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
-from hpop.testing.checks import Check, differ, fault_of, raise_faults
-from hpop.testing.contracts import criterion_says
+from hpop.testing.contracts import Check, criterion_says, differ, fault_of, raise_faults
 from hpop.testing.models import drawn_motions
-from hpop.testing.motions import random_motions
-from hpop.testing.predictions import predicted_batches, prediction_checks
-from hpop.testing.worlds import FRAME, in_frame, random_world, reframed
+from hpop.testing.worlds import (
+    FRAME,
+    in_frame,
+    predicted_batches,
+    prediction_checks,
+    random_motions,
+    random_world,
+    reframed,
+)
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

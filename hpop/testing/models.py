@@ -16,13 +16,23 @@ from hpop.base.text import shown
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
-from hpop.motions.possible import STILL
+from hpop.motions.by_law import STILL
 from hpop.planners.needs import in_plane
-from hpop.testing.bodies import axes_of, bounded, measured, twisted, upright
-from hpop.testing.checks import SAME, Check, differ, fault_of, raise_faults
-from hpop.testing.contracts import law_says, model_says
-from hpop.testing.motions import holds, random_motions
-from hpop.testing.worlds import random_world
+from hpop.testing.contracts import (
+    SAME,
+    Check,
+    axes_of,
+    bounded,
+    differ,
+    fault_of,
+    law_says,
+    measured,
+    model_says,
+    raise_faults,
+    twisted,
+    upright,
+)
+from hpop.testing.worlds import holds, random_motions, random_world
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

@@ -19,7 +19,8 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.randomness import RNG, seed_of
 from hpop.base.registry import make_model, models
 from hpop.base.text import shown
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import CriterionError, HpopError, ModelError, OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.motions import Model, States, lacking
 from hpop.planners.base import UNDECLARED, Candidates, Planner, make_planner, sweeps
@@ -28,7 +29,7 @@ from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free, verify
 from hpop.runtime.status import Progress, Status
-from hpop.testing.checks import Check, fault_of, raise_faults
+from hpop.testing.contracts import Check, fault_of, raise_faults
 from hpop.testing.models import drawn_states
 from hpop.world import Person, Solid, Sphere, World, pose_at
 

@@ -1,7 +1,8 @@
-"""Worlds drawn at random for checks, and the same world in another frame."""
+"""Worlds, motions and predictions of people drawn at random for conformance checks."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -9,15 +10,32 @@ import numpy as np
 import shapely
 
 from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import whole
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
+from hpop.errors import CriterionError
+from hpop.models.driven import ahead
+from hpop.motions import HOLD, Model, Motions, States
+from hpop.motions.laws import CLOCK
+from hpop.testing.contracts import Check, differ, fault_of
 from hpop.world import Ground, Obstacle, World, pose_at
-from hpop.world.content.content import Landmark, Person, Zone
+from hpop.world.content.content import Landmark, Zone
+from hpop.world.content.futures import Future
+from hpop.world.content.people import Person
+from hpop.world.tracks import Track
 
 FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
+MOST_DRAWN = 100_000
+"""Motions that are drawn at once."""
+TOLERANCE = 2e-3  # relative: panels of integrals end at other times, where people turn at other times
+ASKED = ("move", HOLD.kind)
+SLACK = 0.1  # of a worst moment, which lies between two samples
 
 
 @checked_arguments
 def random_world(rng: np.random.Generator) -> World:
-    """A room of 12 x 9 m with boxes of random places, sizes and heights, standing people, landmarks and zones."""
+    """Return a room of 12 x 9 m with random boxes, standing people, landmarks and zones."""
     corners = rng.uniform((0.5, 0.5), (10.0, 7.0), size=(8, 2))
     sizes = rng.uniform(0.3, 1.5, size=(8, 2))
     tops = rng.uniform(0.5, 2.5, size=8)
@@ -38,7 +56,7 @@ def random_world(rng: np.random.Generator) -> World:
 
 @checked_arguments
 def reframed(world: World) -> World:
-    """A world of polygons and solids turned and shifted by ``FRAME``, content and all."""
+    """Return a world of polygons and solids turned and shifted by ``FRAME``, content included."""
 
     def place(geometry: Any) -> Any:
         return shapely.transform(geometry, lambda points: np.stack(in_frame(points[:, 0], points[:, 1]), axis=1))
@@ -64,6 +82,137 @@ def reframed(world: World) -> World:
 
 
 def in_frame(x: Any, y: Any) -> tuple[Any, Any]:
-    """Where points are in the other frame."""
+    """Return points in the other frame."""
     cos, sin = np.cos(FRAME[2]), np.sin(FRAME[2])
     return cos * x - sin * y + FRAME[0], sin * x + cos * y + FRAME[1]
+
+
+@checked_arguments
+def random_motions(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
+    """Return short moves, turns of up to half a turn across yaw = pi, holds, or curves, 0.5 m from obstacles.
+
+    Every third curve begins or ends standing, every fourth turns first one way and then the other.
+    """
+    size = whole("size", size, 1, MOST_DRAWN, "a number of motions")
+    x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
+    x, y = (column[world.clearance(x, y) > 0.5][:size] for column in (x, y))
+    yaw = rng.uniform(-np.pi, np.pi, size)
+    if kind == "drive":
+        speeds, bends = rng.uniform(0.3, 1.0, (2, size)), rng.uniform(0.4, 1.5, (2, size))
+        speeds[rng.integers(0, 2, size), np.arange(size)] *= np.arange(size) % 3 > 0
+        bends = bends * rng.choice([-1.0, 1.0], size) * np.array([np.ones(size), np.where(np.arange(size) % 4, 1, -1)])
+        lasts = rng.uniform(0.2, 0.4, size)
+        start = States(x=x, y=y, yaw=yaw, speed=speeds[0], turn_rate=bends[0], clock=rng.uniform(0, 60, size))
+        end = ahead(start, (speeds[1] - speeds[0]) / lasts, (bends[1] - bends[0]) / lasts, lasts)
+        return Motions(world, model, model.laws[kind], start, end, t0=start.clock)
+    if kind == HOLD.kind:
+        return holds(world, model, States(x=x, y=y, yaw=yaw), rng)
+    length = rng.uniform(0.1, 0.4, size) if kind == "move" else np.zeros(size)
+    turn = rng.uniform(0.2, 3.1, size) * rng.choice([-1.0, 1.0], size) if kind == "turn" else np.zeros(size)
+    end = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw + turn)
+    return Motions(world, model, model.laws[kind], States(x=x, y=y, yaw=yaw), end, t0=rng.uniform(0, 60, size))
+
+
+def holds(world: World, model: Model, states: States, rng: np.random.Generator) -> Motions:
+    """Return holds in states (M,) of up to three seconds, from any time."""
+    clock, lasts = rng.uniform(0, 60, states.size), rng.uniform(0.2, 3.0, states.size)
+    start, end = (States(**states.__dict__ | {CLOCK: time}) for time in (clock, clock + lasts))
+    return Motions(world, model, HOLD, start, end, t0=clock)
+
+
+def sure_world(world: World) -> World:
+    """Return a world whose people in turn follow a track, walk away, or stand, for about a minute."""
+    doings = (_on_a_track, _leaving, lambda person: person)
+    people = [doings[i % 3](person) for i, person in enumerate(world.content.people)]
+    return with_people(world, people)
+
+
+def open_world(world: World) -> World:
+    """Return a world whose people have two hypotheses each, one of them ever less certain."""
+    people = [
+        replace(
+            person,
+            spread=0.2,
+            futures=(
+                Future(2.0, velocity=(0.02, 0.03), growth=0.01),
+                Future(1.0, track=_on_a_track(person).track, afterwards="stays"),
+            ),
+        )
+        for person in world.content.people
+    ]
+    return with_people(world, people)
+
+
+def prediction_checks(criterion: Criterion, world: World, batches: list[Motions]) -> Iterator[Check]:
+    """Check what a criterion makes of people who may do several things, and of those who have left.
+
+    A criterion may refuse futures and uncertain places, by a CriterionError.
+    """
+    yield Check("reckons with each of a person's futures", fault_of(lambda: _futures(criterion, world, batches)))
+    yield Check("costs nothing for people who are gone", fault_of(lambda: _without_the_gone(criterion, world, batches)))
+
+
+def predicted_batches(criterion: Criterion, world: World, batches: list[Motions]) -> list[Motions]:
+    """Return moves and holds among people who walk, and among people with hypotheses if accepted."""
+    worlds = [one for one in (sure_world(world), open_world(world)) if not refuses(criterion, one, batches)]
+    asked = [motions for motions in batches if motions.kind in ASKED and len(motions) > 1]
+    return [replace(motions, world=one) for one in worlds for motions in asked]
+
+
+def refuses(criterion: Criterion, world: World, batches: list[Motions]) -> bool:
+    """Return whether a criterion refuses the predictions of a world."""
+    try:
+        _costs(criterion, world, batches[:1])
+    except CriterionError:
+        return True
+    return False
+
+
+def with_people(world: World, people: list[Person]) -> World:
+    """Return a world with other people."""
+    content = world.content
+    return world.with_content(people=people, groups=content.groups, landmarks=content.landmarks, zones=content.zones)
+
+
+def _on_a_track(person: Person) -> Person:
+    x, y = person.x, person.y
+    track = Track.through([(0, x, y), (25, x + 1.5, y + 0.5), (40, x + 0.5, y + 1.0), (58, x, y - 0.5)])
+    return replace(person, track=track, afterwards="stays")
+
+
+def _leaving(person: Person) -> Person:
+    return replace(person, velocity=(-0.03, 0.02), until=40.0)
+
+
+def _costs(criterion: Criterion, world: World, batches: list[Motions]) -> FloatArray:
+    return np.concatenate([motion_costs(criterion, replace(motions, world=world)) for motions in batches])
+
+
+def _futures(criterion: Criterion, world: World, batches: list[Motions]) -> str:
+    """Compare one person's hypotheses with worlds in which each of them is certain."""
+    everyone = open_world(world).content.people
+    if refuses(criterion, with_people(world, list(everyone)), batches):
+        return ""
+    others = [replace(person, futures=()) for person in everyone[1:]]
+    found = _costs(criterion, with_people(world, [everyone[0], *others]), batches)
+    weights, sure = zip(*everyone[0].hypotheses, strict=True)
+    each = np.stack([_costs(criterion, with_people(world, [person, *others]), batches) for person in sure])
+    shares = each * np.array(weights)[:, None]
+    worst = criterion.aggregate == "max"
+    least, most = shares.max(axis=0) if worst else shares.sum(axis=0), each.sum(axis=0)
+    slack = (SLACK if worst else TOLERANCE) * found.max()
+    wrong = (found < least - slack) | (found > most + slack)
+    if not wrong.any():
+        return ""
+    i = int(np.argmax(wrong))
+    return (
+        f"{found[i]:.6g} where a person may do two things, of which {least[i]:.6g} is the "
+        f"{'largest share' if worst else 'mean'} and {most[i]:.6g} the sum; see hpop.world.content.proxemics.expected"
+    )
+
+
+def _without_the_gone(criterion: Criterion, world: World, batches: list[Motions]) -> str:
+    people = list(sure_world(world).content.people)
+    gone = Person(6.0, 4.5, velocity=(0.02, 0.0), until=0.0)
+    there, without = (_costs(criterion, with_people(world, some), batches) for some in ([*people, gone], people))
+    return differ("with somebody who is gone", without, there, TOLERANCE)

@@ -7,15 +7,16 @@ returns the running value (M,) at the end of each motion, and the last one is th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from hpop.base.arrays import Column, FloatArray
-from hpop.motions import Instants, Model, Motions
+from hpop.base.arrays import Column, FloatArray, IntArray, numbered
+from hpop.motions import Instants, Model, Motions, States
+from hpop.motions.laws import Phase
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -25,7 +26,7 @@ T = TypeVar("T")
 
 
 class Track(Instants):
-    """What the robot does at ``times`` (N,), s, its real speed ramps included."""
+    """Moments of an executed trajectory at ``times`` (N,), s, with its real speed ramps."""
 
     def __init__(self, executed: Trajectory, times: FloatArray) -> None:
         states, (rates, changes) = executed.at(times), executed.rates(times)
@@ -70,7 +71,7 @@ class History:
         return self.trajectory.times[:-1]
 
     def of_motions(self, column: Callable[[Motions], Column]) -> FloatArray:
-        """A column (M,) of the motions, asked of each batch under one law and put in time order."""
+        """Return a column (M,) of the motions, computed law by law and put in time order."""
         values = np.zeros(len(self))
         for index, motions in self.trajectory.batches(self.world):
             values[index] = column(motions)
@@ -87,21 +88,21 @@ class History:
         return self._execution[1]
 
     def track(self, step: float) -> Track:
-        """Samples of the execution every ``step`` seconds at most, evenly spaced, both ends included."""
+        """Return samples of the execution every ``step`` seconds at most, evenly spaced, both ends included."""
         lasts = self.executed.duration
         count = max(2, int(np.ceil(lasts / step - 1e-9)) + 1)
         return self.at(np.linspace(0.0, lasts, count))
 
     def at(self, times: FloatArray) -> Track:
-        """Moments (N,) of the execution, s; before its start and after its end the robot stands."""
+        """Return moments (N,) of the execution, s; before its start and after its end the robot stands."""
         return Track(self.executed, times)
 
     def at_motion_ends(self, times: FloatArray, values: FloatArray) -> FloatArray:
-        """Running values (N,) at executed times, read where each planned motion (M,) is completed."""
+        """Return running values (N,) at executed times, read where each planned motion (M,) is completed."""
         return np.interp(self.passed[1:], times, values)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """What several criteria derive from the same motions, such as what a viewer sees: made by the first of them."""
+        """Return what several criteria derive from these motions, computed by the first of them."""
         if key not in self._derived:
             self._derived[key] = make()
         derived: T = self._derived[key]
@@ -114,3 +115,162 @@ class History:
     @cached_property
     def _execution(self) -> tuple[Trajectory, FloatArray]:
         return self.model.execution(self.trajectory)
+
+
+@dataclass(frozen=True, eq=False)
+class Sections(Motions):
+    """A batch of sections of motions under one law.
+
+    timing  phases of the whole motions, clipped to the sections, with shares of these
+    """
+
+    timing: tuple[Phase, ...] = ()
+
+    whole: ClassVar[bool] = False
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """The timing of the whole motions."""
+        return self.timing
+
+
+def sections(
+    whole: Motions,
+    owner: IntArray,
+    since: FloatArray,
+    until: FloatArray,
+    ends: tuple[States, States],
+    turns: tuple[FloatArray, FloatArray] | None,
+) -> Sections:
+    """Return sections (P,) of some motions.
+
+    Parameters
+    ----------
+    whole : the motions (M,)
+    owner : (P,) place of the motion of which each is a part
+    since, until : (P,) s from the start of the motion
+    ends : states (P,) at these moments
+    turns : (P,) rad, two columns, as of :class:`Motions`
+    """
+    t0 = None if whole.t0 is None else whole.t0[owner] + since
+    timing = _clipped(whole, owner, since, until)
+    return Sections(whole.world, whole.model, whole.law, *ends, t0=t0, turns=turns, timing=timing)
+
+
+def _clipped(whole: Motions, owner: IntArray, since: FloatArray, until: FloatArray) -> tuple[Phase, ...]:
+    """Return the phases (P,) between two moments."""
+
+    def pick(column: Column) -> FloatArray:
+        return np.broadcast_to(column, len(whole))[owner]
+
+    first, last, elapsed = np.zeros(owner.size), np.zeros(owner.size), np.zeros(owner.size)
+    parts = list[Phase]()
+    for phase in whole.phases:
+        picked = Phase(pick(phase.duration), pick(phase.begin), pick(phase.end), phase.shape, pick(phase.change))
+        lasts = np.where(picked.duration > 0, picked.duration, 1.0)
+        begin, end = (np.clip((moment - elapsed) / lasts, 0.0, 1.0) for moment in (since, until))
+        first = np.where(since >= elapsed, picked.share(begin), first)
+        last = np.where(until >= elapsed, picked.share(end), last)
+        parts.append(picked.part(begin, end))
+        elapsed = elapsed + picked.duration
+    span = np.where(last > first, last - first, 1.0)
+    return tuple(
+        part._replace(**{name: np.clip((getattr(part, name) - first) / span, 0.0, 1.0) for name in ("begin", "end")})
+        for part in parts
+    )
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Pieces:
+    """The motions of a trajectory, each cut into pieces of equal duration.
+
+    trajectory  m motions
+    counts      (m,)  pieces of each motion
+    """
+
+    trajectory: Trajectory
+    counts: IntArray
+
+    def __len__(self) -> int:
+        return int(self.counts.sum())
+
+    @cached_property
+    def owner(self) -> IntArray:
+        """Place (n,) of the motion of which each piece is a part."""
+        return numbered(self.counts)[0]
+
+    @cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """Law (n,) of each piece."""
+        return tuple(self.trajectory.kinds[i] for i in self.owner)
+
+    @cached_property
+    def times(self) -> FloatArray:
+        """Times (n+1,), s, at which the pieces begin, and the end of the last."""
+        return np.append(self.trajectory.times[self.owner] + self._since, self.trajectory.duration)
+
+    @cached_property
+    def durations(self) -> FloatArray:
+        """Duration (n,) of each piece, s."""
+        return np.diff(self.times)
+
+    @cached_property
+    def states(self) -> States:
+        """States (n+1,) at those times."""
+        return self.trajectory.at(self.times)
+
+    def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
+        """Yield the pieces law by law, each group with its indices in time order."""
+        until = self._since + (self.trajectory.durations / self.counts)[self.owner]
+        # What turns along curves end in a piece depends on nothing but its ends.
+        turns = Trajectory(self.trajectory.model, self.states, self.kinds).turns
+        for motions, whole in self.trajectory.batches(world):
+            (place,) = np.isin(self.owner, motions).nonzero()
+            names = whole.start.names
+            start, end = (
+                States(**{name: getattr(self.states, name)[at] for name in names}) for at in (place, place + 1)
+            )
+            owner = np.searchsorted(motions, self.owner[place])
+            ended = None if whole.turns is None else (turns[0][place], turns[1][place])
+            yield place, sections(whole, owner, self._since[place], until[place], (start, end), ended)
+
+    @cached_property
+    def _since(self) -> FloatArray:
+        """Time (n,), s, from the start of its motion to each piece."""
+        owner, within = numbered(self.counts)
+        return within * (self.trajectory.durations / self.counts)[owner]
+
+    def __repr__(self) -> str:
+        return f"<Pieces: {len(self):,} of {self.trajectory!r}>"
+
+
+@dataclass(frozen=True, eq=False)
+class PiecesHistory(History):
+    """A trajectory as criteria with memory see it, its running values asked at the end of each piece."""
+
+    pieces: Pieces
+
+    def __len__(self) -> int:
+        return len(self.pieces)
+
+    @property
+    def duration(self) -> FloatArray:
+        """Planned duration (n,) of each piece, s."""
+        return self.pieces.durations
+
+    @property
+    def t0(self) -> FloatArray:
+        """Planned start time (n,) of each piece, s."""
+        return self.pieces.times[:-1]
+
+    def of_motions(self, column: Callable[[Motions], Column]) -> FloatArray:
+        """Return a column (n,) of the pieces, in time order."""
+        values = np.zeros(len(self))
+        for index, pieces in self.pieces.batches(self.world):
+            values[index] = column(pieces)
+        return values
+
+    @property
+    def passed(self) -> FloatArray:
+        """Executed time (n+1,), s, at which the pieces begin and end: spread over each motion as it is planned."""
+        return np.interp(self.pieces.times, self.trajectory.times, super().passed)

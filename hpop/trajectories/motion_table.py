@@ -21,7 +21,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError
 from hpop.frontier.strict_json import Kinds, numbers, parts, places
 from hpop.motions import Law, Model, Motions, States, is_curve, laws_of
-from hpop.motions.possible import extras, refuse_impossible
+from hpop.motions.by_law import extras, refuse_impossible
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray, frozen
 from hpop.base.options import LEAST, MOST, real
 from hpop.errors import OptionError
-from hpop.motions.body_table import check_body
+from hpop.motions.bodies import check_body
 from hpop.motions.states import Pose, States, Vector
 from hpop.trajectories.trajectory import MOST_ROWS, Trajectory
 

@@ -19,10 +19,9 @@ from hpop.base.table import Table
 from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
 from hpop.motions import HOLD, MODEL_DEFAULTS, Curve, Model, Motions, States, is_curve, laws_of, slopes
-from hpop.motions.body_table import body_table
-from hpop.motions.hold import CLOCK, LONGEST
-from hpop.motions.possible import STILL, extras, refuse_holds, refuse_impossible
-from hpop.trajectories.batches import motions_of
+from hpop.motions.bodies import body_table
+from hpop.motions.by_law import STILL, extras, motions_of, refuse_holds, refuse_impossible
+from hpop.motions.laws import CLOCK, LONGEST
 
 if TYPE_CHECKING:
     from hpop.world import World

@@ -21,7 +21,7 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.base.text import printable
-from hpop.criteria.others.robot import reach
+from hpop.criteria.others import reach
 from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
 from hpop.drive.script import Happening

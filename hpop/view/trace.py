@@ -19,9 +19,9 @@ from hpop.base.math import norm
 from hpop.base.options import FARTHEST
 from hpop.base.text import printable
 from hpop.motions import Model, States, StateSpace
+from hpop.problems.evaluation import Trace
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.problems.trace import Trace
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.marks import is_held
 from hpop.view.page import figure_for, whole

@@ -19,8 +19,8 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.text import printable
 from hpop.criteria.base import Criterion
+from hpop.problems.evaluation import Trace
 from hpop.problems.problem import Problem
-from hpop.problems.trace import Trace
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import draw_content
 from hpop.view.ground import outline, view_of

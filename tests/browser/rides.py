@@ -12,7 +12,7 @@ import shapely
 from playwright.sync_api import Page
 
 import hpop
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.world.content.content import Landmark, Person, Zone
 
 EYE = 1.2

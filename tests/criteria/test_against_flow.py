@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from hpop.criteria import AgainstFlow, trajectory_cost
-from hpop.criteria.others.zone_fields import one_way_flows
+from hpop.criteria.others import one_way_flows
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.testing import check_criterion

@@ -9,7 +9,8 @@ import shapely
 
 from hpop.base.registry import criteria
 from hpop.criteria import Exposure, Turns, criterion, make_criterion, motion_costs, trajectory_cost
-from hpop.criteria.base import Criterion, describe_criterion, running_costs
+from hpop.criteria.base import Criterion, describe_criterion
+from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError, MapError, UnknownName
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States

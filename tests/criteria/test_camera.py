@@ -8,7 +8,8 @@ import pytest
 
 import hpop
 from hpop.base.registry import criteria
-from hpop.criteria.base import make_criterion, motion_costs, trajectory_cost
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import motion_costs, trajectory_cost
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import SymbolicMotions
 from hpop.testing import random_world

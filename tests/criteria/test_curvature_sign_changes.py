@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import CurvatureSignChanges, trajectory_cost
-from hpop.criteria.base import running_costs
+from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.trajectories.trajectory import Trajectory

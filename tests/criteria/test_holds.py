@@ -10,7 +10,7 @@ import shapely
 import hpop
 from hpop.base.registry import criteria
 from hpop.criteria import make_criterion, motion_costs
-from hpop.criteria.base import running_costs, trajectory_cost
+from hpop.criteria.costs import running_costs, trajectory_cost
 from hpop.models.driven import driven
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.symbolic import SymbolicMotions
@@ -130,7 +130,7 @@ def test_long_holds_are_added_up_part_by_part(monkeypatch):
     together = hold(400.0, world=runs, t0=0.0, x=(6.0, 3.0, 9.0), y=(5.0, 5.0, 5.0))
     both = [make_criterion(name) for name in ("hall_zones", "time_to_collision")]
     expected = [motion_costs(criterion, together) for criterion in both]
-    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 1000)
+    monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 1000)
     for criterion, costs in zip(both, expected, strict=True):
         np.testing.assert_array_equal(motion_costs(criterion, replace(together)), costs)
     assert (expected[0] > 0).all()

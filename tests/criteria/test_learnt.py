@@ -14,12 +14,13 @@ import shapely
 
 import hpop
 from hpop.criteria import Learnt
-from hpop.criteria.base import describe_criterion, make_criterion, motion_costs, trajectory_cost, trajectory_costs
+from hpop.criteria.base import describe_criterion, make_criterion
+from hpop.criteria.costs import motion_costs, trajectory_cost, trajectory_costs
 from hpop.criteria.learnt import Source
 from hpop.errors import CriterionError
 from hpop.planners import make_planner
 from hpop.scenario import load_scenario
-from hpop.testing.motions import random_motions
+from hpop.testing.worlds import random_motions
 from hpop.world import Person
 from tests.own_criteria import LEARNT, own_criterion
 from tests.planners.timed.rooms_with_people import ROBOT, through_the_doors

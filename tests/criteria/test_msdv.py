@@ -6,8 +6,8 @@ import shapely
 from scipy.signal import TransferFunction, lsim
 
 from hpop.criteria import MSDV, trajectory_cost
-from hpop.criteria.base import running_costs
 from hpop.criteria.comfort.msdv import sections, weighted, weighting
+from hpop.criteria.costs import running_costs
 from hpop.models import DifferentialDrive
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import NetWinding, Rotation, trajectory_cost
-from hpop.criteria.base import running_costs
+from hpop.criteria.costs import running_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import States
 from hpop.trajectories.trajectory import Trajectory

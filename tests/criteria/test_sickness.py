@@ -8,7 +8,7 @@ import shapely
 from scipy.signal import TransferFunction, cont2discrete, lfilter, lsim
 
 from hpop.criteria import Sickness, trajectory_cost
-from hpop.criteria.base import running_costs
+from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.trajectories.trajectory import Trajectory

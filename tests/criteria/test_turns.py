@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from hpop.criteria import OrientationRetention, Turns, motion_costs, trajectory_cost
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
 from hpop.motions import Motions, States

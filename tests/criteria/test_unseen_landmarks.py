@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from hpop.criteria import UnseenLandmarks, trajectory_cost
-from hpop.criteria.base import running_costs
+from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.trajectories.trajectory import Trajectory

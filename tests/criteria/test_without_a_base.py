@@ -13,7 +13,7 @@ import hpop
 from hpop.base.registry import criteria
 from hpop.criteria import Clearance, make_criterion, trajectory_cost
 from hpop.criteria.base import check_requirements
-from hpop.criteria.comfort._visual import visual_motion
+from hpop.criteria.comfort import visual_motion
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.motions import lacking
 from hpop.testing import random_world

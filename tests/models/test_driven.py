@@ -14,9 +14,9 @@ from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
 from hpop.motions import States
+from hpop.motions.by_law import batches
 from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free
-from hpop.trajectories.batches import batches
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,16 +17,18 @@ import hpop
 from hpop.base.arrays import FloatArray
 from hpop.base.registry import make_model
 from hpop.criteria import make_criterion
-from hpop.criteria.others.robot import reach
+from hpop.criteria.others import reach
 from hpop.errors import ModelError, QueryError, UnsupportedModel
 from hpop.models import MobileArm
 from hpop.motions import Motions, Pose, States
 from hpop.planners.roadmap import Roadmap
 from hpop.problems.verify import verify
+from hpop.testing import check_model
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Box, Cylinder, Solid, World, pose_at
 from tests.models.serial_arm.arms import arm6, crane
 
+PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 BASE = hpop.DifferentialDrive(radius=0.25, body_height=0.4, speed=0.5, acceleration=0.5)
 ON_TOP = (0.05, -0.02, 0.4, 0.0, 0.0, 0.3)
 ROOM = World.from_solids(
@@ -323,7 +328,8 @@ def test_it_is_made_again_from_its_description_with_joints_by_name(robot, home):
 
 REFUSED: dict[str, dict[str, Any]] = {
     "what is carried is an arm": {"arm": BASE},
-    "carried by a differential drive": {"base": arm6()},
+    "carried by a base in the plane that has no joints": {"base": arm6()},
+    "such as base=DifferentialDrive": {"base": hpop.PanTilt()},
     "the camera is the arm's": {"base": hpop.DifferentialDrive(view="unwound")},
     "Did you mean 'home'": {"folded": "hoem"},
     "the folded arm is": {"folded": (0.0, 0.0)},
@@ -350,3 +356,38 @@ def test_an_arm_whose_joint_is_called_as_a_state_of_the_base_is_refused(tmp_path
 def test_what_people_see_of_it_is_as_wide_as_its_base(robot, name):
     criterion = make_criterion(name)
     assert reach(robot, criterion.robot_radius) == max(part.reach for part in robot.base.body_parts)
+
+
+# On a base of another kind
+
+
+@pytest.fixture(scope="module")
+def slider() -> MobileArm:
+    """An arm on the example plugin's base, which slides in any direction; its mast is as low as its box."""
+    sys.path.insert(0, str(PLUGIN))
+    try:
+        base = importlib.import_module("hpop_example_plugin.holonomic").Holonomic(camera_height=0.4)
+    finally:
+        sys.path.remove(str(PLUGIN))
+    return MobileArm(arm6(base=ON_TOP), base)
+
+
+def test_any_base_in_the_plane_carries_an_arm(slider, home):
+    assert set(slider.laws) == {"glide", "reach"}
+    assert "wheels" not in slider.provides
+    check_model(slider)
+    a, b = drawn(slider, 5, 1), drawn(slider, 5, 2)
+    legs = slider.connect(a, b)
+    assert [leg.kind for leg in legs] == ["reach", "glide", "reach"]
+    for name, value in zip(slider.joints, home, strict=True):
+        np.testing.assert_allclose(getattr(legs[0].end, name), value)
+    off = slider.space.differences(legs[-1].end, b)
+    assert all(np.abs(column).max() < 1e-9 for column in off.values())
+
+
+def test_an_arm_is_planned_on_a_base_that_slides(slider, home):
+    problem = hpop.Problem(ROOM, slider, (0.6, 0.6, 0.0, *home), (2.6, 0.7, None, *home), ["camera_length", "duration"])
+    front = problem.solve(Roadmap(samples=40, rng=0))
+    assert len(front)
+    assert {"glide"} <= {kind for trajectory in front.trajectories for kind in trajectory.kinds} <= {"glide", "reach"}
+    assert verify(problem, front) == []

@@ -12,7 +12,7 @@ import shapely
 
 import hpop
 from hpop.base.registry import make_model
-from hpop.criteria.base import motion_costs, trajectory_costs
+from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.errors import ModelError, QueryError, ScenarioError
 from hpop.motions import Motions, States, integrated
 from hpop.motions.symbolic import SymbolicMotions

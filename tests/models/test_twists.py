@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hpop
-from hpop.criteria.base import motion_costs, trajectory_costs
+from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.models.driven import driven
 from hpop.motions import Body, States, integrated
 from hpop.testing import random_motions, random_world

@@ -297,7 +297,7 @@ def test_a_long_motion_is_integrated_in_blocks_to_the_same_cost(monkeypatch):
     expected = [[f(rate)] for f in (long_moves().integrate, long_moves().worst)]
     assert max(sizes) == 40_032  # two nodes a panel: 20,000 panels, 5, 10 and 1
     sizes.clear()
-    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 500)
+    monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 500)
     found = [[f(rate)] for f in (long_moves().integrate, long_moves().worst)]
     assert max(sizes) <= 2 * 2 * 500
     np.testing.assert_allclose(found, expected, rtol=1e-12)
@@ -316,7 +316,7 @@ def test_limits_are_asked_between_the_blocks_of_a_long_motion(monkeypatch):
             assert doing == "costs were integrated along motions"
             raise Late
 
-    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 500)
+    monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 500)
     moves = long_moves()
     for read in (moves.integrate, moves.worst, lambda rate: list(moves.portions())):
         with pytest.raises(Late), limits.within(Limits()):
@@ -324,7 +324,7 @@ def test_limits_are_asked_between_the_blocks_of_a_long_motion(monkeypatch):
 
 
 def test_portions_are_all_motions_in_order(monkeypatch):
-    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 12)
+    monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 12)
     moves = long_moves()
     runs = list(moves.portions())
     assert [(run.start, run.stop) for run, _ in runs] == [(0, 1), (1, 2), (2, 4)]  # panels: 5; 20,000; 10 and 1

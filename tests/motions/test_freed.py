@@ -10,7 +10,7 @@ import shapely
 
 import hpop
 from hpop.base.arrays import Column
-from hpop.motions.instants import Instants
+from hpop.motions.bodies import Instants
 from hpop.world import Person, World
 
 

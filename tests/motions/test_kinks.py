@@ -97,7 +97,7 @@ def test_many_motions_cost_the_same_when_they_are_taken_in_parts(kind, name, mon
     world = ROOM.with_content(people=people("who turn every second", rng))
     m = motions(kind, 0.5, world, rng)
     whole = motion_costs(make_criterion(name), m)
-    monkeypatch.setattr("hpop.motions.panels.AT_ONCE", 40)
+    monkeypatch.setattr("hpop.motions.quadrature.AT_ONCE", 40)
     assert (motion_costs(make_criterion(name), motions(kind, 0.5, world, np.random.default_rng(0))) >= 0).all()
     parts = motion_costs(make_criterion(name), Motions(world, m.model, m.law, m.start, m.end, t0=m.t0))
     assert parts == pytest.approx(whole, rel=1e-12)

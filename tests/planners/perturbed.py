@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 
 WIDTH, HEIGHT, RADIUS = 9.0, 5.5, 0.3  # m
 ROOM = shapely.box(0, 0, WIDTH, HEIGHT)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.any_angle import AnyAngle

@@ -11,7 +11,8 @@ import pytest
 import hpop
 from hpop.base.arrays import FloatArray
 from hpop.criteria import Learnt
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import CriterionError, HpopWarning, StudyError
 from hpop.study import fit_criterion
 from tests.view.explorer.fronts import seeded

@@ -11,7 +11,8 @@ import shapely
 from matplotlib import rcParams
 
 import hpop
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 
 WAYS = {
     "straight": [(1, 1), (9, 1)],

@@ -10,7 +10,7 @@ import shapely
 from matplotlib.figure import Figure
 
 import hpop
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError
 from hpop.view import draw_front, draw_map, draw_side, draw_states, draw_trace, draw_where
 from tests.test_table import HEAD, PANNED

@@ -7,9 +7,10 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import make_criterion, trajectory_cost
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_cost
 from hpop.motions import States
-from hpop.problems.trace import trace
+from hpop.problems.evaluation import trace
 from hpop.view import draw_trace
 from hpop.view.trace import camera_rates
 from tests.models.serial_arm.arms import arm6

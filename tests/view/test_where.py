@@ -12,7 +12,7 @@ import hpop
 from hpop.criteria import make_criterion
 from hpop.models.driven import driven
 from hpop.motions import States
-from hpop.problems.trace import trace
+from hpop.problems.evaluation import trace
 from hpop.view import draw_where
 from hpop.view.where import shown_along
 from hpop.world.content.content import Landmark, Person

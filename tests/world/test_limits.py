@@ -10,7 +10,7 @@ import shapely
 
 import hpop
 from hpop.base.registry import criteria
-from hpop.criteria.others import zone_fields
+from hpop.criteria import others
 from hpop.planners.lattice import Lattice
 from hpop.runtime import limits
 from hpop.world import Field, World
@@ -66,14 +66,14 @@ MAKE: dict[str, Callable[[World], Any]] = {
     "landmarks all round": lambda world: landmarks_unseen(world, pose(world), near=1.0, far=5.0),
     "landmarks in view": lambda world: landmarks_unseen(world, pose(world), near=1.0, far=5.0, fov=1.0),
     "bearings": lambda world: bearings(world, 1.2).layers(0.1),
-    "speed limits": lambda world: [area.values for _, area in zone_fields.speed_limits(world)],
-    "flows": lambda world: [part.values for flow in zone_fields.one_way_flows(world) for part in flow],
+    "speed limits": lambda world: [area.values for _, area in others.speed_limits(world)],
+    "flows": lambda world: [part.values for flow in others.one_way_flows(world) for part in flow],
 }
 
 
 @pytest.fixture(params=MAKE)
 def make(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Callable[[World], Any]:
-    for name in ("hpop.world.sight.bearings.CAST", "hpop.criteria.others.zone_fields.ROWS"):
+    for name in ("hpop.world.sight.bearings.CAST", "hpop.criteria.others.ROWS"):
         monkeypatch.setattr(name, 200)
     return MAKE[request.param]
 

@@ -9,7 +9,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort._visual import camera_at
+from hpop.criteria.comfort import camera_at
 from hpop.errors import CriterionError
 from hpop.trajectories.history import History
 

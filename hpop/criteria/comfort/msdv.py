@@ -9,7 +9,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort._visual import visual_motion
+from hpop.criteria.comfort import visual_motion
 from hpop.trajectories.history import History
 
 STEP = 0.02  # s: 50 Hz, 80 times the upper corner of Wf, so the bilinear transform bends nothing

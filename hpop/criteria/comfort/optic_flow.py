@@ -1,20 +1,41 @@
-"""Optic flow: how fast what the user sees streams past."""
+"""Optic flow: how fast the surroundings stream past the user, along bearings or along rays in space."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from hpop.base.arrays import Column
+from hpop.base.arrays import Column, FloatArray
 from hpop.base.options import set_reals, set_wholes
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort._flow_in_space import flow_in_space, rays_of_view
 from hpop.errors import CriterionError
-from hpop.models.camera import camera_height, field_of_view, rises
+from hpop.models.camera import FieldOfView, camera_height, field_of_view, rises
 from hpop.motions import Instants, Motions, Rate
-from hpop.world.geometry.rays_in_space import surfaces_of
-from hpop.world.sight.bearings import ALL_ROUND, Seen, bearings
+from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows, surfaces_of
+from hpop.world.sight.bearings import ALL_ROUND, REACH, Seen, bearings
+
+
+def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:
+    """Return unit vectors (K, 3), ahead, left and up, spread evenly over the field of view."""
+    width, height = view
+    spacing = 2.0 * math.pi / bearings
+    return over_sphere(max(bearings, round(width * 2.0 * math.sin(0.5 * height) / spacing**2)), width, height)
+
+
+def flow_in_space(surfaces: Surfaces, view: FloatArray, nearest: float, *, largest: bool) -> Rate:
+    """Return the rate of the mean, or the largest, flow along rays (K, 3) in the camera's frame."""
+
+    def rate(s: Instants) -> FloatArray:
+        pose, twist, size = s.camera, s.twist("camera"), s.state.size
+        place, velocity, rotation, *axes = (
+            rows(vector, size)
+            for vector in ((pose.x, pose.y, pose.z), twist.velocity, twist.rotation, pose.ahead, pose.left, pose.up)
+        )
+        return surfaces.flow(place, np.stack(axes, axis=1), velocity, rotation, view, REACH, nearest, largest=largest)
+
+    return rate
 
 
 @dataclass(frozen=True)
@@ -29,7 +50,7 @@ class _Flow:
         set_wholes(self, "bearings", least=4, most=360, kind="a number of directions", error=CriterionError)
 
     def _rate(self, m: Motions, *, largest: bool) -> Rate:
-        """What streams past the camera as it moves and turns: the mean, or the largest."""
+        """Return the rate of the flow as the camera moves and turns: the mean, or the largest."""
         if rises(m.model):
             view = rays_of_view(field_of_view(m.model), self.bearings)
             return flow_in_space(surfaces_of(m.world), view, self.nearest, largest=largest)
@@ -47,7 +68,7 @@ class _Flow:
 
     @staticmethod
     def _turns_alone(m: Motions) -> bool:
-        """Whether a camera turns about the vertical where it is, and does no more, so that all flow is its rate."""
+        """Return whether the camera only turns about the vertical where it is, so that its turn rate is the flow."""
         return m.camera.stays and m.camera.upright and not rises(m.model)
 
 
@@ -78,7 +99,7 @@ class OpticFlow(_Flow):
     """
 
     def cost(self, m: Motions) -> Column:
-        """Flow (M,), rad."""
+        """Return the flow (M,), rad."""
         if self._turns_alone(m):
             return m.camera.turned
         return m.integrate(self._rate(m, largest=False))
@@ -97,14 +118,14 @@ class PeakOpticFlow(_Flow):
     """
 
     def cost(self, m: Motions) -> Column:
-        """Fastest flow (M,), rad/s."""
+        """Return the fastest flow (M,), rad/s."""
         if self._turns_alone(m):
             return fastest_turn(m)
         return m.worst(self._rate(m, largest=True))
 
 
 def fastest_turn(m: Motions) -> Column:
-    """Largest turn rate (M,), rad/s, about the vertical: a phase's share grows fastest at one of its ends."""
+    """Return the largest turn rate (M,), rad/s, about the vertical, which every phase has at one of its ends."""
     fastest: Column = 0.0
     for phase in m.phases:
         for u in (0.0, 1.0):

@@ -9,8 +9,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.options import set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort._visual import visual_motion
-from hpop.criteria.comfort.svc import STEP, sicken
+from hpop.criteria.comfort import visual_motion
 from hpop.errors import CriterionError
 from hpop.trajectories.history import History
 
@@ -39,7 +38,9 @@ class Sickness:
         set_reals(self, "vection", least=0, most=1, kind="a share", error=CriterionError)
 
     def cost(self, m: History) -> FloatArray:
-        """Incidence (M,), %, at the end of each motion."""
+        """Return the incidence (M,), %, at the end of each motion."""
+        from hpop.criteria.comfort.svc import STEP, sicken  # importing numba takes half a second
+
         visual = visual_motion(m, STEP)
         sick = sicken(seen=visual.acceleration, seen_rotation=visual.rotation, vection=self.vection, step=visual.step)
         return m.at_motion_ends(visual.times, np.concatenate([[0.0], sick.incidence[:-1]]))

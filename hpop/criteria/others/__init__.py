@@ -1,1 +1,148 @@
-"""J_O: people near the robot. Criteria of this group need people in the world."""
+"""Criteria of other people, and what several of them read: the robot's outline, its velocity, the time, and zones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from hpop.base.arrays import Column, FloatArray
+from hpop.base.options import MOST, real
+from hpop.errors import CriterionError
+from hpop.motions import Instants, Model, Motions
+from hpop.runtime import limits
+from hpop.world import World
+from hpop.world.content.content import Person, Zone
+from hpop.world.content.futures import named_as
+from hpop.world.content.proxemics import any_moves
+from hpop.world.fields.field import Field, grid_points
+
+MAX_SAMPLES = 4_000_000
+ROWS = 1 << 16  # samples whose squares are looked at together
+SAMPLE = 8  # bytes
+POINT = 200  # bytes beside it of a place on a path
+ZONES = "zones were sampled"
+SAME_PLACE = 1e-9  # share of a path's length within which its nearest point is a corner
+
+
+def reach(model: Model, radius: float | None) -> float:
+    """Return the radius, m, of the robot about its axis: as given, or as far as its upright parts reach."""
+    if radius is not None:
+        return radius
+    return max((float(part.reach) for part in model.platform), default=0.0)
+
+
+def checked_radius(radius: float | None) -> float | None:
+    """Return a robot's radius; CriterionError unless it is None or a length."""
+    if radius is None:
+        return None
+    return real("robot_radius", radius, 0, MOST, "None for the model's, or a length in m", error=CriterionError)
+
+
+def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
+    """Return the velocity (x, y) of the base, m/s, world frame, without computing it where the base stays."""
+    if m.base.stays:
+        still = 0.0 * s.base.x
+        return still, still
+    return s.twist("base").velocity[:2]
+
+
+def clock(s: Instants, people: Iterable[Person]) -> Column | None:
+    """Return the times of moments, s, if a person moves; else None, so that graphs without time can cost it."""
+    return s.t if any_moves(people) else None
+
+
+def check_one_future(name: str, people: Iterable[Person]) -> None:
+    """Raise CriterionError where a person in a group has several hypotheses."""
+    for person in people:
+        if person.futures:
+            raise CriterionError(
+                f"{name!r} needs one future of each who talks; {named_as('person', person.name)} has "
+                f"{len(person.futures)}, and whom the others would follow is not said. Give one prediction to those "
+                "who are in a group, or leave the group out"
+            )
+
+
+def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
+    """Return each limit, m/s, with a field of where it holds; where speed zones overlap, the lowest holds."""
+    zones = tuple((float(zone.limit), zone.area) for zone in world.content.zones if zone.limit is not None)
+
+    def make() -> tuple[tuple[float, Field], ...]:
+        found = []
+        lower: BaseGeometry = shapely.Polygon()
+        for limit in sorted({limit for limit, _ in zones}):
+            area = shapely.union_all([area for other, area in zones if other == limit])
+            rest = shapely.difference(area, lower)
+            lower = shapely.union(lower, area)
+            if rest.area > 0:
+                xs, ys = _grid(world, rest)
+                found.append((limit, _field(xs, ys, _shares(rest, xs, ys))))
+        return tuple(found)
+
+    return world.ground.derived(("speed limits", zones), make)
+
+
+def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
+    """Return the allowed direction (x, y) of each one-way zone as fields, of length 1 inside and 0 outside.
+
+    The direction at a place is that of the nearest segment of the zone's path; beyond a corner, where two segments are
+    equally near, it is half way between theirs.
+    """
+    zones = [zone for zone in world.content.zones if zone.kind == "one-way"]
+    key = ("one-way flows", *((zone.area, zone.path) for zone in zones))
+    return world.ground.derived(key, lambda: tuple(_flow(world, zone) for zone in zones))
+
+
+def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
+    xs, ys = _grid(world, zone.area)
+    shares = _shares(zone.area, xs, ys)
+    limits.hold(ZONES, xs.size * ys.size * SAMPLE, xs.size * ys.size * POINT)
+    corners = shapely.get_coordinates(zone.path)
+    steps = np.diff(corners, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    steps, lengths = steps[lengths > 0], lengths[lengths > 0]
+    ahead = steps / lengths[:, None]  # (segments, 2)
+    ends = np.cumsum(lengths)
+    x, y = np.meshgrid(xs, ys)
+    along = shapely.line_locate_point(zone.path, shapely.points(x, y))
+    slack = SAME_PLACE * ends[-1]
+    before, after = (
+        np.minimum(np.searchsorted(ends, along + shift, side="right"), lengths.size - 1) for shift in (-slack, slack)
+    )
+    mean = ahead[before] + ahead[after]  # (H, W, 2)
+    norm = np.hypot(mean[..., 0], mean[..., 1])[..., None]
+    # A path that turns back on itself at a corner has no half way: then what comes after it counts.
+    direction = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
+    return _field(xs, ys, shares * direction[..., 0]), _field(xs, ys, shares * direction[..., 1])
+
+
+def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
+    """Return sample positions a field cell apart, coarser where a zone would take over four million."""
+    x0, y0, x1, y1 = shapely.bounds(area)
+    spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_SAMPLES))
+    return grid_points((x0, y0, x1, y1), spacing)
+
+
+def _field(xs: FloatArray, ys: FloatArray, values: FloatArray) -> Field:
+    return Field(values, float(xs[1] - xs[0]), (float(xs[0]), float(ys[0]), 0.0))
+
+
+def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
+    """Return the share (H, W) of the square about each sample that lies in an area."""
+    half = 0.5 * float(xs[1] - xs[0])
+    limits.hold(ZONES, xs.size * ys.size * SAMPLE)
+    shapely.prepare(area)
+    found = np.empty((ys.size, xs.size))
+    step = max(1, ROWS // xs.size)
+    for begin in range(0, ys.size, step):
+        limits.check(ZONES)
+        x, y = np.meshgrid(xs, ys[begin : begin + step])
+        squares = shapely.box(x - half, y - half, x + half, y + half)
+        shares = np.where(shapely.contains_properly(area, squares), 1.0, 0.0)
+        border = shapely.intersects(area, squares) & (shares == 0)
+        shares[border] = shapely.area(shapely.intersection(area, squares[border])) / (4.0 * half * half)
+        found[begin : begin + step] = np.clip(shares, 0.0, 1.0)
+    return found

@@ -8,8 +8,7 @@ import numpy as np
 
 from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import base_velocity
-from hpop.criteria.others.zone_fields import one_way_flows
+from hpop.criteria.others import base_velocity, one_way_flows
 from hpop.motions import Instants, Motions
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import check_one_future
+from hpop.criteria.others import check_one_future
 from hpop.errors import CriterionError
 from hpop.motions import Curve, Motions
 from hpop.world.content.content import Person

@@ -12,7 +12,7 @@ from hpop.base.arrays import Column
 from hpop.base.math import hypot, is_zero
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import checked_radius, clock, reach
+from hpop.criteria.others import checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person

@@ -11,11 +11,11 @@ from hpop.base.arrays import Column
 from hpop.base.math import hypot, is_zero
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
+from hpop.criteria.others import checked_radius, clock, reach
 from hpop.criteria.others.hall_zones import within
-from hpop.criteria.others.robot import checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions
-from hpop.motions.instants import Rate
+from hpop.motions.bodies import Rate
 from hpop.world.content.content import Person
 from hpop.world.content.proxemics import HALL, Blurred, expected, offset
 

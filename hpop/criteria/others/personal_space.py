@@ -12,7 +12,7 @@ from hpop.base.arrays import Column
 from hpop.base.math import erf, hypot, is_zero
 from hpop.base.options import one_of
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import clock
+from hpop.criteria.others import clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person

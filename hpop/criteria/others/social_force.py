@@ -11,7 +11,7 @@ from hpop.base.math import erf, erfcx, hypot, is_zero
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.base.symbols import summed
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import base_velocity, clock
+from hpop.criteria.others import base_velocity, clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person

@@ -9,7 +9,7 @@ import numpy as np
 from hpop.base.arrays import Column
 from hpop.base.math import smooth_abs
 from hpop.criteria.base import criterion
-from hpop.criteria.others.zone_fields import speed_limits
+from hpop.criteria.others import speed_limits
 from hpop.motions import Instants, Motions
 
 

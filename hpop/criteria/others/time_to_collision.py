@@ -9,7 +9,7 @@ import numpy as np
 from hpop.base.arrays import Column
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import base_velocity, checked_radius, clock, reach
+from hpop.criteria.others import base_velocity, checked_radius, clock, reach
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person

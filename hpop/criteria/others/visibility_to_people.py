@@ -11,7 +11,7 @@ from hpop.base.arrays import Column, FloatArray
 from hpop.base.math import hypot, is_zero
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.others.robot import clock
+from hpop.criteria.others import clock
 from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.world.content.content import Person

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hpop.base.arrays import Column
 from hpop.base.math import angle_between
 from hpop.criteria.base import criterion
-from hpop.criteria.performance.target import Targeted
+from hpop.criteria.performance import Targeted
 from hpop.motions import Motions
 
 

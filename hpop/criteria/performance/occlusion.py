@@ -9,7 +9,7 @@ import numpy as np
 from hpop.base.arrays import Column, FloatArray
 from hpop.base.options import LEAST, set_reals, set_wholes
 from hpop.criteria.base import criterion
-from hpop.criteria.performance.target import Targeted
+from hpop.criteria.performance import Targeted
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Model, Motions
 from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball

@@ -10,7 +10,7 @@ from hpop.base.arrays import Column
 from hpop.base.math import norm
 from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.performance.target import Targeted
+from hpop.criteria.performance import Targeted
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions
 

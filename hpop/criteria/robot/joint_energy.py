@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.robot.joints import joint_rates
+from hpop.criteria.robot import joint_rates
 from hpop.motions import Motions
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
-from hpop.criteria.robot.joints import joints_of
 from hpop.motions import Instants, Motions
 
 
@@ -28,7 +27,7 @@ class JointLimits:
         ranges = [
             (name, 0.5 * (low + high), 0.5 * (high - low))
             for name, low, high in stops
-            if name in joints_of(m.model) and low < high
+            if name in m.model.joints and low < high
         ]
         if not ranges:
             return 0.0 * m.duration

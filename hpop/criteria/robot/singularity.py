@@ -10,7 +10,6 @@ from hpop.base.arrays import Column
 from hpop.base.math import dot
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.robot.joints import joints_of
 from hpop.errors import CriterionError
 from hpop.motions import Model, Motions, States
 
@@ -46,7 +45,7 @@ def manipulability(model: Model, states: States) -> Column:
     """sqrt(det(J Jᵀ)) (N,) of the tool, or else the camera; of Jᵀ J where the joints are fewer than six."""
     body = "tool" if "tool" in model.provides else "camera"
     rows = []  # of Jᵀ: the twist of each joint alone at unit speed
-    for joint in joints_of(model):
+    for joint in model.joints:
         rates = States(**{name: np.full(states.size, float(name == joint)) for name in model.space.names})
         twist = model.twist(body, states, rates)
         rows.append([*twist.velocity, *twist.rotation])

@@ -1,7 +1,8 @@
 """Collisions of a base that carries an arm: of the base in the plane, of the links and with the base in space.
 
-The base meets obstacles, keep-out zones and the border of the extent as it does alone; links meet what is solid, each
-other and the base.
+The base meets obstacles, keep-out zones and the border of the extent as it does alone. Links meet solids, each other
+and the base. For the links, base and arm are one chain with x, y and yaw as its first joints: a drive, a turn in place
+and a reach each change joints evenly with the share done, so proofs for an arm's motions hold for all of them.
 """
 
 from __future__ import annotations
@@ -15,11 +16,10 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part as Prism
-from hpop.models.differential_drive import DifferentialDrive
 from hpop.models.serial_arm.chain import Chain, Mount, Pair, Part, pair_of
 from hpop.models.serial_arm.collision import ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
-from hpop.motions import Collision, Motions, States
+from hpop.motions import Collision, Motions, States, StateSpace
 from hpop.world import World
 from hpop.world.geometry.solids import Cylinder, Hull, Solid
 
@@ -27,9 +27,8 @@ BASE = 3  # joints by which the base moves, and the frame that moves with it
 PLATFORM = "mobile base"  # as messages call it, among the links
 
 
-def carried_chain(base: DifferentialDrive, chain: Chain) -> Chain:
-    """Return the chain of an arm whose frame 0 is a base, placed in the world by x, y and yaw."""
-    space, along, turning = base.space, [base.speed] * 2, base.turn_rate
+def carried_chain(space: StateSpace, chain: Chain) -> Chain:
+    """Return the chain of an arm whose frame 0 is a base with a space x, y, yaw, which sets no limits of speed."""
     return Chain(
         names=(*space.names, *chain.names),
         sliding=np.array([True, True, False, *chain.sliding]),
@@ -38,8 +37,8 @@ def carried_chain(base: DifferentialDrive, chain: Chain) -> Chain:
         origins=np.concatenate([np.tile(np.eye(4), (BASE, 1, 1)), chain.origins]),
         low=np.append(space.low, chain.low),
         high=np.append(space.high, chain.high),
-        speed=np.array([*along, turning, *chain.speed]),
-        acceleration=np.array([*[base.acceleration] * 2, base.turn_acceleration, *chain.acceleration]),
+        speed=np.append(np.full(BASE, np.inf), chain.speed),
+        acceleration=np.append(np.full(BASE, np.inf), chain.acceleration),
         mounts={name: Mount(BASE + mount.frame, mount.pose) for name, mount in chain.mounts.items()},
     )
 

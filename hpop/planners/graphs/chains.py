@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.base.arrays import BoolArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.errors import ModelError
 from hpop.motions import Motions, States
 from hpop.planners.graphs.stretches import Stretches

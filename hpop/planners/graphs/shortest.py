@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble
 from hpop.planners.graphs.query import Query

@@ -13,7 +13,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.motions import Law, States, StateSpace, is_coupled, onward
-from hpop.motions.possible import refuse_impossible
+from hpop.motions.by_law import refuse_impossible
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.base.text import shown
-from hpop.criteria.base import Criterion, check_command, motion_costs
+from hpop.criteria.base import Criterion, check_command
+from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
 from hpop.motions import Motions, States
 from hpop.motions.symbolic import SymbolicMotions

@@ -16,7 +16,8 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import one_of, set_wholes
 from hpop.base.randomness import MaybeRNG, set_seed
 from hpop.base.scalars import set_python_values
-from hpop.criteria.base import Criterion, make_criterion, trajectory_costs
+from hpop.criteria.base import Criterion, make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import QueryError
 from hpop.planners.base import Candidates, planner
 from hpop.planners.goals import one_goal, start_of

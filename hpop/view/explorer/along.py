@@ -13,10 +13,9 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
+from hpop.problems.evaluation import Trace, claimable, criteria_of, trace
 from hpop.problems.front import Front
-from hpop.problems.further import claimable, criteria_of
 from hpop.problems.problem import Problem
-from hpop.problems.trace import Trace, trace
 from hpop.view.explorer.corners import Packer, millimetres
 from hpop.view.style import label
 

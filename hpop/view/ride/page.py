@@ -23,10 +23,10 @@ from hpop.base.text import printable
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, OutputError
 from hpop.motions import Model, States
+from hpop.problems.evaluation import trace
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.problem import Problem
-from hpop.problems.trace import trace
 from hpop.trajectories.poses import on_one_side, poses, quaternions_of
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.along import columns_of, taken_together, told_ends, words

@@ -16,7 +16,7 @@ import shapely
 
 import hpop
 from hpop.criteria import Clearance, Exposure, Length
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice

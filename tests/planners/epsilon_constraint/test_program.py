@@ -7,7 +7,7 @@ import shapely
 
 import hpop
 from hpop.criteria import Clearance, Duration, Exposure, Length, Obstruction, Rotation, Turns
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions.symbolic import lift

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from hpop.base.math import wrap
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import States
 from hpop.planners.graphs.joined_ends import with_ends

@@ -8,7 +8,7 @@ import shapely
 
 from hpop.base.math import wrap
 from hpop.criteria import Exposure, Length, Turns, make_criterion
-from hpop.criteria.base import motion_costs, trajectory_costs
+from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.planners.any_angle import AnyAngle
 from hpop.planners.lattice import Lattice

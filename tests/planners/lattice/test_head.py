@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.base import motion_costs
+from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError
 from hpop.motions import Motions, States
 from hpop.planners.lattice import Lattice

@@ -13,7 +13,8 @@ import shapely
 
 from hpop.base.registry import criteria as registered
 from hpop.criteria import Duration, Length, motion_costs
-from hpop.criteria.base import criterion, trajectory_costs
+from hpop.criteria.base import criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive, PanTilt
 from hpop.planners.lattice import Lattice

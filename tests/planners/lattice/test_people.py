@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria.base import trajectory_cost
+from hpop.criteria.costs import trajectory_cost
 from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners.lattice import Lattice

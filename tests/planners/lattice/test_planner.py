@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from hpop.criteria import make_criterion, motion_costs
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.planners.lattice import Lattice

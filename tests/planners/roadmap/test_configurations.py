@@ -16,7 +16,7 @@ import shapely
 
 import hpop
 from hpop.base.math import wrap
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import ModelError, OptionError, QueryError
 from hpop.models.base import PlanarModel
 from hpop.motions import Leg, Model, States, StateSpace

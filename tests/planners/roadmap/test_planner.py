@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from hpop.base.math import wrap
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners.graphs import arcs

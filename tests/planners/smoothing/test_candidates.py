@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hpop.criteria import Turns
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.planners.programs.smoothing.planner import Smoothing
 from hpop.problems.front import Front

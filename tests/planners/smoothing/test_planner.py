@@ -13,7 +13,7 @@ import pytest
 import shapely
 
 from hpop.criteria import Clearance, Length, OrientationRetention, Turns
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.models.driven import Drive, ahead

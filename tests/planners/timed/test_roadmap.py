@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.planners.graphs.timed.clock import Clock
 from hpop.planners.graphs.timed.legs import TimedArcs
 from hpop.planners.graphs.timed.reading import reading_time

@@ -7,7 +7,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from hpop.criteria.base import motion_costs
+from hpop.criteria.costs import motion_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import HOLD, Motions, States
 from hpop.planners.graphs.timed.assembly import timed_graph

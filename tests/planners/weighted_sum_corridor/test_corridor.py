@@ -9,7 +9,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.criteria.base import make_criterion, trajectory_costs
+from hpop.criteria.base import make_criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
 from hpop.planners.polylines.polyline import Polyline

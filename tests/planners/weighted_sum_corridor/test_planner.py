@@ -10,8 +10,9 @@ import shapely
 
 from hpop.base.registry import criteria
 from hpop.criteria import Clearance, Length
-from hpop.criteria.base import criterion, trajectory_costs
+from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import CriterionError, OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import WeightedSumCorridor, make_planner

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from hpop.base.arrays import BoolArray, IntArray, copied
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.motions import lacking
 from hpop.planners.graphs.arcs import Arcs
 from hpop.planners.graphs.lattice.graph import StateLattice

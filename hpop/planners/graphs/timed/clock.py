@@ -19,7 +19,7 @@ from hpop.base.options import MOST, real
 from hpop.base.scalars import set_python_values
 from hpop.errors import OptionError
 from hpop.motions import States
-from hpop.motions.hold import LONGEST as LONGEST_HOLD
+from hpop.motions.laws import LONGEST as LONGEST_HOLD
 from hpop.planners.needs import people_move
 from hpop.search.timed.graph import MAX_TICKS
 

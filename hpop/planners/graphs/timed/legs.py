@@ -11,9 +11,10 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import LEAST
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.motions import HOLD, Motions, States, laws_of
-from hpop.motions.hold import CLOCK
+from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import MOVE, blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph

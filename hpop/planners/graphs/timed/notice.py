@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.motions import HOLD, Law, Model, Motions, States
-from hpop.motions.hold import CLOCK
+from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.timed.company import Company
 from hpop.world import World
 from hpop.world.content.people import Person

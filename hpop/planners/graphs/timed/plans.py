@@ -16,7 +16,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import LEAST
 from hpop.motions import HOLD, States
-from hpop.motions.hold import CLOCK
+from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.timed.graph import Timed
 from hpop.search.timed.graph import RATE_BITS
 from hpop.search.timed.paths import HOLD as HELD

@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.motions import HOLD, Motions, States
-from hpop.motions.hold import CLOCK
+from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.legs import motions_of

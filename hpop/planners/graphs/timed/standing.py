@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.motions import HOLD, Law, Motions, States
-from hpop.motions.hold import CLOCK
+from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.timed.legs import TimedArcs, motions_of
 from hpop.planners.graphs.timed.presence import Presence

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.motions import HOLD, Motions, States
-from hpop.motions.hold import CLOCK
+from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.legs import Leg, costs_of
 from hpop.planners.graphs.timed.presence import Presence

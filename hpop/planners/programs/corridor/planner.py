@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hpop.base.scalars import set_python_values
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.criteria.base import motion_costs, trajectory_costs
+from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.planners.judgement import accepted, are_free, exceeds, is_free, judge, on_map
 from hpop.planners.polylines.polyline import PIECE, Polyline, PolylineStructure
 from hpop.planners.programs.deadline import CUT_SHORT, Deadline

@@ -10,7 +10,8 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.motions import Motions, States
 from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.nlp import reaches

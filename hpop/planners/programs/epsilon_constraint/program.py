@@ -17,7 +17,8 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
-from hpop.criteria.base import Criterion, motion_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions.symbolic import lift
 from hpop.planners.goals import one_goal

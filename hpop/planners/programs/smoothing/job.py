@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import Criterion
 from hpop.criteria.comfort.turns import LEAST_TURN
+from hpop.criteria.costs import trajectory_costs
 from hpop.models.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.criteria.base import Criterion, trajectory_costs
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import trajectory_costs
 from hpop.motions import JointCollision, States
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
 from hpop.planners.programs.spline.knots import LAW, Knots, SplineLaw

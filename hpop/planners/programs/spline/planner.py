@@ -15,7 +15,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import set_wholes
 from hpop.base.scalars import set_python_values
 from hpop.base.text import counted
-from hpop.criteria.base import trajectory_costs
+from hpop.criteria.costs import trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted

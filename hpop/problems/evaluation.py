@@ -1,25 +1,110 @@
-"""A trace: each criterion's rate and running value along one trajectory, so that one sees where comfort is lost."""
+"""Criteria evaluated on trajectories that exist: further columns of a front, and traces along one trajectory."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.criteria.base import Criterion, motion_costs, running_costs, running_values, trajectory_costs
+from hpop.base.text import shown
+from hpop.criteria.base import Criterion, CriterionSpec, check_usable, describe_criterion, make_criterion
+from hpop.criteria.costs import motion_costs, running_costs, running_values, trajectory_costs
+from hpop.errors import CriterionError, QueryError
+from hpop.frontier.strict_json import plain
+from hpop.frontier.union import each_claim
 from hpop.motions import Motions, States, laws_of
-from hpop.trajectories.pieces import Pieces, PiecesHistory
+from hpop.planners.objectives import edge_objectives
+from hpop.problems.front import Front, question_of
+from hpop.trajectories.history import Pieces, PiecesHistory
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
     from hpop.world import World
 
+ALSO = "also"  # key of a front's problem: what was evaluated beside what it asks for
 PIECE = 0.1  # s: motions are cut into pieces of at most about this duration,
-FEWEST, MOST = 100, 4000  # and into more where the trajectory is short, and into fewer where it is long
 AGREES = 0.02  # a criterion whose pieces add up to something else, as a share of its value, is traced motion by motion
+
+
+def evaluated(
+    problem: Problem, front: Front, also: Sequence[CriterionSpec], say: Callable[[str], None] | None = None
+) -> Front:
+    """Return a front with further criteria as reported columns; see :meth:`hpop.Problem.evaluate`."""
+    _check_answers(problem, front)
+    known = {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
+    columns = front.names + front.reported_names
+    wanted = made(problem, also, [criterion for name, criterion in known.items() if name in columns])
+    if not wanted:
+        return front
+    values = trajectory_costs(wanted, front.trajectories, problem.world, say=say)
+    names = [criterion.name for criterion in wanted]
+    said = f"{{}}; {', '.join(names)} evaluated on what was found, not optimised"
+    asked = problem.describe() if front.problem is None else front.problem
+    listed = [*asked.get(ALSO, []), *map(describe_criterion, wanted)]
+    return replace(
+        front,
+        reported=np.hstack([front.reported, values]),
+        reported_names=(*front.reported_names, *names),
+        reported_units=(*front.reported_units, *(criterion.unit for criterion in wanted)),
+        certificate=each_claim(front.certificate, said),
+        problem={**asked, ALSO: listed},
+    )
+
+
+def made(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[Criterion]) -> list[Criterion]:
+    """Return the requested criteria, each once, without those that exist.
+
+    Raises CriterionError for what robot and world do not have, and for two of one name with different parameters.
+    """
+    if isinstance(also, str | Mapping) or not isinstance(also, Sequence):
+        raise CriterionError(f"also is a list of criteria such as ['sickness', 'rotation'], got {shown(also)}")
+    known, wanted = {criterion.name: criterion for criterion in there}, list[Criterion]()
+    for criterion in map(make_criterion, also):
+        other = known.setdefault(criterion.name, criterion)
+        if other is criterion:
+            check_usable(criterion, problem.model, problem.world)
+            wanted.append(criterion)
+        elif plain(describe_criterion(criterion)) != plain(describe_criterion(other)):
+            raise CriterionError(
+                f"{criterion.name!r} is there already with other parameters, {shown(other)}, and a name stands for one "
+                f"column; got {shown(criterion)}"
+            )
+    return wanted
+
+
+def criteria_of(front: Front) -> list[Criterion]:
+    """Return the criteria that were evaluated on a front beside those of its problem."""
+    listed = (front.problem or {}).get(ALSO, [])
+    if not isinstance(listed, list):
+        raise CriterionError(f"a front's further criteria are a list of them, got {shown(listed)}")
+    return [make_criterion(spec) for spec in listed]
+
+
+def claimable(problem: Problem) -> dict[str, Criterion]:
+    """Return the criteria whose costs a front of this problem may hold, stand-ins of means included."""
+    additive = [c for c in problem.criteria if c.aggregate != "trajectory"]
+    optimised = edge_objectives(additive, "front").optimised if additive else ()
+    return {criterion.name: criterion for criterion in (*optimised, *problem.criteria)}
+
+
+def _check_answers(problem: Problem, front: Front) -> None:
+    """Raise QueryError where the front's costs are of another world, robot or criteria."""
+    if front.problem is None:
+        return
+    asked, answered = question_of(plain(problem.describe())), question_of(front.problem)
+    differing = [key for key in ("world", "model", "criteria", "quanta") if asked.get(key) != answered.get(key)]
+    if differing:
+        raise QueryError(
+            f"the front answers another problem: {', '.join(differing)} differ; evaluate it by its own, "
+            "hpop.Problem.from_description(front.problem)"
+        )
+
+
+FEWEST, MOST = 100, 4000  # and into more where the trajectory is short, and into fewer where it is long
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -78,7 +163,7 @@ def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def in_pieces(trajectory: Trajectory) -> Pieces:
-    """Motions cut into short pieces, as a finer lattice would have them; planned turns of the base stay whole.
+    """Cut motions into short pieces, as a finer lattice would; planned turns of the base stay whole.
 
     Those stand before they turn and after, for what stopping and starting costs the moves beside them: when something
     arises within one means little, and maps show each as one dot.
@@ -91,13 +176,13 @@ def in_pieces(trajectory: Trajectory) -> Pieces:
 
 
 def _stands(trajectory: Trajectory, i: int) -> bool:
-    """Whether a motion stands for a while."""
+    """Return whether a motion stands for a while."""
     ends = (trajectory.states.take(slice(j, j + 1)) for j in (i, i + 1))
     return any(phase.shape == "hold" for phase in laws_of(trajectory.model)[trajectory.kinds[i]].phases(*ends))
 
 
 def _along(criterion: Criterion, value: float, pieces: Pieces, world: World) -> tuple[FloatArray, FloatArray]:
-    """Running value (n,) and rate (n,) of one criterion over the pieces."""
+    """Return the running value (n,) and the rate (n,) of one criterion over the pieces."""
     duration = pieces.durations
     if criterion.aggregate == "trajectory":
         running = _remembered(criterion, value, pieces, world)
@@ -111,7 +196,7 @@ def _along(criterion: Criterion, value: float, pieces: Pieces, world: World) -> 
 
 
 def _remembered(criterion: Criterion, value: float, pieces: Pieces, world: World) -> FloatArray:
-    """Running values (n,) of a criterion with memory; evenly between motions' ends, if it does not agree on pieces."""
+    """Return running values (n,) of a criterion with memory; even between motions if pieces do not agree."""
     running: FloatArray = running_values(criterion, PiecesHistory(world, pieces.trajectory, pieces))
     if np.isclose(running[-1:], value, rtol=1e-9, atol=1e-3 * criterion.quantum).all():
         return running
@@ -120,7 +205,7 @@ def _remembered(criterion: Criterion, value: float, pieces: Pieces, world: World
 
 
 def _piece_costs(criterion: Criterion, pieces: Pieces, world: World) -> FloatArray:
-    """Costs (n,) of pieces that add up to those of the motions, or the worst of which is theirs."""
+    """Return costs (n,) of pieces that add up to the motions' costs, or whose worst is theirs."""
     whole, owner = pieces.trajectory, pieces.owner
     costs = _each(criterion, pieces.batches(world), len(pieces))
     motions = _each(criterion, whole.batches(world), len(whole))
@@ -146,7 +231,7 @@ def _each(criterion: Criterion, batches: Iterator[tuple[IntArray, Motions]], cou
 
 
 def _shares(pieces: Pieces, *, counts: bool) -> FloatArray:
-    """Share (n,) of each piece in its motion: of its duration, or all that is counted in the last."""
+    """Return the share (n,) of each piece in its motion: of its duration, or all counts in the last piece."""
     last = np.diff(pieces.owner, append=len(pieces.trajectory)) > 0
     lasts = pieces.trajectory.durations[pieces.owner]
     return np.where(last if counts else last & (lasts == 0), 1.0, 0.0 if counts else _ratio(pieces.durations, lasts))

@@ -12,7 +12,7 @@ import shapely
 
 from hpop.base import registry
 from hpop.criteria.base import criterion
-from hpop.criteria.quanta import with_quanta
+from hpop.criteria.costs import with_quanta
 from hpop.errors import CriterionError, HpopError
 from hpop.frontier import FrontError
 from hpop.models import DifferentialDrive

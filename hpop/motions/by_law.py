@@ -1,16 +1,22 @@
-"""Which motions are those of their law: what a trajectory is checked for before anything is asked of it."""
+"""Motions of trajectories law by law: as batches, and refused where they are not motions of their law."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import ModelError
-from hpop.motions.hold import CLOCK, HOLD, LONGEST, laws_of, stands
-from hpop.motions.laws import Law, Model, is_coupled, is_curve, slopes
+from hpop.motions.batch import Motions
+from hpop.motions.laws import CLOCK, HOLD, LONGEST, Law, is_coupled, is_curve, slopes, stands
+from hpop.motions.model import Model, laws_of
 from hpop.motions.states import States
+
+if TYPE_CHECKING:
+    from hpop.trajectories.trajectory import Trajectory
+    from hpop.world import World
 
 STILL = 1e-6  # m or rad: a state that a motion does not change may differ by this at its ends
 LED = 1e-4  # m or rad: the end of a curve may be so far from where its law leads
@@ -18,7 +24,7 @@ AT_REST = 1e-3  # m/s or rad/s: a curve that is no faster beside a hold is at re
 
 
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
-    """States that the laws of some kinds need beside the model's own: in order, the clock last."""
+    """Return the states that the laws of some kinds need beside the model's, in order, the clock last."""
     laws = laws_of(model)
     names = dict.fromkeys(name for kind in dict.fromkeys(kinds) for name in laws[kind].extra)
     return tuple(sorted(names, key=CLOCK.__eq__))
@@ -50,7 +56,7 @@ def refuse_impossible(model: Model, law: Law, start: States, end: States, number
 
 
 def _refuse_no_duration(law: Law, start: States, end: States, numbers: IntArray) -> None:
-    """Raise ModelError for one who stands, unless that is for a while."""
+    """Raise ModelError for a hold that lasts no time, or too long."""
     lasts = sum(phase.duration for phase in law.phases(start, end))
     wrong = ~((lasts >= 0.0) & (lasts <= LONGEST + STILL))
     if wrong.any():
@@ -83,3 +89,39 @@ def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
                         f"motion {i}, a {kinds[i]}, stands, but {name} changes by {speed:.3g} a second in motion "
                         f"{beside}, a {law.kind}, where they meet: hold where the robot is at rest"
                     )
+
+
+def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
+    """Yield the motions of many trajectories of one model law by law, with the index of each trajectory."""
+    if not trajectories:
+        return
+    model = trajectories[0].model
+    names = dict.fromkeys(name for t in trajectories for name in t.states.names)
+    nothing = {len(t): np.full(len(t) + 1, np.nan) for t in trajectories}  # what its laws do not need
+    states = States(**{n: np.concatenate([getattr(t.states, n, nothing[len(t)]) for t in trajectories]) for n in names})
+    times = np.concatenate([t.times for t in trajectories])
+    sizes = np.array([len(t) for t in trajectories])
+    owner = np.repeat(np.arange(len(trajectories)), sizes)
+    begins = np.arange(owner.size) + owner  # every trajectory has one state more than motions
+    first, second = (np.concatenate([t.turns[side] for t in trajectories]) for side in (0, 1))
+    kinds = np.array([kind for t in trajectories for kind in t.kinds], dtype=str)
+    for kind in dict.fromkeys(kinds.tolist()):
+        index = np.flatnonzero(kinds == kind)
+        yield owner[index], motions_of(world, model, kind, states, times, (first, second), index, begins[index])
+
+
+def motions_of(
+    world: World,
+    model: Model,
+    kind: str,
+    states: States,
+    times: FloatArray,
+    turns: tuple[FloatArray, FloatArray],
+    index: IntArray,
+    begins: IntArray,
+) -> Motions:
+    """Return motions under one law, given their indices and those of the states where they begin."""
+    law, names = laws_of(model)[kind], (*model.space.names, *extras(model, (kind,)))
+    start, end = (States(**{name: getattr(states, name)[at] for name in names}) for at in (begins, begins + 1))
+    ended = (turns[0][index], turns[1][index]) if is_curve(law) else None
+    return Motions(world, model, law, start, end, t0=times[begins], turns=ended)

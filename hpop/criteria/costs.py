@@ -1,0 +1,259 @@
+"""Costs of criteria on motions and trajectories, and the quanta in which the costs of a problem are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import copy
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from hpop.base.arguments import checked_arguments
+from hpop.base.arrays import FloatArray
+from hpop.base.options import MOST, real
+from hpop.base.registry import completed
+from hpop.base.text import shown
+from hpop.criteria.base import Criterion, check_command, check_requirements, class_of
+from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, did_you_mean, own_failure
+from hpop.motions import MODEL_DEFAULTS, Motions, laws_of
+from hpop.motions.by_law import batches
+from hpop.runtime.limits import LimitPassed
+from hpop.trajectories.history import History
+from hpop.trajectories.motion_table import BLOCK, MotionTable
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.world import World
+
+SPOKEN = 100  # trajectories between two reports of how far an evaluation is
+FINEST = 1e-12  # in the unit; exact searches refuse what makes sums of it overflow
+C = TypeVar("C", bound=Criterion)
+
+
+@checked_arguments
+def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
+    """Return the costs (M,) of motions, checked: one finite number >= 0 a motion.
+
+    Raises CriterionError that names the criterion, the kind of motion and the first wrong value; where somebody's
+    ``cost`` itself raises an error, one that says where, from that error. Of no motions a criterion is not asked.
+    """
+    if not len(motions):
+        check_requirements(criterion, motions.model, motions.world)
+        return np.zeros(0)
+    return _checked(criterion, motions, len(motions), motions.kind)
+
+
+def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
+    laws_of(completed(m.model, MODEL_DEFAULTS))  # completes these as well
+    check_requirements(criterion, m.model, m.world)
+    try:
+        costs = np.asarray(criterion.cost(m))
+    except UnsupportedCriterion as error:
+        raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
+    except (HpopError, MemoryError, LimitPassed):
+        raise
+    except Exception as error:  # someone else's criterion: anything can come; one of hpop's own that fails is a bug
+        if class_of(criterion).__module__.startswith("hpop."):
+            raise
+        failure = CriterionError(own_failure(f"criterion {criterion.name!r}", error))
+        failure.add_note(f"`{check_command(criterion)}` tests it")
+        raise failure from error
+    if costs.shape != (size,):
+        raise CriterionError(
+            f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "
+            f"for {kind!r} motions; it returned shape {costs.shape}"
+        )
+    if not (np.can_cast(costs.dtype, np.float64, "same_kind")):
+        raise CriterionError(f"criterion {criterion.name!r} must return numbers, got dtype {costs.dtype}")
+    costs = costs.astype(np.float64)
+    wrong = ~(costs >= 0) | np.isinf(costs)
+    if wrong.any():
+        value = costs[np.argmax(wrong)]
+        raise CriterionError(
+            f"criterion {criterion.name!r} must cost a finite number >= 0, but {int(wrong.sum())} of {size} "
+            f"{kind!r} motions cost {value}; shift or clip it in cost()"
+        )
+    return costs
+
+
+@checked_arguments
+def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
+    """Return a criterion's value on one trajectory; see :func:`trajectory_costs`."""
+    return float(trajectory_costs([criterion], [trajectory], world)[0, 0])
+
+
+def trajectory_costs(
+    criteria: Sequence[Criterion],
+    trajectories: Sequence[Trajectory],
+    world: World,
+    *,
+    table: MotionTable | None = None,
+    say: Callable[[str], None] | None = None,
+) -> FloatArray:
+    """Return values (n, k) of criteria on whole trajectories of one model; 0 where nothing moves.
+
+    The motions of all trajectories are evaluated together, grouped by law; one that several share is evaluated once,
+    unless its cost depends on its time or, along curves, on its neighbours. A time-mean is the integral over the
+    duration. With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
+
+    Parameters
+    ----------
+    table : the motions of the trajectories, where that is known
+    say : called now and then with what is done, in words
+    """
+    values = np.full((len(trajectories), len(criteria)), np.nan)
+    with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
+    for i, trajectory in enumerate(trajectories if with_memory else ()):
+        if say is not None and i % SPOKEN == 0:
+            named = ", ".join(criteria[j].name for j in with_memory)
+            say(f"{named} of {i:,} of {len(trajectories):,} trajectories")
+        history = History(world, trajectory)  # what criteria derive from it, one derives for all
+        for j in with_memory:
+            running = running_values(criteria[j], history)
+            values[i, j] = running[-1] if running.size else 0.0
+    additive = [j for j in range(len(criteria)) if j not in with_memory]
+    if len(trajectories) > 1 and additive:
+        shared = table or MotionTable.of(trajectories)
+        values[:, additive] = _shared_costs([criteria[j] for j in additive], shared, world, say)
+    unknown = np.isnan(values)
+    rows, columns = np.flatnonzero(unknown.any(axis=1)).tolist(), np.flatnonzero(unknown.any(axis=0)).tolist()
+    for part in _parts([len(trajectories[i]) for i in rows]):
+        if say is not None:
+            say(f"costs of {part.start:,} of {len(rows):,} trajectories")
+        own = [trajectories[i] for i in rows[part]]
+        values[np.ix_(rows[part], columns)] = _own_costs([criteria[j] for j in columns], own, world)
+    return values
+
+
+def _shared_costs(
+    criteria: Sequence[Criterion], table: MotionTable, world: World, say: Callable[[str], None] | None
+) -> FloatArray:
+    """Return values (n, k) of criteria without memory, each distinct motion evaluated once.
+
+    NaN of trajectories with curves, and for criteria that want to know when a motion begins.
+    """
+    each, lasts = np.zeros((len(criteria), len(table))), np.zeros(len(table))
+    done = 0
+    for index, motions in table.batches(world):
+        lasts[index] = motions.duration
+        for j, criterion in enumerate(criteria):
+            if say is not None:
+                say(f"{criterion.name} of {done:,} of {len(table):,} motions")
+            try:
+                each[j, index] = motion_costs(criterion, motions)
+            except (CriterionError, UnsupportedCriterion):  # evaluated with its time, it says itself what is wrong
+                each[j] = np.nan
+        done += index.size
+    each[:, table.curved] = np.nan
+    durations = np.bincount(table.owner, lasts[table.motions], minlength=len(table.counts))  # (n,) s, in time order
+    values = []
+    for costs, criterion in zip(each, criteria, strict=True):
+        total = table.maxima(costs) if criterion.aggregate == "max" else table.sums(costs)
+        if criterion.aggregate == "time-mean":
+            total = np.divide(total, durations, out=np.zeros(durations.size), where=durations > 0)
+        values.append(total)
+    return np.stack(values, axis=1)
+
+
+def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
+    """Return values (n, k) of criteria without memory, each motion evaluated at its time and with its neighbours."""
+    values = np.zeros((len(trajectories), len(criteria)))
+    durations = np.array([trajectory.duration for trajectory in trajectories])
+    for owner, motions in batches(trajectories, world):
+        for j, criterion in enumerate(criteria):
+            if criterion.aggregate == "max":
+                np.maximum.at(values[:, j], owner, motion_costs(criterion, motions))
+            else:
+                values[:, j] += np.bincount(owner, motion_costs(criterion, motions), minlength=len(trajectories))
+    for j, criterion in enumerate(criteria):
+        if criterion.aggregate == "time-mean":
+            values[:, j] = np.divide(values[:, j], durations, out=np.zeros(len(trajectories)), where=durations > 0)
+    return values
+
+
+def _parts(counts: Sequence[int]) -> Iterator[slice]:
+    """Return runs of trajectories that together have a bounded number of motions."""
+    begin = motions = 0
+    for i, number in enumerate(counts):
+        motions += number
+        if motions >= BLOCK or i == len(counts) - 1:
+            yield slice(begin, i + 1)
+            begin, motions = i + 1, 0
+
+
+def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
+    """Return running values (M,) of a criterion with memory, checked like :func:`motion_costs`."""
+    return running_values(criterion, History(world, trajectory))
+
+
+def running_values(criterion: Criterion, history: History) -> FloatArray:
+    """Return the running values (M,) of a criterion with memory along a history."""
+    return _checked(criterion, history, len(history), "trajectory") if len(history) else np.zeros(0)
+
+
+def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tuple[C, ...]:
+    """Return criteria that compare costs at other quanta, by the name of a criterion or of a mean's stand-in.
+
+    Raises CriterionError for a name that is none of theirs, what is no positive number, and another one for a count.
+
+    >>> from hpop.criteria.comfort.length import Length
+    >>> with_quanta([Length()], {"length": 0.001})[0].quantum, Length().quantum
+    (0.001, 1e-06)
+    """
+    if not quanta:
+        return tuple(criteria)
+    if not isinstance(quanta, Mapping):
+        raise CriterionError(
+            f"quanta gives steps by the names of costs, such as {{'length': 0.01}}, got {shown(quanta)}"
+        )
+    stand_ins = [criterion.integral for criterion in criteria if criterion.integral is not None]
+    by_name: dict[str, Criterion] = {**{c.name: c for c in criteria}, **{c.name: c for c in stand_ins}}
+    for name, quantum in quanta.items():
+        if name not in by_name:
+            raise CriterionError(
+                f"quanta has {shown(name)}, which is no cost here.{did_you_mean(name, by_name)} "
+                f"These are {', '.join(by_name)}"
+            )
+        unit = by_name[name].unit
+        real(f"the quantum of {name}", quantum, FINEST, MOST, f"a number, in {unit!r}", error=CriterionError)
+        if by_name[name].quantum == 1.0 != quantum and not by_name[name].smooth:
+            raise CriterionError(f"{name} is a count: its quantum is 1, got {shown(quantum)}; leave it out")
+    return tuple(_with_quantum(criterion, quanta) for criterion in criteria)
+
+
+def stand_in_of(mean: Criterion) -> Criterion | None:
+    """Return the criterion that adds up in the place of a time-mean, with the quantum set for it."""
+    if mean.integral is None or mean.stand_in_quantum is None:
+        return mean.integral
+    return _set(mean.integral, "quantum", mean.stand_in_quantum)
+
+
+def stated(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
+    """Return the quanta that were set, as the end of a certificate.
+
+    >>> from hpop.criteria.comfort.length import Length
+    >>> stated(with_quanta([Length()], {"length": 0.001}), {"length": 0.001}), stated([Length()], {})
+    ('; quanta as set: length 0.001 m', '')
+    """
+    own = [f"{c.name} {c.quantum:g}{f' {c.unit}' if c.unit != '1' else ''}" for c in criteria if c.name in quanta]
+    return f"; quanta as set: {', '.join(own)}" if own else ""
+
+
+def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
+    stand_in = criterion.integral
+    if stand_in is not None and stand_in.name in quanta:
+        criterion = _set(criterion, "stand_in_quantum", quanta[stand_in.name])
+    return _set(criterion, "quantum", quanta[criterion.name]) if criterion.name in quanta else criterion
+
+
+def _set(criterion: C, name: str, quantum: float) -> C:
+    """Return a copy with an attribute that hides the class's declaration."""
+    made = copy(criterion)
+    try:
+        object.__setattr__(made, name, float(quantum))
+    except AttributeError:
+        raise CriterionError(
+            f"{criterion.name} takes no other quantum, for its class {type(criterion).__name__} has slots; declare it "
+            "without"
+        ) from None
+    return made
