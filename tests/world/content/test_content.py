@@ -263,7 +263,7 @@ def test_new_content_replaces_the_old_and_leaves_the_first_world_alone(hall):
 
 
 def test_the_content_in_the_docs_is_what_it_says():
-    text = (Path(__file__).parents[2] / "docs" / "content.md").read_text()
+    text = (Path(__file__).parents[3] / "docs" / "content.md").read_text()
     (block,) = (block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "with_content" in block)
     names = {"world": World.from_polygons([], extent=HALL)}
     exec(compile(block, "docs/content.md", "exec"), names)
