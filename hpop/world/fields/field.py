@@ -228,20 +228,31 @@ class LazyField(Field):
 
         ``within`` are a lower and an upper bound of all values.
         """
-        whole = np.zeros((ys.size + 2 * PAD, xs.size + 2 * PAD))
+        origin = float(xs[0]), float(ys[0]), 0.0
+        shape = ys.size, xs.size
+        self._begin(shape, spacing, origin, within, _axes=(xs, ys), _sample=sample, _done=np.zeros(shape, dtype=bool))
+
+    def _begin(
+        self,
+        shape: tuple[int, int],
+        spacing: float,
+        origin: tuple[float, float, float],
+        within: tuple[float, float],
+        **attributes: Any,
+    ) -> None:
+        """Set the attributes of a field of which nothing is sampled."""
+        whole = np.zeros((shape[0] + 2 * PAD, shape[1] + 2 * PAD))
         shown = whole.view()
         shown.setflags(write=False)
         self.__dict__.update(
             spacing=float(spacing),
-            origin=(float(xs[0]), float(ys[0]), 0.0),
+            origin=origin,
             _range=within,
             _whole=whole,
             _coefficients=shown,
-            _axes=(xs, ys),
-            _sample=sample,
-            _done=np.zeros((ys.size, xs.size), dtype=bool),
             _lock=RLock(),
             _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
+            **attributes,
         )
 
     @property
@@ -327,21 +338,8 @@ class TiledField(LazyField):
         sample: Callable[[slice, slice], FloatArray],
     ) -> None:
         """Set up an empty field; ``sample`` returns the values of a tile of at most side x side nodes."""
-        whole = np.zeros((shape[0] + 2 * PAD, shape[1] + 2 * PAD))
-        shown = whole.view()
-        shown.setflags(write=False)
-        self.__dict__.update(
-            spacing=float(spacing),
-            origin=origin,
-            _range=(0.0, 1.0),
-            _whole=whole,
-            _coefficients=shown,
-            _side=side,
-            _sample=sample,
-            _made=np.zeros([-(-size // side) for size in shape], dtype=bool),
-            _lock=RLock(),
-            _asked=np.zeros([-(-size // BLOCK) for size in whole.shape], dtype=bool),
-        )
+        made = np.zeros([-(-size // side) for size in shape], dtype=bool)
+        self._begin(shape, spacing, origin, (0.0, 1.0), _side=side, _sample=sample, _made=made)
 
     def _filled(self, wanted: Any) -> None:
         asked, made, side, whole = (self.__dict__[name] for name in ("_asked", "_made", "_side", "_whole"))
