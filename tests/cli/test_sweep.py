@@ -142,7 +142,9 @@ def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
     assert saved["status"] == "interrupted"
     assert "interrupted" in result.stdout
     assert saved["points"]["count"] >= least
-    assert {origin["planner"] for origin in saved["points"]["origins"]} == {planner}
+    origins = {origin["planner"] for origin in saved["points"]["origins"]}
+    assert planner in origins
+    assert origins <= {planner, "lattice"}, "a program that is interrupted leaves what it began with, the lattice's"
 
 
 @pytest.mark.parametrize(
