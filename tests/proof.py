@@ -37,6 +37,8 @@ PARTS = {
     "view": ["tests/view"],
     "cli": ["tests/cli", "tests/scenario"],
     "motions": ["tests/motions"],
+    "problems": ["tests/problems"],
+    "trajectories": ["tests/trajectories"],
     "export": ["tests/export"],
     "ros": ["tests/ros"],
     "preference": ["tests/preference"],

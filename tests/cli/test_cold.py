@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from hpop.problems.front import Front
-from tests.rooms import ONE_WALL
+from tests.worlds import ONE_WALL
 
 ROOM = ONE_WALL.replace("step: 0.25", "step: 0.25, time_limit: 5")
 #: What the first answer takes, what the exact front does, and what later first answers do, as far as it is compiled.

@@ -17,8 +17,8 @@ import pytest
 import yaml
 
 from hpop.problems.front import Front
-from tests.rooms import pillars
 from tests.warm import UNDRAWN, Process, Warm
+from tests.worlds import pillars
 
 
 def until(terminal: int, pattern: bytes) -> bytes:

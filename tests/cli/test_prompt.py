@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from hpop.problems.front import Front
-from tests.rooms import pillars
 from tests.warm import Warm
+from tests.worlds import pillars
 
 POINTS = 1500
 MOST = 1.5  # processor seconds; .4 on an idle machine

@@ -23,7 +23,7 @@ from hpop.planners.lattice import Lattice
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import ProgressCallback, Status
-from tests.rooms import TWO_WALLS
+from tests.worlds import TWO_WALLS
 
 LINE = re.compile(
     r"^(\d+\.\d\d) s  (\S+): ([\d,]+) traject(?:ory|ories), hypervolume (\d+\.\d{4}|beyond [^,]*), (.*)$", re.MULTILINE

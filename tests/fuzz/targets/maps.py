@@ -21,7 +21,7 @@ from hpop.apart import child
 from hpop.world import Person
 from hpop.world.content.predictions import bounded
 from targets.given import BLOCK, as_json, as_yaml, written
-from tests import plans
+from tests import worlds
 
 GEOJSON = {
     "type": "FeatureCollection",
@@ -186,7 +186,7 @@ def image(rng: Rng, folder: Path) -> str:
 def dxf(rng: Rng, folder: Path) -> str:
     """A drawing with bent bytes, or hostile options; read here, where memory and time are bounded as well."""
     path = folder / "plan.dxf"
-    path.write_bytes(bent_bytes(plans.dxf(_drawn), rng))
+    path.write_bytes(bent_bytes(worlds.dxf(_drawn), rng))
     named = ("scale", "layers", "wall_width", "inside", "door_arcs")
     options = {named[rng.integers(len(named))]: hostile(rng)} if rng.random() < 0.3 else {}
     asked_for: dict[str, Any] = {"door_arcs": ("closed", "open")[rng.integers(2)], **options}
@@ -210,12 +210,12 @@ def _drawn(drawing: Any) -> None:
 
 def pdf(rng: Rng, folder: Path) -> str:
     """A page with bent bytes, in the process that is meant to break down where pdfium does."""
-    form = plans.stream(b"0 0 m 9 0 l 9 9 9 9 0 9 c S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99]")
+    form = worlds.stream(b"0 0 m 9 0 l 9 9 9 9 0 9 c S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99]")
     content = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s q 2 0 0 2 90 90 cm /X Do Q 0.2 g 100 200 30 30 re f"
     content += b" q 60 60 m 200 60 l 60 200 l h W n 5 w 0 100 m 500 100 l S 60 60 90 90 re f Q"
     path = folder / "plan.pdf"
     path.write_bytes(
-        bent_bytes(plans.pdf(content, page=b"/UserUnit 2", resources=b"/XObject << /X 5 0 R >>", objects=[form]), rng)
+        bent_bytes(worlds.pdf(content, page=b"/UserUnit 2", resources=b"/XObject << /X 5 0 R >>", objects=[form]), rng)
     )
     return verdict(lambda: _looked_at(hpop.World.from_file(path, ratio=100)))
 
@@ -224,7 +224,7 @@ def ros_bag(rng: Rng, folder: Path) -> str:
     storage = ("ros1", "mcap", "sqlite3")[rng.integers(3)]
     cells = rng.choice([-1, 0, 50, 100], size=(12, 16))
     name = "walk.bag" if storage == "ros1" else "walk"
-    path = plans.bag(folder / name, {"/map": [plans.grid(cells, storage=storage)]}, storage=storage)
+    path = worlds.bag(folder / name, {"/map": [worlds.grid(cells, storage=storage)]}, storage=storage)
     files = [path] if path.is_file() else sorted(path.iterdir())
     bent = files[rng.integers(len(files))]
     bent.write_bytes(bent_bytes(bent.read_bytes(), rng))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hpop.motions import Motions, States
-from tests.panda import NUMBERS, SETS, asked, panda
+from tests.worlds import NUMBERS, SETS, asked, panda
 
 
 @pytest.mark.seeds(1, of=NUMBERS)

@@ -8,7 +8,7 @@ import pytest
 
 import hpop
 from hpop.problems.verify import verify
-from tests.panda import NUMBERS, SETS, asked, panda
+from tests.worlds import NUMBERS, SETS, asked, panda
 
 
 def problem(data: Path, name: str, number: int) -> hpop.Problem:

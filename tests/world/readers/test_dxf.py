@@ -13,7 +13,7 @@ from hpop.apart.dxf import extract
 from hpop.errors import MapError, ScenarioError
 from hpop.scenario import load_scenario
 from hpop.world import World
-from tests.plans import dxf, read_here
+from tests.worlds import dxf, read_here
 
 ROOM = [(0, 0), (6, 0), (6, 4), (0, 4)]
 

@@ -12,7 +12,7 @@ from hpop.apart.pdf import extract
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
 from hpop.world import World
-from tests.plans import pdf, read_here, stream
+from tests.worlds import pdf, read_here, stream
 
 ROOM = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s\n"  # a rectangle, closed
 IMAGE = stream(

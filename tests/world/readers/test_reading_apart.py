@@ -13,7 +13,7 @@ from hpop.errors import MapError
 from hpop.runtime import limits
 from hpop.world import World, files
 from hpop.world.readers.readers import reader_of
-from tests.plans import bag, dxf, grid, pdf, stream
+from tests.worlds import bag, dxf, grid, pdf, stream
 
 
 def children() -> set[str]:

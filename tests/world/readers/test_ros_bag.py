@@ -11,7 +11,7 @@ from PIL import Image
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
 from hpop.world import World
-from tests.plans import bag, grid, read_here
+from tests.worlds import bag, grid, read_here
 
 RNG = np.random.default_rng(3)
 CELLS = RNG.choice([-1, 0, 19, 20, 50, 64, 65, 100], size=(20, 30))

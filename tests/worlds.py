@@ -1,9 +1,9 @@
-"""Floor plans in formats of others, as tests write them: DXF, PDF, bags of ROS 1 and ROS 2."""
+"""Worlds, floor plans and problems that several test modules share."""
 
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -15,8 +15,56 @@ import pytest
 from rosbags import rosbag1, rosbag2
 from rosbags.typesys import Stores, get_typestore
 
+from benchmarks import mbm
+from benchmarks.mbm import FINGERS, NUMBERS, SETS
 from hpop.apart import child
-from hpop.world import files
+from hpop.models.serial_arm.model import SerialArm
+from hpop.world import World, files
+
+SECOND = "      - {corners: [[4.4, 1.6], [4.8, 1.6], [4.8, 5], [4.4, 5]]}\n"
+TWO_WALLS = f"""\
+world:
+  polygons:
+    extent: [[0, 0], [7, 0], [7, 5], [0, 5]]
+    obstacles:
+      - {{corners: [[2, 0], [2.3, 0], [2.3, 3.2], [2, 3.2]]}}
+{SECOND}\
+model:
+  differential_drive: {{radius: 0.25}}
+start: [1, 1, 0]
+goal: [6, 4, any]
+criteria: [obstruction, turns, length]
+planner:
+  lattice: {{step: 0.25}}
+"""
+ONE_WALL = TWO_WALLS.replace(SECOND, "")
+
+
+def pillars() -> dict[str, Any]:
+    """Scenario of a hall of 16 x 12 m with scattered pillars, from corner to corner; without criteria and planner."""
+    corners = [(x + 0.37 * (y % 3), y) for x in range(2, 14, 3) for y in range(2, 10, 3)]
+    boxes = [{"corners": [[x, y], [x + 0.6, y], [x + 0.6, y + 0.7], [x, y + 0.7]]} for x, y in corners]
+    extent = [[0, 0], [16, 0], [16, 12], [0, 12]]
+    world = {"polygons": {"extent": extent, "obstacles": boxes}}
+    return {"world": world, "start": [1.0, 1.0, 0], "goal": [14.8, 10.6, "any"]}
+
+
+__all__ = ["FINGERS", "NUMBERS", "SETS", "asked", "panda"]
+
+
+@cache
+def panda(data: Path, fingers: float = FINGERS) -> SerialArm:
+    """The arm with its camera beside the fingers; the test is skipped where its meshes are not installed."""
+    arm = mbm.panda(data, fingers)
+    if arm is None:
+        pytest.skip("the Panda's meshes are in the wheel example-robot-data, which is not installed")
+    return arm
+
+
+def asked(data: Path, name: str, number: int) -> tuple[World, Mapping[str, float], Mapping[str, float]]:
+    """World, start and goal of a problem by set and number."""
+    return mbm.asked(name, number, data)
+
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 

@@ -22,7 +22,7 @@ from hpop.problems.verify import verify
 from hpop.runtime import status
 from hpop.runtime.status import Progress
 from hpop.scenario import load_scenario
-from tests.rooms import TWO_WALLS
+from tests.worlds import TWO_WALLS
 
 SOME = 20
 ROOM = TWO_WALLS.replace("step: 0.25", "step: 0.25, max_turns: 1000")  # without stages before the last

@@ -25,7 +25,7 @@ from hpop.view.trace import draw_trace
 from hpop.view.where import draw_where
 from tests.own_criteria import NAMES, own_criterion
 
-PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
+PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 HALL = hpop.World.from_polygons([shapely.box(2.0, 0.0, 2.4, 2.0)], extent=shapely.box(0, 0, 5, 4))
 
 

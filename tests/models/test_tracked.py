@@ -21,7 +21,7 @@ from hpop.problems.verify import verify
 from hpop.testing import conformance
 from hpop.trajectories.trajectory import Trajectory
 
-PLUGIN = Path(__file__).resolve().parents[1] / "examples/plugin"
+PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 BEAM = hpop.World.from_polygons([(shapely.box(3.0, 0, 3.5, 4), (1.0, 3.0))], extent=shapely.box(0, 0, 7, 4))
 """A hall with a beam 1 m above the floor, below which the camera is while the lift is down."""
 
