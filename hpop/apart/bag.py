@@ -19,7 +19,7 @@ GRID = "nav_msgs/msg/OccupancyGrid"
 USUAL = "/map"
 MOST_CELLS = 100_000_000
 LEVEL = 1e-3
-"""How far a grid may be tilted, as the sine of the angle."""
+"""Largest tilt of a grid, as the sine of the angle."""
 
 
 def extract(data: bytes, options: dict[str, Any]) -> Answer:

@@ -21,14 +21,14 @@ MOST_DEEP = 16
 FARTHEST = 1e12
 """Greatest coordinate, in the drawing's units."""
 SAG = 5e-4
-"""How far a curve may be from its chords, for each unit of the size of the curve."""
+"""Largest distance of a curve from its chords, as a share of its size."""
 
 
 HIDDEN = "on layers that are off or frozen"
-"""What is said of things that are not shown."""
+"""Note on hidden things."""
 Points = Sequence[tuple[float, float]]
 NEAR = 0.01
-"""How far a point may be beyond a border and is still on it."""
+"""Largest distance of a point beyond a border that still counts as on it."""
 
 
 class Lines:

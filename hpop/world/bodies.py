@@ -21,7 +21,7 @@ from hpop.world.geometry.shapes import Obstacle, Raster
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid
 
 ENDLESS = 10.0
-"""How far what has no end goes up and down from the floor, m; no further than so from what end it has."""
+"""Height of endless prisms above and below the floor, or beyond their one end, m."""
 MOST_BODIES = 5_000
 """Bodies of a world."""
 MOST_RUNS = 1_000_000

@@ -32,7 +32,7 @@ TILT = 1e-9
 MOST_SOLIDS = 5_000
 """Solids of a world."""
 MARGIN = 1.0
-"""How far a world without an extent goes beyond its solids, m: that a robot has room beside them."""
+"""Margin of a world without an extent round its solids, m: room for a robot beside them."""
 MOST_POINTS = 100_000
 """Points of which a hull is made: some tenths of a second."""
 

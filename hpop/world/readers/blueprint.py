@@ -31,7 +31,7 @@ LINE = 5
 WORD = 3
 """Letters of a word, at least."""
 SPARE = 2.0
-"""How much larger than the largest letter found is proposed, where nothing else is of that size."""
+"""Factor from the largest letter to the proposed limit, if nothing else has that size."""
 MOST_SPECKS = 20_000
 """Specks among which lettering is looked for; more are noise."""
 LABELS = 8

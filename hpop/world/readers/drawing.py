@@ -46,7 +46,7 @@ METRES = {
     14: ("decimetres", 0.1),
     21: ("US survey feet", 1200 / 3937),
 }
-"""What ``$INSUNITS`` of a drawing's header says of units in which buildings are drawn, and their metres."""
+"""Units of buildings and their metres, by ``$INSUNITS`` of a drawing's header."""
 WALL_WIDTH = 0.05
 """Thickness of a wall along a line, m: drawings have walls as two lines, their faces."""
 LONG = 400

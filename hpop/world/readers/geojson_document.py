@@ -38,7 +38,7 @@ BLOCK = 1_000
 STAYS, PARSED = 6, 24
 """Bytes for each of a file: of geometries, and of Python's objects while it is read."""
 BETWEEN = re.compile(r"[\s\x1e]*")
-"""What stands between texts: line ends, and the record separators of RFC 8142."""
+"""Separators of texts: line ends, and the record separators of RFC 8142."""
 CONVERT = "convert it, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326 plan.geojson"
 BINARY = (
     (b"PK\x03\x04", f"a zip archive, of a Shapefile perhaps: unpack it and {CONVERT} plan.shp"),
@@ -50,7 +50,7 @@ BINARY = (
     (b"%PDF", "a PDF: it is read by the reader pdf"),
     (b"AC10", "a DWG drawing: save it as DXF"),
 )
-"""What files begin with that are given for GeoJSON by mistake, and what to do."""
+"""First bytes of files often mistaken for GeoJSON, with advice."""
 MARKED = (
     ("<osm", "OpenStreetMap's XML: convert it by osmtogeojson"),
     ("<kml", f"KML: {CONVERT} plan.kml"),
@@ -60,7 +60,7 @@ MARKED = (
     ("<!doctype html", "a web page: download the file itself"),
     ("version https://git-lfs", "a pointer of Git LFS: fetch the file by git lfs pull"),
 )
-"""The same of texts that are no JSON, by what stands in their first lines, in lower case."""
+"""Words in the first lines of texts that are no JSON, in lower case, with advice."""
 POINTS, LINES = ("Point", "MultiPoint"), ("LineString", "MultiLineString")
 POLYGONS = ("Polygon", "MultiPolygon")
 COLLECTION = "GeometryCollection"

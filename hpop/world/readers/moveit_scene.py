@@ -43,7 +43,7 @@ LABELS = frozenset({"type", "subframe_names", "subframe_poses"})
 NOTED = ("robot_state", "allowed_collision_matrix", "link_padding", "link_scale", "object_colors")
 SCENE = frozenset({"name", "robot_model_name", "is_diff", "world", "fixed_frame_transforms", *NOTED})
 CUT = "..."
-"""What ``ros2 topic echo`` writes in the place of what it leaves out."""
+"""Text that ``ros2 topic echo`` writes in place of omitted values."""
 NO_ARRAY = ("<sequence type:", "<array type:")
 CONVEX = 1e-4
 """Share of its hull's volume that a convex mesh may lack: rounding in files. The hull is what counts."""

@@ -28,7 +28,7 @@ DEGREES = "EPSG:4326"
 GEOGRAPHIC = frozenset({"EPSG:4326", "EPSG:4979", "EPSG:4258", "EPSG:4269", "EPSG:4267"})
 """Systems of degrees that are within 200 m of each other: of a building they are the same."""
 MERCATOR = frozenset({"EPSG:3857", "ESRI:102100", "EPSG:3785", "ESRI:102113"})
-"""What web maps are drawn in."""
+"""The projection of web maps."""
 OLD = {"EPSG:900913": "EPSG:3857"}
 CODE = re.compile(r"\b(EPSG|ESRI)\b.*?(\d{4,6})", re.IGNORECASE)
 LONGITUDE_FIRST = re.compile(r".*\bCRS:?84h?", re.IGNORECASE)

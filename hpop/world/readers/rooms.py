@@ -28,9 +28,9 @@ WALL_WIDTH = 0.1
 DOOR_WIDTH = 0.9
 """Width of a door, m, whose property ``width`` is missing."""
 UNWALLED = frozenset({"area", "corridor", "level", "outline", "building_outline"})
-"""What has no walls of its own (OpenStreetMap, Simple Indoor Tagging)."""
+"""Kinds of areas without walls of their own (OpenStreetMap, Simple Indoor Tagging)."""
 SOLID = frozenset({"wall", "column", "pillar", "window"})
-"""What is solid and no room."""
+"""Kinds of solid features that are no rooms."""
 TOUCHING = 0.05
 """Length, m, that rooms share at least where they touch."""
 GRID = 1e-3
@@ -38,14 +38,14 @@ GRID = 1e-3
 MOST_PAIRS = 5_000
 """Pairs of rooms whose outlines are compared."""
 SHARPEST = 2.0
-"""How far a corner may reach beyond its two lines, in half widths: to sixty degrees it is pointed, then cut."""
+"""Largest reach of a corner beyond its two lines, in half widths: pointed down to sixty degrees, then cut."""
 DoorArcs = Literal["closed", "open"]
 RADII = (0.4, 1.6)
 """Least and greatest width of the leaf of a door, m."""
 SWEEPS = (math.radians(55), math.radians(125))
 """Least and greatest angle by which it turns."""
 ROUND = 0.01
-"""How far points of an arc are from a circle, for each unit of its radius, at most."""
+"""Largest distance of an arc's points from a circle, as a share of its radius."""
 POINTS = (5, 200)
 """Fewest and most points of such a line."""
 LINES_AT_ONCE = 1_000

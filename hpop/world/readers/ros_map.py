@@ -40,7 +40,7 @@ ENDINGS = (".pgm", ".png", ".bmp", ".ppm", ".gif", ".jpg", ".jpeg")
 """Endings of map images, which a yaml file may lack."""
 TRUTH = {"0": False, "1": True, **dict.fromkeys(("false", "no", "off", "n"), False)}
 TRUTH |= dict.fromkeys(("true", "yes", "on", "y"), True)
-"""What negate may say; map_server takes 0 and 1 as well as YAML's words."""
+"""Values of negate; map_server takes 0 and 1 as well as YAML's words."""
 OCCUPIED, FREE = 65, 19
 """Percent from which a cell is occupied, and up to which it is free, as map_saver writes them."""
 

@@ -1,1 +1,1 @@
-"""What a camera sees from a place: distances along bearings, landmarks, openness."""
+"""Sight of a camera: distances along bearings, landmarks, openness."""

@@ -18,7 +18,7 @@ from hpop.world.files import named
 from hpop.world.tracks.track import FASTEST, Track
 
 UNITS = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
-"""How many make a metre."""
+"""Units in a metre."""
 FASTEST_CAMERA = 10_000.0
 """Pictures a second."""
 MOST_ROWS = 5_000_000
