@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import casadi
 import numpy as np
 
 from hpop.base.arrays import Column, FloatArray
@@ -23,8 +24,6 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
 
     quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.symbols`
     """
-    import casadi
-
     table, column = casadi.MX.sym("table", 2, size), np.arange(size)
     _, _, value, *rest = casadi.vertsplit(quadratics(table))
     slopes, (second, mixed, other) = casadi.vertcat(*rest[:2]), rest[2:]
@@ -62,8 +61,6 @@ class SymbolicMotions:
     @classmethod
     def of(cls, motions: Motions) -> SymbolicMotions:
         """Symbols in place of the states of a numeric batch."""
-        import casadi
-
         names, size = motions.start.names, len(motions)
         numbers = [getattr(states, name) for states in (motions.start, motions.end) for name in names]
         vector = casadi.MX.sym("states", 2 * len(names) * size)
@@ -83,8 +80,6 @@ class SymbolicMotions:
 
     def function(self, column: Column) -> Any:
         """CasADi function of numbers for the symbols: a column (M,) computed from them, and its Jacobian."""
-        import casadi
-
         expression = casadi.MX(column) if not isinstance(column, np.ndarray) else casadi.MX(casadi.DM(column))
         return casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
 

@@ -311,7 +311,7 @@ class _SampledWorld(World):
 
 def _on_symbols(criterion: Criterion, batches: list[Motions]) -> Iterator[tuple[Motions, SymbolicMotions, Any]]:
     """Batches, their symbols, and the function of the states that gives the costs and their Jacobian."""
-    from hpop.motions.symbolic import SymbolicMotions
+    from hpop.motions.symbolic import SymbolicMotions  # casadi, on first use
 
     for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=1) for m in batches):
         symbols = SymbolicMotions.of(motions)

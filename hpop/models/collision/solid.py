@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import fcl
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -55,8 +56,6 @@ class SolidCollision:
     @cached_property
     def _obstacles(self) -> Any:
         """Broad-phase manager over convex prisms: everything below the robot's top."""
-        import fcl
-
         objects = []
         for shape, z_min, z_max in self._prisms():
             low, high = max(z_min, -1.0), min(z_max, self._top + 1.0)
@@ -83,8 +82,6 @@ class SolidCollision:
 
     @cached_property
     def _robot(self) -> list[tuple[Part, Any]]:
-        import fcl
-
         return [
             (part, fcl.CollisionObject(_part_geometry(replace(part, on=())), fcl.Transform())) for part in self.parts
         ]
@@ -127,8 +124,6 @@ class SolidCollision:
 
     def _rows_free(self, rows: FloatArray) -> BoolArray:
         """Whether the robot is free at each place and heading, and values of joints (N, 3 + k)."""
-        import fcl
-
         yaw = np.zeros(len(rows)) if all(part.on_axis for part in self.parts) else rows[:, 2] % (2 * np.pi)
         places = np.round(
             np.column_stack([rows[:, :2], yaw, rows[:, 3:]]), 9
@@ -172,8 +167,6 @@ def _dense(law: Law, start: States, end: States, counts: IntArray, names: Sequen
 
 
 def _part_geometry(part: Part) -> Any:
-    import fcl
-
     if len(part.corners) == 1:
         return fcl.Cylinder(part.radius - MARGIN, part.z_max - part.z_min - 2 * MARGIN)
     corners = np.array(part.corners)
@@ -183,8 +176,6 @@ def _part_geometry(part: Part) -> Any:
 
 
 def _placed(part: Part, place: dict[str, float]) -> Any:
-    import fcl
-
     if not part.on:
         return _on_base(part, place["x"], place["y"], place["yaw"])
     frame = _shifted(place["x"], place["y"], 0.0) @ _rotated(place["yaw"])
@@ -200,8 +191,6 @@ def _placed(part: Part, place: dict[str, float]) -> Any:
 
 
 def _on_base(part: Part, x: float, y: float, yaw: float) -> Any:
-    import fcl
-
     cos, sin = math.cos(yaw), math.sin(yaw)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     if len(part.corners) > 1:
@@ -222,8 +211,6 @@ def _shifted(x: float, y: float, z: float) -> FloatArray:
 
 def _convex(corners: FloatArray, z_min: float, z_max: float) -> Any:
     """A convex prism over corners (c, 2) in order."""
-    import fcl
-
     count = len(corners)
     if shapely.Polygon(corners).exterior.is_ccw is False:
         corners = corners[::-1]

@@ -88,7 +88,7 @@ class ArmCollision:
     @property
     def is_uncompiled(self) -> bool:
         """Whether kernels must be compiled first, which takes some 20 s."""
-        from hpop.models.serial_arm.certificate import blocked_by
+        from hpop.models.serial_arm.certificate import blocked_by  # kernels: importing numba takes half a second
         from hpop.runtime.compiled import is_kept
 
         return not is_kept(blocked_by)
@@ -116,7 +116,7 @@ class ArmCollision:
 
         Its own links do not count; inf where nothing stands in the world.
         """
-        from hpop.models.serial_arm.certificate import nearest
+        from hpop.models.serial_arm.certificate import nearest  # numba, on first use
 
         rows = self._rows(states)
         least = np.empty(len(rows))
@@ -129,7 +129,7 @@ class ArmCollision:
 
         Of laws that are straight in the space of the joints. A motion and the same back have the very same.
         """
-        from hpop.models.serial_arm.distances import closest
+        from hpop.models.serial_arm.distances import closest  # numba, on first use
 
         own, which = np.unique(motions.twins, return_inverse=True)
         start, end = self._rows(motions.start.take(own)), self._rows(motions.end.take(own))
@@ -143,7 +143,7 @@ class ArmCollision:
 
     def separations(self, states: States, within: float) -> Separations:
         """Return distances of solids nearer than ``within`` m in states (N,), with gradients by the joints."""
-        from hpop.models.serial_arm.distances import near_pairs
+        from hpop.models.serial_arm.distances import near_pairs  # numba, on first use
 
         rows, room = self._rows(states), 64 * states.size
         while True:
@@ -198,7 +198,7 @@ class ArmCollision:
         self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
     ) -> IntArray:
         """Return the pair that blocks each segment (M,), -1 where it is free."""
-        from hpop.models.serial_arm.certificate import blocked_by
+        from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
 
         found = np.full(len(start), -1)
         for part in _slices(len(start)):
@@ -257,7 +257,7 @@ def always_touching(chain: Chain, parts: Sequence[Part], apart: frozenset[Pair])
     They would block the arm everywhere. Pairs that touch now and then are real collisions, and those that never did are
     looked at nonetheless: that proves nothing of other states.
     """
-    from hpop.models.serial_arm.certificate import blocked_by
+    from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
 
     scene = scene_of(chain, parts, ())
     states = np.random.default_rng(SEED).uniform(chain.low, chain.high, (SAMPLES, len(chain)))

@@ -12,6 +12,7 @@ from functools import cached_property
 from itertools import combinations, product
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import fcl
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -145,8 +146,6 @@ class ArmJudge:
     @cached_property
     def _objects(self) -> list[Any]:
         """Of fcl: those of the parts, to be placed, and of the world."""
-        import fcl
-
         parts = [fcl.CollisionObject(_geometry(part.solid), fcl.Transform()) for part in self.parts]
         return parts + [fcl.CollisionObject(_geometry(solid), _transform(solid.pose)) for solid in self._solids]
 
@@ -163,8 +162,6 @@ class ArmJudge:
 
     def _touches(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
         """Whether two objects touch at some steps."""
-        import fcl
-
         one, other = self._objects[a], self._objects[b]
         together, step = come[a] + come[b], 0
         while step < together.size:
@@ -179,8 +176,6 @@ class ArmJudge:
 
     @cached_property
     def _request(self) -> Any:
-        import fcl
-
         return fcl.DistanceRequest()
 
     def _named(self, body: int) -> str:
@@ -207,15 +202,11 @@ def _half_sides(solid: Solid) -> FloatArray:
 
 
 def _transform(pose: FloatArray) -> Any:
-    import fcl
-
     return fcl.Transform(pose[:3, :3], pose[:3, 3])
 
 
 def _geometry(solid: Solid) -> Any:
     """A shape as fcl has it."""
-    import fcl
-
     match solid.shape:
         case Box(size=size):
             return fcl.Box(*size)

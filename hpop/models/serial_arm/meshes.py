@@ -79,7 +79,7 @@ def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
 def _loaded(data: bytes, path: Path) -> Any:
     """A mesh of one piece or several, its vertices merged."""
     try:
-        import trimesh
+        import trimesh  # of the extra hpop[arm]
     except ImportError:
         raise ModelError(
             f"the mesh {shown(str(path), 400)} is read by trimesh, which is not installed: pip install 'hpop[arm]'; "
