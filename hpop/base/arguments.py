@@ -96,7 +96,7 @@ def checked_arguments(target: T) -> T:
 
 
 def _guarded(function: Callable[..., Any], owner: type | None) -> Callable[..., Any]:
-    """A function whose errors are explained by its arguments, where these are wrong."""
+    """Yield a function whose errors are explained by its arguments, where these are wrong."""
     if inspect.isgeneratorfunction(function):
 
         @wraps(function)
@@ -175,7 +175,7 @@ def _explain(
 
 
 def _is_deliberate(error: Exception) -> bool:
-    """Whether hpop raised it on purpose, or a warning was made one: it says by itself what is wrong."""
+    """Return whether hpop raised it on purpose, or a warning was made one: it says by itself what is wrong."""
     if type(error).__module__.partition(".")[0] == "hpop" or isinstance(error, Warning):
         return True
     place = extract_tb(error.__traceback__)[-1]
@@ -184,7 +184,7 @@ def _is_deliberate(error: Exception) -> bool:
 
 
 def _named(error: Exception) -> Exception:
-    """An error that a function around may explain better, by an argument of its own."""
+    """Return an error that a function around may explain better, by an argument of its own."""
     setattr(error, GUARDED, True)
     return error
 
@@ -213,7 +213,7 @@ def extreme(value: Any) -> str:
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Whether a value is of a type; of the entries of a collection the first few are looked at."""
+    """Return whether a value is of a type; of the entries of a collection the first few are looked at."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is Any:
         return True
@@ -289,7 +289,7 @@ def expected(hint: Any) -> str:
 
 
 def _is_array(value: Any, hint: Any) -> bool:
-    """Whether it is an array of numbers, or becomes one; a single number is none where an array has axes."""
+    """Return whether it is an array of numbers, or becomes one; a single number is none where an array has axes."""
     if hint is AnyColumn and type(value).__module__.partition(".")[0] == "casadi":
         return True
     if isinstance(value, str | Mapping):
@@ -302,7 +302,7 @@ def _is_array(value: Any, hint: Any) -> bool:
 
 
 def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
-    """Whether it can be gone through, and its first entries are what they should be; an iterator is not used up."""
+    """Return whether a value is a collection whose first entries fit; an iterator is not used up."""
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         return False
     if not isinstance(value, Collection) or (isinstance(value, Mapping) and cls not in (Iterable, Collection)):
@@ -316,7 +316,7 @@ def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
 
 
 def _first(values: Iterable[Any]) -> list[Any]:
-    """The first few."""
+    """Return the first few."""
     return [one for one, _ in zip(values, range(LOOKED_AT), strict=False)]
 
 
@@ -327,7 +327,7 @@ def _is_path(hint: Any) -> bool:
 
 @lru_cache
 def _members(protocol: Any) -> tuple[str, ...]:
-    """Names that a protocol asks for."""
+    """Return names that a protocol asks for."""
     names: dict[str, None] = {}
     for cls in protocol.__mro__:
         if getattr(cls, "_is_protocol", False):
@@ -336,7 +336,7 @@ def _members(protocol: Any) -> tuple[str, ...]:
 
 
 def _hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
-    """Types of the parameters, of those that can be told; names for type checkers alone are imported."""
+    """Return types of the parameters, of those that can be told; names for type checkers alone are imported."""
     names: dict[str, Any] = {}
     for module in [*(cls.__module__ for cls in reversed(owner.__mro__ if owner else ())), function.__module__]:
         if module in sys.modules and module.partition(".")[0] not in ("builtins", "typing", "abc"):
@@ -354,7 +354,7 @@ def _hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
 
 @lru_cache
 def _for_type_checkers(module: str) -> dict[str, Any]:
-    """What a module imports ``if TYPE_CHECKING``."""
+    """Return the names that a module imports ``if TYPE_CHECKING``."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, TypeError, SyntaxError):

@@ -32,7 +32,7 @@ PARTIAL = re.compile(r"\..+\.[0-9a-f]{32}\.tmp", re.DOTALL)
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
-    """A file to write into, which at the end takes the place of ``path``; after any error ``path`` is as it was.
+    """Open a file that replaces ``path`` at the end of the block; after any error ``path`` is as it was.
 
     A link stays one: what it leads to is replaced.
 
@@ -72,7 +72,7 @@ def check_replaceable(path: str | os.PathLike[str]) -> None:
 
 
 def _place(target: Path) -> Path:
-    """Where a file is written, links followed; OSError where a folder, a device, a pipe or a socket is there."""
+    """Return where a file is written, links followed; OSError where a folder, a device, a pipe or a socket is there."""
     if not target.name or target.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     if target.exists() and not S_ISREG(target.stat().st_mode):
@@ -81,7 +81,7 @@ def _place(target: Path) -> Path:
 
 
 def _locked(target: Path) -> BinaryIO:
-    """A new file beside another, held by this writer."""
+    """Return a new file beside another, held by this writer."""
     while True:
         file = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp").open("xb")
         _hold(file)
@@ -153,7 +153,7 @@ def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
 
 
 def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
-    """The bytes of a regular file, at most ``most``, also of one that grows; raises as :func:`open_regular`."""
+    """Return the bytes of a regular file, at most ``most``, also of one that grows; raises as :func:`open_regular`."""
     data = bytearray()
     with open_regular(path, most) as file:
         while len(data) <= most and (piece := file.read(PIECE)):  # read(most) would take that much memory

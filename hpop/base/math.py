@@ -32,7 +32,7 @@ def is_symbolic(column: object) -> bool:
 
 
 def hypot(x: Column, y: Column) -> Column:
-    """sqrt(x² + y²), with gradient 0 instead of NaN at the origin on symbols.
+    """Return sqrt(x² + y²), with gradient 0 instead of NaN at the origin on symbols.
 
     >>> float(hypot(3.0, 4.0))
     5.0
@@ -44,12 +44,12 @@ def hypot(x: Column, y: Column) -> Column:
 
 
 def is_zero(column: Column) -> bool:
-    """Whether a column is the number 0.0, which stands for what is known to be zero."""
+    """Return whether a column is the number 0.0, which stands for what is known to be zero."""
     return isinstance(column, float) and column == 0.0
 
 
 def norm(vector: Sequence[Column]) -> Column:
-    """Length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
+    """Return length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
 
     What is no column leaves the others their simpler form: of one alone this is `smooth_abs`, of two `hypot`.
 
@@ -65,7 +65,7 @@ def norm(vector: Sequence[Column]) -> Column:
 
 
 def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Column, Column]) -> Column:
-    """Angle, rad in [0, pi], between unit vectors and others, 0 where these are zero.
+    """Return angle, rad in [0, pi], between unit vectors and others, 0 where these are zero.
 
     On symbols its kink at 0 is rounded within ALIGNED where both lie in one plane of the axes, so that who is aligned
     up to rounding has the gradient 0.
@@ -88,7 +88,7 @@ def sine_of(normal: Sequence[Column]) -> Column:
 
 
 def dot(one: Sequence[Column], other: Sequence[Column]) -> Column:
-    """Sum of the products of columns; the number 0.0 stands for what is known to be zero, and so does the sum.
+    """Return sum of the products of columns; the number 0.0 stands for what is known to be zero, and so does the sum.
 
     >>> dot((1.0, 2.0), (3.0, 0.0))
     3.0
@@ -98,7 +98,7 @@ def dot(one: Sequence[Column], other: Sequence[Column]) -> Column:
 
 
 def cross(one: Sequence[Column], other: Sequence[Column]) -> tuple[Column, Column, Column]:
-    """Cross product of vectors in space; the number 0.0 stands for what is known to be zero.
+    """Return cross product of vectors in space; the number 0.0 stands for what is known to be zero.
 
     >>> cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     (0.0, 0.0, 1.0)
@@ -112,7 +112,7 @@ def cross(one: Sequence[Column], other: Sequence[Column]) -> tuple[Column, Colum
 
 
 def erf(x: Column) -> Column:
-    """The error function 2/sqrt(π) ∫₀ˣ exp(-s²) ds.
+    """Return the error function 2/sqrt(π) ∫₀ˣ exp(-s²) ds.
 
     >>> round(float(erf(1.0)), 6)
     0.842701
@@ -127,7 +127,7 @@ def erf(x: Column) -> Column:
 
 
 def erfcx(x: Column) -> Column:
-    """The scaled complementary error function exp(x²) (1 - erf(x)), of x >= 0.
+    """Return the scaled complementary error function exp(x²) (1 - erf(x)), of x >= 0.
 
     On symbols it is Chebyshev's fit of Press et al. (Numerical Recipes, section 6.2), within 1.2e-7 of itself.
 
@@ -143,7 +143,7 @@ def erfcx(x: Column) -> Column:
 
 
 def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
-    """|x|; on symbols a polynomial within ``width`` of zero, twice differentiable, exact at zero and outside.
+    """Return |x|; on symbols a polynomial within ``width`` of zero, twice differentiable, exact at zero and outside.
 
     With s = x/w the polynomial is w (15 s² - 10 s⁴ + 3 s⁶)/8: the lowest even one that is 0 at 0 and meets |x| at w
     with equal value, slope and curvature.
@@ -159,7 +159,7 @@ def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
 
 
 def hinge(x: Column) -> Column:
-    """max(x, 0), of what a cost rises with; on symbols without a kink.
+    """Return max(x, 0), of what a cost rises with; on symbols without a kink.
 
     Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.hinges`).
     Elsewhere it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with
@@ -195,7 +195,7 @@ def smooth_step(x: Column) -> Column:
 
 
 def wrap(angle: Column) -> Column:
-    """The same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
+    """Return the same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
 
     What is no number stays none.
 
@@ -207,7 +207,7 @@ def wrap(angle: Column) -> Column:
 
 
 def not_radians(angle: float) -> str:
-    """What is wrong with a heading that cannot be in radians, nothing if it can: sums of two are within two turns.
+    """Return why a heading cannot be in radians, "" if it can: sums of two are within two turns.
 
     >>> print(not_radians(90.0))
     is in radians, within two turns of 0; got 90: write math.radians(90), in a scenario '90 deg', if these are degrees

@@ -42,7 +42,7 @@ class Degrees:
 
     @classmethod
     def in_radians(cls, given: Any) -> Any:
-        """The angle that such text says, rad; anything else as it is.
+        """Return the angle that such text says, rad; anything else as it is.
 
         >>> Degrees.in_radians("180 deg"), Degrees.in_radians("half a turn"), Degrees.in_radians(0.5)
         (3.141592653589793, 'half a turn', 0.5)
@@ -52,7 +52,7 @@ class Degrees:
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
-        """The form of such text, as editors know it."""
+        """Return the form of such text, as editors know it."""
         return {"type": "string", "pattern": f"^{cls.TEXT.pattern}$"}
 
     @classmethod
@@ -100,7 +100,7 @@ def real(
     hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> float:
-    """A finite number within bounds, or an error that says what was expected; NumPy's numbers become Python's.
+    """Return a finite number within bounds, or an error that says what was expected; NumPy's numbers become Python's.
 
     ``hint``: what else to do.
 
@@ -129,7 +129,7 @@ def whole(
     hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> int:
-    """A whole number within bounds, or an error that says what was expected.
+    """Return a whole number within bounds, or an error that says what was expected.
 
     ``hint``: what else to do.
 
@@ -146,7 +146,7 @@ def whole(
 
 
 def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError] = OptionError) -> T:
-    """One of some words or whole numbers, or an error that lists them.
+    """Return one of some words or whole numbers, or an error that lists them.
 
     >>> one_of("headings", 5, (4, 8, 16))
     Traceback (most recent call last):
@@ -212,7 +212,7 @@ def set_wholes(
 
 
 def _limits(least: float, most: float, beyond: bool) -> str:
-    """The bounds of a number; a greatest one that nobody comes near is told to those beyond it."""
+    """Return the bounds of a number; a greatest one that nobody comes near is told to those beyond it."""
     return (
         f"of at least {_bound(least)}"
         if most >= MOST_COUNTED and not beyond

@@ -91,7 +91,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return len(self._types)
 
     def own(self) -> dict[str, T]:
-        """Types by name that are registered so far and do not come with hpop; loads nothing."""
+        """Return types by name that are registered so far and do not come with hpop; loads nothing."""
         return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
 
     def _load_home(self, name: str) -> None:
@@ -124,7 +124,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
 
 def _origin(item: Any) -> str:
-    """Where a type or function is defined: module and name."""
+    """Return where a type or function is defined: module and name."""
     return f"{item.__module__}.{item.__qualname__}"
 
 
@@ -154,7 +154,7 @@ formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.
 
 
 def made(registry: Registry[type], spec: Any) -> Any:
-    """A new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
+    """Return a new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
 
     Raises UnknownName for a name nobody registered, and the registry's error for parameters that it does not take.
     """
@@ -189,12 +189,12 @@ def check_parameters(registry: Registry[type], name: str, cls: Any, given: Colle
 
 
 def needed(cls: Any) -> list[str]:
-    """Names of a dataclass's parameters that have no default."""
+    """Return names of a dataclass's parameters that have no default."""
     return [one.name for one in fields(cls) if one.init and one.default is one.default_factory is MISSING]
 
 
 def hints_of(cls: Any) -> dict[str, Any]:
-    """Types of a dataclass's fields by name; none of a plugin that imports names for type checkers only."""
+    """Return types of a dataclass's fields by name; none of a plugin that imports names for type checkers only."""
     try:
         return get_type_hints(cls, include_extras=True)
     except NameError:
@@ -202,7 +202,7 @@ def hints_of(cls: Any) -> dict[str, Any]:
 
 
 def model_parameters(cls: Any) -> frozenset[str]:
-    """Names of the fields of a dataclass that are models: a base that carries another model's camera."""
+    """Return names of the fields of a dataclass that are models: a base that carries another model's camera."""
     own = {field.name for field in fields(cls) if field.init}
     return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model(hint))
 
@@ -212,10 +212,10 @@ def _is_model(hint: Any) -> bool:
 
 
 def _of_model(given: Any) -> Any:
-    """The model that a name or a description says; a model as it is."""
+    """Return the model that a name or a description says; a model as it is."""
     return make_model(given) if isinstance(given, str | Mapping) else given
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
-    """A model from its name or ``{name: {parameter: value}}``; UnknownName or ModelError where that makes no sense."""
+    """Make a model from its name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
     return made(models, spec)

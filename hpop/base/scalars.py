@@ -23,7 +23,7 @@ def python_value(value: Any) -> Any:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value is one real number, of Python or NumPy; a truth value is none.
+    """Return whether a value is one real number, of Python or NumPy; a truth value is none.
 
     >>> import numpy as np
     >>> [is_number(value) for value in (1, np.float32(0.5), np.array(2), True, np.True_, "1", None)]
@@ -34,7 +34,7 @@ def is_number(value: Any) -> bool:
 
 
 def is_whole(value: Any) -> bool:
-    """Whether a value is one whole number, of Python or NumPy; a truth value is none.
+    """Return whether a value is one whole number, of Python or NumPy; a truth value is none.
 
     >>> import numpy as np
     >>> [is_whole(value) for value in (1, np.int64(2), np.array(2), 1.0, True, np.True_)]

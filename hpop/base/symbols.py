@@ -41,7 +41,7 @@ NUMBERS = (int, float, np.number, np.bool_)
 
 
 def lift(value: Any, size: int | tuple[int, ...]) -> Any:
-    """A CasADi value, SX or MX, as a column (size,), or an array of a shape of at most two axes, for NumPy functions.
+    """Wrap a CasADi value, SX or MX, as a column (size,) or an array of at most two axes, for NumPy functions.
 
     Works in CasADi's default mode; ``setNumpyMode`` is process-wide and stays untouched.
     """
@@ -62,13 +62,13 @@ class Symbols(NDArrayOperatorsMixin):
         self.shape, self._value, self._array = shape, value, array
 
     def to_casadi(self) -> Any:
-        """The SX or MX: (M, 1) of a column, (P, M) of two axes."""
+        """Return the SX or MX: (M, 1) of a column, (P, M) of two axes."""
         if self._value is None:
             self._value = self._array.to_casadi()
         return self._value
 
     def to_array(self) -> Any:
-        """The same as ``casadi.ArrayInterface``."""
+        """Return the same as ``casadi.ArrayInterface``."""
         if self._array is None:
             import casadi
 
@@ -81,7 +81,7 @@ class Symbols(NDArrayOperatorsMixin):
         return self._array
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        """NumPy's elementwise functions and, by the mixin, operators."""
+        """Return NumPy's elementwise functions and, by the mixin, operators."""
         if method == "__call__" and not options:
             if ufunc in TURNED:
                 ufunc, inputs = TURNED[ufunc], inputs[::-1]
@@ -91,7 +91,7 @@ class Symbols(NDArrayOperatorsMixin):
         return _wrapped(getattr(ufunc, method)(*_plain(inputs), **options))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
-        """NumPy's other functions."""
+        """Return NumPy's other functions."""
         if function is np.where and not options and len(arguments) == 3 and (operands := self._alike(arguments)):
             import casadi
 
@@ -100,7 +100,7 @@ class Symbols(NDArrayOperatorsMixin):
         return _wrapped(function(*_plain(arguments), **{name: _plain(option) for name, option in options.items()}))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """Symbols are no numbers: an error that says so."""
+        """Raise an error: symbols are no numbers."""
         return self.to_array().__array__(dtype, copy)
 
     def __getitem__(self, key: Any) -> Any:
@@ -113,7 +113,7 @@ class Symbols(NDArrayOperatorsMixin):
         raise TypeError("symbols are neither true nor false: choose by np.where, np.maximum or np.minimum")
 
     def __getattr__(self, name: str) -> Any:
-        """What arrays have besides, such as ``sum`` and ``reshape``."""
+        """Return other attributes of arrays, such as ``sum`` and ``reshape``."""
         if name.startswith("_"):
             raise AttributeError(name)
         member = getattr(self.to_array(), name)
@@ -172,14 +172,14 @@ def _numbers(array: Any) -> Any:
 
 
 def _plain(given: Any) -> Any:
-    """Arguments as ``casadi.ArrayInterface`` knows them."""
+    """Return arguments as ``casadi.ArrayInterface`` knows them."""
     if isinstance(given, Symbols):
         return given.to_array()
     return type(given)(map(_plain, given)) if type(given) in (list, tuple) else given
 
 
 def _wrapped(result: Any) -> Any:
-    """Symbols in place of each ``casadi.ArrayInterface`` of symbols."""
+    """Wrap each ``casadi.ArrayInterface`` of symbols as symbols."""
     name = type(result).__name__
     if name in ("ArrayInterfaceSX", "ArrayInterfaceMX"):
         return (SymbolsSX if name.endswith("SX") else SymbolsMX)(result.shape, array=result)
@@ -187,7 +187,7 @@ def _wrapped(result: Any) -> Any:
 
 
 def summed(function: Callable[..., Any], rows: Sequence[Sequence[float]], *columns: Any) -> Any:
-    """Sum (M,) over rows of numbers of ``function(*row, *columns)``, of columns (M,) and numbers.
+    """Return sum (M,) over rows of numbers of ``function(*row, *columns)``, of columns (M,) and numbers.
 
     Of symbols the function is asked once, of the symbols of one moment, and evaluated row by row: the expression stays
     small.

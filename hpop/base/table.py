@@ -25,7 +25,7 @@ PICTURES: dict[type, Callable[[Any], bytes | None]] = {}
 
 
 def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
-    """A table; all text is escaped.
+    """Return a table; all text is escaped.
 
     >>> table_html(["a<b"], [["1"]])
     '<table><thead><tr><th>a&lt;b</th></tr></thead><tbody><tr><td>1</td></tr></tbody></table>'
@@ -37,14 +37,14 @@ def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: 
 
 
 def facts_html(facts: Sequence[tuple[str, str]]) -> str:
-    """A table of two columns: what, and what it is."""
+    """Return a table of two columns: what, and what it is."""
     left = "style='text-align:left'"  # notebooks put cells to the right, as numbers
     rows = (f"<tr><th {left}>{_text(name)}</th><td {left}>{_text(value)}</td></tr>" for name, value in facts)
     return f"<table><tbody>{''.join(rows)}</tbody></table>"
 
 
 def picture_html(value: Any) -> str:
-    """A picture of a value, if what draws its type is imported; else how to get one."""
+    """Return a picture of a value, if what draws its type is imported; else how to get one."""
     draw = next((PICTURES[cls] for cls in type(value).__mro__ if cls in PICTURES), None)
     if draw is None:
         return "<p><small><code>import hpop.view</code> adds a picture.</small></p>"
@@ -77,7 +77,7 @@ class Table:
         return len(next(iter(self.columns.values())))
 
     def __getitem__(self, name: str) -> FloatArray:
-        """A column (N,) by its name; UnknownName where there is none."""
+        """Return a column (N,) by its name; UnknownName where there is none."""
         try:
             return self.columns[name]
         except (KeyError, TypeError):
@@ -113,7 +113,7 @@ class Table:
             raise OutputError(f"cannot write {shown(os.fspath(path))}: {said}; choose another file") from None
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """The same columns in a table of pandas, the units in its ``attrs``; needs the extra ``tables``."""
+        """Return the same columns in a table of pandas, the units in its ``attrs``; needs the extra ``tables``."""
         frame = library("pandas", "to_dataframe()").DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.units)
         return frame

@@ -23,7 +23,7 @@ LENGTH = 80
 
 
 def printable(text: object, *, newlines: bool = False) -> str:
-    r"""Text that can be printed: what would steer a terminal or reorder a line is written as its escape.
+    r"""Return text that can be printed: what would steer a terminal or reorder a line is written as its escape.
 
     >>> print(printable("Käthe \x1b[2J \u202e!"))
     Käthe \x1b[2J \u202e!
@@ -48,7 +48,7 @@ def argument(path: str | os.PathLike[str]) -> str:
 
 
 def shown(value: Any, most: int = LENGTH) -> str:
-    """A repr for a message, short whatever the value: it may be huge, an alias of an alias, or fail to print.
+    """Return a repr for a message, short whatever the value: it may be huge, an alias of an alias, or fail to print.
 
     >>> shown([1, "two"]), shown("x" * 1000, 20)
     ("[1, 'two']", "'xxxxxxx...xxxxxxxx'")
@@ -65,7 +65,7 @@ def shown(value: Any, most: int = LENGTH) -> str:
 
 
 def article(noun: str) -> str:
-    """A noun with its indefinite article, by its first letter.
+    """Return a noun with its indefinite article, by its first letter.
 
     >>> article("yaw"), article("upper_arm_roll")
     ('a yaw', 'an upper_arm_roll')
@@ -74,7 +74,7 @@ def article(noun: str) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """So many of a noun whose plural ends in s.
+    """Return so many of a noun whose plural ends in s.
 
     >>> counted(1, "path"), counted(1200, "path")
     ('1 path', '1,200 paths')
@@ -83,7 +83,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def some(several: Sequence[str], most: int = 4) -> str:
-    """The first few in a row, and how many others there are.
+    """Return the first few in a row, and how many others there are.
 
     >>> some(["Ada", "Ben"]), some(["Ada", "Ben", "Cleo", "Dan", "Eve"], 3)
     ('Ada, Ben', 'Ada, Ben, Cleo and 2 others')
@@ -103,14 +103,14 @@ class _Short(Repr):
         self.maxlong = 40
 
     def repr_dict(self, x: dict[Any, Any], level: int) -> str:
-        """As ever, but in the order of the keys."""
+        """Return the representation of a dictionary, in the order of its keys."""
         if level <= 0 and x:
             return "{...}"
         pieces = [f"{self.repr1(key, level - 1)}: {self.repr1(x[key], level - 1)}" for key in islice(x, self.maxdict)]
         return f"{{{', '.join([*pieces, *['...'] * (len(x) > self.maxdict)])}}}"
 
     def repr_int(self, x: int, level: int) -> str:
-        """As ever, but of numbers that Python does not print."""
+        """Return the representation of a number, also of one that Python does not print."""
         if x.bit_length() > 10_000:
             return f"a whole number of {int(x.bit_length() * log10(2)) + 1:,} digits"
         return super().repr_int(x, level)

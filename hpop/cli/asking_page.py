@@ -64,7 +64,7 @@ class Asked(Protocol):
 
 
 def page_of(asked: Asked) -> str:
-    """The page as it is now."""
+    """Return the page as it is now."""
     if asked.is_over:
         said = "".join(f"<p>{html.escape(printable(line))}</p>" for line in asked.result())
         return f"{HEAD}<h1>Thank you</h1>{said}<p>This page can be closed.</p>"
@@ -89,7 +89,7 @@ def page_of(asked: Asked) -> str:
 
 
 def _page_of_loss(why: str, address: str) -> str:
-    """What is said of an answer that could not be kept: its question is still open."""
+    """Return the page after an answer that could not be saved: its question is still open."""
     said = html.escape(printable(why))
     return (
         f"{HEAD}<h1>Once more, please</h1><p>The answer was not kept: {said}</p><p><a href={address}>Ask again</a></p>"
@@ -102,7 +102,7 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
 
     class Handler(PageHandler):
         def answer(self) -> None:
-            """The question, or what came out; then the command ends."""
+            """Send the question, or the result; after the result the command ends."""
             if self._is_known():
                 with lock:
                     page = page_of(asked).encode()
@@ -112,7 +112,7 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
                     over.set()
 
         def take(self) -> None:
-            """An answer, then the page again."""
+            """Take an answer, and send the page again."""
             if not self._is_known():
                 return
             data = self.body(MOST_BYTES)
@@ -132,7 +132,7 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
             self._send(HTTPStatus.SEE_OTHER, b"", Location=f"/{token}")
 
         def _is_known(self) -> bool:
-            """Whether who asks knows the address of the page."""
+            """Return whether who asks knows the address of the page."""
             if secrets.compare_digest(self.path.encode("utf-8", "replace"), f"/{token}".encode()):
                 return True
             self._send(HTTPStatus.NOT_FOUND, b"")

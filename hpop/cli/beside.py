@@ -28,6 +28,8 @@ from hpop.errors import OutputError
 from hpop.runtime import matplotlib_folder
 from hpop.runtime.interrupts import interrupts_held
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 TOKEN = "HPOP_LIVE_TOKEN"  # of the environment of the other process
 HOST = "127.0.0.1"  # nobody else's machine gets there
 WAITING = 64  # browsers that ask before the other process answers

@@ -41,7 +41,9 @@ from hpop.cli.terminal import (
     verbose_option,
 )
 from hpop.errors import OptionError, OutputError
+from hpop.runtime import status
 from hpop.runtime.interrupts import stopping_told
+from hpop.runtime.status import Status
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -59,7 +61,7 @@ COMPILING = "the search is compiled beside {}, once for each number and kind of 
 
 
 def _folder(context: click.Context, option: click.Parameter, given: str | None) -> Path | None:
-    """A folder's path; the empty one, as of a shell's variable that is not set, would be the current folder."""
+    """Return a folder's path; the empty one, as of a shell's variable that is not set, would be the current folder."""
     if given == "":
         raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
     return None if given is None else Path(given)
@@ -114,7 +116,6 @@ def plan(
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
     from hpop.planners.searches.exact import kernels_beside
-    from hpop.runtime.status import Status
     from hpop.scenario import load_scenario
     from hpop.search.machinery.beside import Onset
 
@@ -229,7 +230,7 @@ def check(plugin: str, imports: tuple[str, ...]) -> None:
 
 @contextmanager
 def _executor(workers: int | None, dask: str | None) -> Iterator[Executor | None]:
-    """Where sweeps run: processes, a Dask cluster, or None for here."""
+    """Return the executor of sweeps: processes, a Dask cluster, or None for this process."""
     from hpop.runtime import sweep
 
     if dask is not None:
@@ -257,14 +258,13 @@ def _solved(
     *,
     waits: bool,
 ) -> list[Front]:
-    """The front after each planner of a scenario; each is saved as it comes.
+    """Return the front after each planner of a scenario; each is saved as it comes.
 
     So are the fronts of a planner's stages; of one that stands for a while another process draws the map. Where
     kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
     that imports serves for the last pictures too.
     """
     from hpop.cli import report
-    from hpop.runtime import status
 
     fronts: list[Front] = []
     say = report.StageLines()
@@ -304,8 +304,6 @@ def _solved(
 
 def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:
     """Draw the pictures; who has stopped the search gets the prompt back, and another process draws them."""
-    from hpop.runtime.status import Status
-
     if Status.INTERRUPTED in front.status:
         PicturesBeside(out, imports, _most(scenario)).start()
         echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
@@ -316,14 +314,14 @@ def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -
 
 
 def _most(scenario: Scenario) -> int | None:
-    """Bytes that the planners of a scenario may take, the one that may take most; None without a limit."""
+    """Return bytes that the planners of a scenario may take, the one that may take most; None without a limit."""
     from hpop.planners.spending import common_spending
 
     return common_spending(scenario.planners).limits.max_memory
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
-    """Planners, of which the one that searches exactly keeps its search in a file."""
+    """Return planners, of which the one that searches exactly keeps its search in a file."""
     from hpop.base.registry import planners
     from hpop.search.machinery.checkpoint import Checkpoint
 

@@ -15,6 +15,8 @@ from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.runtime.status import Status, why_none
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 if TYPE_CHECKING:
     from hpop.drive import Execution, Options
     from hpop.drive.script import Happening
@@ -93,7 +95,7 @@ def drive(
 
 
 def _print(happening: Happening, driven: Execution) -> None:
-    """An event, what it does to the plan, the options, and what is driven then."""
+    """Print an event, its consequences for the plan, the options, and the trajectory that is driven then."""
     x, y = (float(getattr(happening.driven.states, name)[-1]) for name in ("x", "y"))
     echo(f"\n{happening.event.at:.1f} s, at ({x:.2f}, {y:.2f}): {happening.event}")
     if happening.change is not None:
@@ -119,7 +121,7 @@ def _consequences(happening: Happening) -> list[str]:
 
 
 def _print_options(options: Options, happening: Happening) -> None:
-    """A table of some options: the present plan, what is taken, the knee and the least of each cost."""
+    """Print a table of options: the present plan, the option taken, the knee and the least of each cost."""
     from rich.console import Console
 
     from hpop.cli.report import header, plain_table, print_wide
@@ -151,7 +153,7 @@ def _print_options(options: Options, happening: Happening) -> None:
 
 
 def _how_far(options: Options) -> str:
-    """How much better what is missing may be, and what to do about it."""
+    """Return how much better what is missing may be, and what to do about it."""
     if options.gap == 0:
         return ""
     if math.isfinite(options.gap):
@@ -160,7 +162,7 @@ def _how_far(options: Options) -> str:
 
 
 def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
-    """Which options are shown, and why each."""
+    """Return which options are shown, and why each."""
     names: dict[int, list[str]] = {}
     if options.keep_on is not None:
         names.setdefault(options.keep_on, []).append("present plan")
@@ -172,7 +174,7 @@ def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
 
 
 def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
-    """The record and the picture of a drive, also of one that a fault ended."""
+    """Write the record and the picture of a drive, also of one that a fault ended."""
     from hpop.view.moments import draw_drive
     from hpop.view.save import save_figure
 

@@ -33,7 +33,7 @@ def print_criteria(console: Console | None = None) -> None:
 
 
 def declared(item: Any) -> str:
-    """What a registered type says of itself, on one line: of a criterion its unit, and what it requires; its fields."""
+    """Describe a registered type on one line: unit and requirements of a criterion, and its fields."""
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""
@@ -76,7 +76,7 @@ def print_formats(console: Console | None = None) -> None:
 
 
 def _provided(cls: type) -> str:
-    """What a robot with its defaults provides, in words; nothing of one that has none."""
+    """Return in words what a robot with its defaults provides; "" for a robot without defaults."""
     try:
         made = cls()
     except (TypeError, HpopError):
@@ -94,14 +94,14 @@ def _fields(cls: Any) -> str:
 
 
 def _default(field: dataclasses.Field[Any]) -> str:
-    """What a field is if nobody gives it: "..." where somebody must."""
+    """Return the default of a field, "..." for a field without one."""
     if field.default_factory is not dataclasses.MISSING:
         return repr(field.default_factory())
     return "..." if field.default is dataclasses.MISSING else repr(field.default)
 
 
 def _first_line(cls: Any) -> str:
-    """First paragraph of a docstring, on one line, without markup."""
+    """Return first paragraph of a docstring, on one line, without markup."""
     text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
     return re.sub(r":\w+:`|`", "", text)
 
@@ -117,7 +117,7 @@ REGISTRIES: tuple[Registry[Any], ...] = (
 
 
 def explained(word: str) -> str:
-    """All that is known of a word; UnknownName where that is nothing."""
+    """Return all that is known of a word; UnknownName where that is nothing."""
     meant = _plain(word)
     found = [*_meanings(meant), *_registered(meant)]
     if not found:
@@ -129,14 +129,14 @@ def explained(word: str) -> str:
 
 
 def known() -> str:
-    """The words that are explained."""
+    """Return the words that are explained."""
     words = ", ".join(entry.word for entry in entries())
     *kinds, last = (each.kind for each in REGISTRIES)
     return f"Explained are {words}; and the name of each {', '.join(kinds)} and {last}."
 
 
 def _plain(word: str) -> str:
-    """A word as it is looked up: one that is printed with capitals, dashes or blanks is the same."""
+    """Return a word as it is looked up: one that is printed with capitals, dashes or blanks is the same."""
     return re.sub(r"[\s_-]+", " ", word.strip().lower())
 
 

@@ -10,11 +10,14 @@ import click
 
 from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
-from hpop.errors import HpopError
+from hpop.errors import HpopError, OutputError
+from hpop.runtime.status import Status, progress_bar
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 
 def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Names and numbers of several options, each with some between commas."""
+    """Return names and numbers of several options, each with some between commas."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected some between commas, such as knee,3", context, option)
@@ -151,12 +154,10 @@ def ros(
     question is planned first: what that takes is compiled then, and its mistakes are told before a robot waits.
     """
     from hpop.cli import user_code
-    from hpop.errors import OutputError
     from hpop.ros.bridge import Bridge, checked_url
     from hpop.ros.path_server import PathServer
     from hpop.ros.planning import Planning
     from hpop.ros.protocol import Interface
-    from hpop.runtime.status import Status, progress_bar
     from hpop.scenario import load_scenario
 
     user_code.register(imports)

@@ -289,12 +289,12 @@ planner, robot and goal by its name, too.
 
 
 def entries() -> list[Entry]:
-    """All entries, in order."""
+    """Return all entries, in order."""
     return [entry for section in GLOSSARY.values() for entry in section]
 
 
 def page() -> str:
-    """The glossary as Markdown."""
+    """Return the glossary as Markdown."""
     parts = [HEAD]
     for heading, section in GLOSSARY.items():
         parts.append(f"## {heading}\n")

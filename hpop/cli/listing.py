@@ -6,6 +6,8 @@ import click
 
 from hpop.cli.terminal import echo, imports_option, user_errors
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 
 @click.command()
 @imports_option

@@ -28,6 +28,8 @@ from hpop.base.text import printable
 from hpop.cli.beside import NICENESS, TOKEN
 from hpop.runtime.page_server import PageHandler, PageServer
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 ALIVE = 15.0  # s between two signs of life to a page that waits
 FAREWELL = 2.0  # s for the pages that are open to hear that the search has ended
 WAITING = """<!doctype html>
@@ -87,7 +89,7 @@ class Shown:
                 self.page = WAITING.format(words=said).encode(errors="backslashreplace")
 
     def since(self, seen: int) -> tuple[int, bytes, bool]:
-        """Number and payload of the newest, and whether all is over: when it is not what was seen, or after a while."""
+        """Wait for a newer front, or for a while; return the last number and payload, and whether all is over."""
         with self.changed:
             self.changed.wait_for(lambda: self.number > seen or self.ended, ALIVE)
             return self.number, self.payload, self.ended
@@ -101,7 +103,7 @@ class Shown:
 
 
 def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
-    """A server of what is shown, on a socket that listens."""
+    """Return a server of what is shown, on a socket that listens."""
 
     class Handler(PageHandler):
         def answer(self) -> None:
@@ -123,7 +125,7 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
                 self.page(shown.page)
 
         def _stream(self, query: dict[str, list[str]]) -> None:
-            """Fronts as they come, as server-sent events; first what came since the page was made."""
+            """Send fronts as server-sent events, first those that came since the page was made."""
             known = [self.headers.get("Last-Event-ID", ""), *query.get("after", [])]
             seen = max((int(number) for number in known if number.isascii() and number.isdigit()), default=0)
             self.send_response(HTTPStatus.OK)

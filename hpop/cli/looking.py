@@ -13,6 +13,9 @@ from hpop.base.text import argument, shown
 from hpop.cli import results
 from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, user_errors
 from hpop.errors import OptionError, OutputError, QueryError
+from hpop.runtime.status import Status
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -22,7 +25,7 @@ DPI = 150
 
 
 def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, str]:
-    """Texts by name of several options NAME=VALUE."""
+    """Return texts by name of several options NAME=VALUE."""
     found = {}
     for text in given:
         name, equals, value = text.partition("=")
@@ -33,7 +36,7 @@ def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]
 
 
 def _map_options(command: Any) -> Any:
-    """The options by which a map is read, and for which robot."""
+    """Return the options by which a map is read, and for which robot."""
     for option in (
         click.option("--radius", type=float, metavar="M", help="Radius of the robot, m; 0.3 by default."),
         click.option("--reader", metavar="NAME", help="What reads the map, where its ending does not say."),
@@ -131,7 +134,6 @@ def new(
     MovingAI grid, or what a reader of your own reads.
     """
     from hpop.cli import user_code
-    from hpop.runtime.status import Status
     from hpop.scenario import new as scenarios
 
     user_code.register(imports)

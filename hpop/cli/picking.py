@@ -110,7 +110,7 @@ SMALL = 0.01  # of the cost itself: so little is a little, whatever the range
 
 
 def loaded_preference(path: Path | None) -> Preference | None:
-    """The preference in a file, if one is given."""
+    """Return the preference in a file, if one is given."""
     if path is None:
         return None
     with output_errors(f"cannot read {path}", "give the file that `hpop prefer` wrote"):
@@ -147,7 +147,7 @@ def print_preference(person: Preference, front: Front, console: Console | None =
 
 
 def pair_table(front: Front, pair: Sequence[int]) -> Table:
-    """What two rows cost, side by side, and where they differ, in words."""
+    """Return a table of the costs of two rows, and of their differences in words."""
     table = plain_table()
     for column in ("", "a", "b"):
         table.add_column(column, justify="right" if column else "left", no_wrap=True)
@@ -173,7 +173,7 @@ class Difference(NamedTuple):
 
 
 def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
-    """Each cost of two rows, beside one another."""
+    """Return each cost of two rows, beside one another."""
     found = []
     span = np.ptp(front.costs, axis=0)
     for j, (name, unit) in enumerate(zip(front.names, front.units, strict=True)):
@@ -191,5 +191,5 @@ def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
 
 
 def percent(share: float) -> str:
-    """A share in words."""
+    """Return a share in words."""
     return f"{100 * share:.1f} %"

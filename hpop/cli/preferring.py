@@ -16,6 +16,8 @@ from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.errors import OutputError, StudyError
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 if TYPE_CHECKING:
     from hpop.cli.picking import Difference
     from hpop.preference import Preference
@@ -69,14 +71,14 @@ class Asking:
         self.pair = self._next()
 
     def differences(self) -> list[Difference]:
-        """What the two cost."""
+        """Return the costs of both trajectories."""
         from hpop.cli.picking import differences
 
         assert self.pair is not None
         return differences(self.front, self.pair)
 
     def picture(self) -> bytes:
-        """Both on the map, as PNG."""
+        """Return both on the map, as PNG."""
         import numpy as np
 
         from hpop.view import draw_map
@@ -89,7 +91,7 @@ class Asking:
         return data.getvalue()
 
     def result(self) -> list[str]:
-        """What came out, in words."""
+        """Return the result in words."""
         best = self.person.best()
         said = f"For you: trajectory {best.row}, the best one with probability {best.probability[best.row]:.2f}."
         return [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
@@ -157,7 +159,7 @@ def prefer(
 
 
 def _person(front: Front, file: Path, question: str, seed: int | None) -> Preference:
-    """Whoever was asked before, or somebody new."""
+    """Return the saved preference of a person, or a new one."""
     from hpop.base.randomness import seed_of
     from hpop.preference import Preference
 
@@ -202,7 +204,7 @@ def _ask(asking: Asking, picture: Path) -> None:
 
 
 def _answered() -> str:
-    """What is typed; the end of what can be read stops."""
+    """Return the answer that is typed; the end of the input stops."""
     while True:
         click.echo("a, b, tie or stop? ", nl=False)
         line = sys.stdin.readline()

@@ -25,6 +25,9 @@ from hpop.frontier.choosing import differing
 from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 MOST_ROWS = 20
 MOST_DIGITS = 7  # more than usual, in which costs are told apart
@@ -34,7 +37,7 @@ MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervol
 
 
 def marks(front: Front, preference: Preferring | None = None) -> dict[int, list[str]]:
-    """The rows that are marked, each with all its names."""
+    """Return the rows that are marked, each with all its names."""
     names: dict[int, list[str]] = {}
     for label, point in front.named(preference).items():
         names.setdefault(point.index, []).append(label)
@@ -112,7 +115,7 @@ class Contribution:
 
 
 def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Contribution]:
-    """What each planner added, from the front after each: ``fronts[i]`` holds all that planners 0 to i found.
+    """Return the contribution of each planner; ``fronts[i]`` is the front of planners 0 to i.
 
     Hypervolumes are in the scale of all these fronts together.
     """
@@ -177,7 +180,7 @@ class StageLines:
 
 
 def how_many(front: Front) -> str:
-    """The number of trajectories, in words."""
+    """Return the number of trajectories, in words."""
     return f"{len(front):,} {'trajectory' if len(front) == 1 else 'trajectories'}"
 
 
@@ -201,7 +204,7 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
 
 
 def _counted(key: str, value: float) -> str:
-    """A count, seconds or bytes of a run.
+    """Return a count, seconds or bytes of a run.
 
     >>> _counted("search_seconds", 0.0912), _counted("peak_memory", 14_383_600), _counted("edges", 440_878)
     ('search 0.09 s', 'peak memory 14 MB', 'edges 440,878')
@@ -225,7 +228,7 @@ def print_wide(console: Console, table: Table) -> None:
 
 
 def plain_table() -> Table:
-    """An empty table as the command line prints them."""
+    """Return an empty table as the command line prints them."""
     return Table(box=SIMPLE_HEAD, show_edge=False, padding=(0, 1, 0, 0))
 
 
@@ -235,7 +238,7 @@ def header(name: str, unit: str) -> Text:
 
 
 def _labels(names: Sequence[str]) -> Text:
-    """Names one below another."""
+    """Return names one below another."""
     return Text("\n".join(map(printable, names)))
 
 
@@ -257,14 +260,14 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:
-    """All rows of a short front; of a long one the marked rows and those that differ most from the ones chosen."""
+    """Return all rows of a short front; of a long one the marked rows and those that differ most."""
     if len(front) <= most:
         return list(range(len(front)))
     return sorted(differing(front.costs, most, always=sorted({*marks(front), *marked})))
 
 
 def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence[str]]) -> Table:
-    """Planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
+    """Return planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
     table = plain_table()
     table.add_column("#", justify="right")
     table.add_column("costs")
@@ -282,17 +285,15 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
 
 
 def is_complete(front: Front) -> bool:
-    """Whether nothing is missing of what its planners can find."""
+    """Return whether nothing is missing of what its planners can find."""
     from hpop.frontier.union import JOINT
-    from hpop.runtime.status import Status
 
     return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
 
 def why_nothing(status: str) -> str:
-    """What ended the searches of a front without points, and what to do about it."""
+    """Return why a front has no points, and the way out."""
     from hpop.frontier.union import JOINT
-    from hpop.runtime.status import Status
 
     ways: dict[str, str] = {
         Status.TIME_LIMIT: "raise time_limit (s), or make the graph smaller (a larger step, fewer samples)",
@@ -307,7 +308,7 @@ def why_nothing(status: str) -> str:
 
 
 def numbers(values: FloatArray, quantum: float) -> list[str]:
-    """A column of costs, with as many digits more as it takes to tell apart what differs by a quantum.
+    """Return a column of costs, with as many digits more as it takes to tell apart what differs by a quantum.
 
     >>> numbers(np.array([41.29117, 41.29132, 3.0]), 1e-6), numbers(np.array([3.0, 3.0000001]), 1e-6)
     (['41.2912', '41.2913', '3.0000'], ['3.000', '3.000'])
@@ -321,7 +322,7 @@ def numbers(values: FloatArray, quantum: float) -> list[str]:
 
 
 def number(value: float, quantum: float, more: int = 0) -> str:
-    """A cost as a person reads it: whole where it counts, nothing below half a quantum, else four significant digits.
+    """Format a cost: counts as whole numbers, 0 below half a quantum, else four significant digits.
 
     ``more`` digits can be asked for.
 

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, cast
 
 from hpop.errors import OutputError, UnknownName
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 if TYPE_CHECKING:
     from hpop.preference import Preference
     from hpop.problems.front import Front
@@ -31,7 +33,7 @@ PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "state
 
 @contextmanager
 def output_errors(what: str, way_out: str) -> Iterator[None]:
-    """Errors of reading or writing a front, as one message."""
+    """Turn errors of reading or writing a front into one message."""
     from hpop.frontier import FrontFileError
 
     try:
@@ -76,7 +78,7 @@ def held(out: Path) -> Iterator[None]:
 
 
 def _opened(out: Path) -> int | None:
-    """A folder, open and held until it is closed; None where that cannot be."""
+    """Return a folder, open and held until it is closed; None where that cannot be."""
     if fcntl is None:
         return None
     folder = None
@@ -96,7 +98,7 @@ def _opened(out: Path) -> int | None:
 
 
 def _holder(out: Path) -> str:
-    """The process that holds a folder, in words; nothing where the system does not tell."""
+    """Return the process that holds a folder, in words; nothing where the system does not tell."""
     inode = f":{out.stat().st_ino}"
     with suppress(OSError):
         for _, kind, _, _, process, file, *_ in map(str.split, Path("/proc/locks").read_text().splitlines()):
@@ -131,7 +133,7 @@ def save_page(problem: Problem, front: Front, saved: Path, preference: Preferenc
 
 
 def page_payload(saved: Path) -> dict[str, Any]:
-    """What the page of a front that is saved is made of."""
+    """Return the payload of the page of a saved front."""
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem
     from hpop.view.explorer.payload import payload
@@ -164,7 +166,7 @@ def draw(
 
 
 def loaded(folder: Path) -> tuple[Path, Front]:
-    """The file of a front, and the front in it."""
+    """Return the file of a front, and the front in it."""
     from hpop.problems.front import Front
 
     path = folder / SAVED if os.path.isdir(folder) else folder
@@ -173,7 +175,7 @@ def loaded(folder: Path) -> tuple[Path, Front]:
 
 
 def problem_of(path: Path, front: Front) -> Problem:
-    """The problem that a saved front answers."""
+    """Return the problem that a saved front answers."""
     from hpop.problems.problem import Problem
 
     try:

@@ -10,6 +10,9 @@ import click
 
 from hpop.cli.results import RIDE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, open_page, user_errors
+from hpop.runtime import status
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -19,7 +22,7 @@ FPS, WIDTH = 30.0, 2048
 
 
 def video_options(command: Any) -> Any:
-    """The options of a command that also makes videos."""
+    """Return the options of a command that also makes videos."""
     for option in (
         click.option("--width", type=int, default=WIDTH, metavar="N", help=f"Pixels of a video's width. [{WIDTH}]"),
         click.option("--fps", type=float, default=FPS, metavar="N", help=f"Frames a second. [{FPS:g}]"),
@@ -44,7 +47,6 @@ def film(
 ) -> None:
     """Make the video, or its frames, or both, of the one row that is asked for, the knee by default; say what it is."""
     from hpop.problems.named_rows import named_rows
-    from hpop.runtime import status
     from hpop.view import save_frames, save_video
     from hpop.view.ride.scene import Scene
 
@@ -66,7 +68,7 @@ KNEE = ["knee"]
 
 
 def _rows(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Rows of several options, each with some between commas."""
+    """Return rows of several options, each with some between commas."""
     rows = [row.strip() for text in given for row in text.split(",")]
     if not all(rows):
         raise click.BadParameter("expected ROW or ROW,ROW, such as knee,3", context, option)
@@ -74,7 +76,7 @@ def _rows(context: click.Context, option: click.Parameter, given: Sequence[str])
 
 
 def _page_options(command: Any) -> Any:
-    """The options of the page, and of how a headset comes to it."""
+    """Return the options of the page, and of how a headset comes to it."""
     for option in (
         click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"To serve on. [{PORT}]"),
         click.option("--cable", is_flag=True, help="Serve it to this machine, and to a headset on its cable (adb)."),
@@ -139,7 +141,7 @@ def ride(
 
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
-    """What the trajectories of a page are, printed with what is not drawn as it is; their number in words."""
+    """Print the trajectories of a page, and notes of inexact drawings; return their number in words."""
     from hpop.problems.named_rows import named_rows
     from hpop.view.ride.scene import Scene
 

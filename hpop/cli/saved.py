@@ -12,6 +12,10 @@ from hpop.cli import results
 from hpop.cli.results import PAGE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, open_page, preference_option, user_errors, verbose_option
 from hpop.errors import OutputError
+from hpop.runtime import status
+from hpop.runtime.status import Progress
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -22,7 +26,7 @@ PAIR = "NAME=NUMBER"
 
 
 def _numbers(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, float]:
-    """Numbers by name of several options such as turns=5."""
+    """Return numbers by name of several options such as turns=5."""
     found: dict[str, float] = {}
     for text in given:
         name, _, number = text.rpartition("=")
@@ -37,7 +41,7 @@ def _numbers(context: click.Context, option: click.Parameter, given: Sequence[st
 
 
 def _names(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Names of several options, each with some between commas."""
+    """Return names of several options, each with some between commas."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected NAME or NAME,NAME, such as sickness,rotation", context, option)
@@ -74,8 +78,6 @@ def show(
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
     from hpop.cli import picking, report, user_code
     from hpop.problems.verify import lost_trajectories, verify
-    from hpop.runtime import status
-    from hpop.runtime.status import Progress
 
     user_code.register(imports)
     path, front = loaded(folder)
@@ -177,10 +179,8 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
-    """The front with further criteria reported."""
+    """Return the front with further criteria reported."""
     from hpop.problems import evaluation
-    from hpop.runtime import status
-    from hpop.runtime.status import Progress
 
     with status.progress_bar() as progress:
         return evaluation.evaluated(problem, front, also, lambda done: progress(Progress("evaluation", detail=done)))

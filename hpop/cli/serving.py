@@ -50,7 +50,7 @@ class OnePage(PageServer):
         super().__init__(_Handler, host=host, port=port, names=names, secured=secured)
 
     def address(self, host: str) -> str:
-        """Where the page is, as it is typed into a browser."""
+        """Return where the page is, as it is typed into a browser."""
         return f"{self.root(host)}/{self.token}"
 
 
@@ -60,7 +60,7 @@ class _Handler(PageHandler):
     server: OnePage
 
     def answer(self) -> None:
-        """The page, to who knows its token."""
+        """Send the page to a request that names its token."""
         asked = self.path.partition("?")[0].strip("/")
         if secrets.compare_digest(asked.encode("utf-8", "replace"), self.server.token.encode()):
             self.page(self.server.page)
@@ -69,7 +69,7 @@ class _Handler(PageHandler):
 
 
 def own_address() -> str:
-    """The address of this machine in its network, or 127.0.0.1 where there is none; nothing is sent to find it."""
+    """Return the address of this machine in its network, or 127.0.0.1; nothing is sent to find it."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address of documentation (RFC 5737)
@@ -79,7 +79,7 @@ def own_address() -> str:
 
 
 def certificate_for(*hosts: str) -> Certificate:
-    """A certificate of this machine's own for some IP addresses; browsers warn of it once.
+    """Return a certificate of this machine's own for some IP addresses; browsers warn of it once.
 
     Raises OutputError where there is no `cryptography`.
     """
@@ -116,7 +116,7 @@ def certificate_for(*hosts: str) -> Certificate:
 
 
 def context_of(certificate: Certificate) -> ssl.SSLContext:
-    """What a server needs of a certificate; its key is on the disk only while it is read, and only for its owner."""
+    """Make an SSL context of a certificate; its key is on the disk only while it is read, only for its owner."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     with TemporaryDirectory(prefix="hpop-") as folder:
         paths = [Path(folder) / name for name in ("certificate.pem", "key.pem")]

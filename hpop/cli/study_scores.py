@@ -9,6 +9,8 @@ import click
 
 from hpop.cli.terminal import echo, user_errors
 
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
 if TYPE_CHECKING:
     from hpop.study import Answers
     from hpop.study.results import Method
@@ -81,7 +83,7 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
 
 
 def _score(text: str) -> tuple[str, str]:
-    """A form and the name of a score of it."""
+    """Return a form and the name of a score of it."""
     form, _, name = text.partition(".")
     if not form or not name:
         raise click.UsageError(f"--score is a form and a score of it, such as ssq.total, got {text!r}")
@@ -144,7 +146,7 @@ def power(
 
 
 def _shifts(text: str) -> Any:
-    """A number, or several between commas; "observed" is told why it is refused."""
+    """Return a number, or several between commas; "observed" is told why it is refused."""
     if text == "observed":
         return text
     try:
@@ -159,7 +161,7 @@ def _shifts(text: str) -> Any:
 
 
 def _print_scores(answers: Answers) -> None:
-    """Medians of each score before and after each stimulus, and how many people they are of."""
+    """Print medians of each score before and after each stimulus, with the numbers of people."""
     import numpy as np
     from rich.console import Console
 

@@ -17,6 +17,10 @@ from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
 from hpop.cli.terminal import Commands, echo, user_errors
 from hpop.errors import StudyError
+from hpop.runtime import status
+from hpop.runtime.status import Progress
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -41,7 +45,7 @@ for _command in (power, report, score):
 
 
 def _strata(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str]]:
-    """Levels by stratum of several options such as sex=f,m."""
+    """Return levels by stratum of several options such as sex=f,m."""
     found: dict[str, list[str]] = {}
     for text in given:
         name, _, levels = text.partition("=")
@@ -124,8 +128,6 @@ def init(
     Writes into a new folder DIR the design, the schedule, the stimuli, a page for each participant, and a copy of the
     front.
     """
-    from hpop.runtime import status
-    from hpop.runtime.status import Progress
     from hpop.study import Design, Protocol
     from hpop.study import folder as folders
 
@@ -265,7 +267,7 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
 
 
 def _check_words(language: str, path: Path | None) -> None:
-    """StudyError where texts of the pages lack, in a file or, without one, in those that hpop brings."""
+    """Raise StudyError where texts of the pages are missing, in a file or in those that hpop brings."""
     from hpop.study.words import checked_file
     from hpop.study.words import words as shipped
 
@@ -294,7 +296,7 @@ def _beside(check: Callable[[], None]) -> Iterator[None]:
 def _rows(
     front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
 ) -> list[str | NamedRow]:
-    """The rows that are asked for, and so many in all that differ most from them."""
+    """Return the rows that are asked for, and so many in all that differ most from them."""
     from hpop.study import pick
     from hpop.study.conditions import VIEW
 
@@ -314,7 +316,7 @@ def _rows(
 
 
 def _consent(path: Path) -> str:
-    """The text of a file."""
+    """Return the text of a file."""
     from hpop.base.files import read_regular
 
     try:

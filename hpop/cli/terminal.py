@@ -27,7 +27,7 @@ def echo(text: str, *, err: bool = False) -> None:
 
 @contextmanager
 def warnings_as_notes() -> Iterator[None]:
-    """What hpop warns of is a note to whoever reads a terminal, without the line of Python that it comes from."""
+    """Print warnings of hpop as notes, without the line of Python that caused them."""
     with warnings.catch_warnings():
         usual = warnings.showwarning
 
@@ -101,7 +101,7 @@ preference_option = click.option(
 
 
 def user_errors(command: F) -> F:
-    """A user's mistake ends in one message and its exit code, never in a traceback."""
+    """Return a user's mistake ends in one message and its exit code, never in a traceback."""
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:

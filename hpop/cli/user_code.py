@@ -50,13 +50,13 @@ def register(specs: Iterable[str]) -> None:
 
 
 def _registered() -> Iterator[Any]:
-    """What is registered so far and does not come with hpop."""
+    """Return the registered types that do not come with hpop."""
     for registry in REGISTRIES:
         yield from registry.own().values()
 
 
 def named(spec: str) -> Criterion | Model | Planner:
-    """A criterion, model or planner with its defaults: ``FILE.py:NAME`` or ``MODULE:NAME``, or a registered name.
+    """Return a criterion, model or planner with its defaults, by ``FILE.py:NAME``, ``MODULE:NAME`` or name.
 
     Raises OwnCodeError where its module cannot be imported, the error of its kind where that has no such class, and
     UnknownName.
@@ -87,7 +87,7 @@ def named(spec: str) -> Criterion | Model | Planner:
 
 
 def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
-    """The error for a name that nothing has that is imported so far, with how to check it."""
+    """Return the error for a name that nothing has that is imported so far, with how to check it."""
     packages = ("criteria", "planners", "models")
     home = [file for package in packages for file in HOME.glob(f"{package}/**/*.py") if file.stem == spec]
     if os.path.isfile(f"{spec}.py"):
@@ -109,12 +109,12 @@ def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
 
 
 def _is_at_home(thing: Any) -> bool:
-    """Whether a registered class is one of hpop's."""
+    """Return whether a registered class is one of hpop's."""
     return str(getattr(thing, "__module__", "")).partition(".")[0] == "hpop"
 
 
 def _named_in(module: ModuleType, name: str) -> Any:
-    """What a module has of a name, or what it registers under it."""
+    """Return the attribute of a module by name, or the type that it registers under that name."""
     if not hasattr(module, name):
         for registry in REGISTRIES:
             item = registry.own().get(name)
@@ -124,7 +124,7 @@ def _named_in(module: ModuleType, name: str) -> Any:
 
 
 def imported(spec: str) -> ModuleType:
-    """The module of a ``FILE.py``, or of a dotted name as seen from the current folder.
+    """Return the module of a ``FILE.py``, or of a dotted name as seen from the current folder.
 
     Raises OwnCodeError, or the HpopError that came up meanwhile, with file and line.
     """
@@ -143,7 +143,7 @@ def imported(spec: str) -> ModuleType:
 
 
 def _is_file(spec: str) -> bool:
-    """Whether a file is meant, or a folder, rather than a module."""
+    """Return whether a file is meant, or a folder, rather than a module."""
     path_like = spec.endswith(".py") or spec.startswith(".") or "/" in spec or os.sep in spec
     return path_like or ("." in spec and os.path.isfile(spec))
 
@@ -195,7 +195,7 @@ def _look_in(folder: Path) -> None:
 
 
 def _told(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
-    """What the command line says of an error while code was imported; one of hpop keeps its kind."""
+    """Return the error of the command line for an error in imported code; an error of hpop keeps its type."""
     place = own_place(error)
     if isinstance(error, HpopError):
         return type(error)(f"{place or spec}: {error}")

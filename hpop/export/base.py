@@ -88,7 +88,7 @@ class Frames:
             raise OptionError(f"the frames of world, base and camera are three; got {', '.join(names)}")
 
     def of(self, body: str) -> str:
-        """The frame of a body: of one that has none here its own name."""
+        """Return the frame of a body: of one that has none here its own name."""
         return {"base": self.base, "camera": self.camera}.get(body, body)
 
 
@@ -127,7 +127,7 @@ class Exported:
         return self.of(self.body)
 
     def of(self, body: str) -> Poses:
-        """Of any body, at the same times."""
+        """Return the poses of a body at the same times."""
         return poses(self.trajectory, rate=self.rate, body=body, planned=self.planned)
 
     @cached_property
@@ -156,7 +156,7 @@ class Exported:
         return {printable(headings[name]): repr(float(value)) for name, value in self.costs.items()}
 
     def statement(self, axes: str, what: str = "") -> list[str]:
-        """What a file says of itself, in lines of printable text; ``what`` it is, if not poses at the rate."""
+        """Return the comment lines of a file; ``what`` names its contents, if not poses at the rate."""
         how = "as planned" if self.planned else "as executed"
         what = what or f"the {self.body} {how}, {self.rate:g} poses a second and the end"
         lines = [f"{self.title}: {what}; by {PROGRAM}", axes]
@@ -166,12 +166,12 @@ class Exported:
 
 
 def rows_of_text(table: FloatArray, separator: str) -> str:
-    """A table (N, k) as lines, each number in the shortest form that reads back as the same."""
+    """Return a table (N, k) as lines, each number in the shortest form that reads back as the same."""
     return "".join(separator.join(map(repr, row)) + "\n" for row in table.tolist())
 
 
 def matrices(quaternions: FloatArray) -> FloatArray:
-    """Rotation matrices (N, 3, 3) of unit quaternions (N, 4); their columns are the axes of the body."""
+    """Return rotation matrices (N, 3, 3) of unit quaternions (N, 4); their columns are the axes of the body."""
     x, y, z, w = quaternions.T
     rows = [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -182,19 +182,19 @@ def matrices(quaternions: FloatArray) -> FloatArray:
 
 
 def pitch_of(quaternions: FloatArray) -> FloatArray:
-    """How far up each looks (N,), rad."""
+    """Return how far up each looks (N,), rad."""
     ahead = matrices(quaternions)[:, :, 0]
     return np.arctan2(ahead[:, 2], np.hypot(ahead[:, 0], ahead[:, 1]))
 
 
 def roll_of(quaternions: FloatArray) -> FloatArray:
-    """How far each leans to the right (N,), rad."""
+    """Return how far each leans to the right (N,), rad."""
     turned = matrices(quaternions)
     return np.arctan2(turned[:, 2, 1], turned[:, 2, 2])
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Rotations (N, 4): b first, then a (Hamilton)."""
+    """Return rotations (N, 4): b first, then a (Hamilton)."""
     ax, ay, az, aw = a.T
     bx, by, bz, bw = b.T
     return np.column_stack(
@@ -208,6 +208,6 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def back(quaternions: FloatArray) -> FloatArray:
-    """The rotations (N, 4) the other way round."""
+    """Return the rotations (N, 4) the other way round."""
     turned: FloatArray = quaternions * np.array([-1.0, -1.0, -1.0, 1.0])
     return turned

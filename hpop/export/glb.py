@@ -47,8 +47,8 @@ class Mesh(NamedTuple):
 
 
 def meshes_of(scene: Scene) -> Iterator[Mesh]:
-    """What there is to see, piece by piece; empty ones are left out."""
-    from hpop.view.ride import surfaces
+    """Yield the meshes of a scene, without empty ones."""
+    from hpop.view.ride import surfaces  # hpop.view imports Matplotlib
 
     flat = [_flat(rings, 0.0) for rings in scene.floor]
     yield from _mesh("floor", flat, surfaces.FLOOR)
@@ -70,7 +70,7 @@ def meshes_of(scene: Scene) -> Iterator[Mesh]:
 
 
 def extruded(rings: Sequence[FloatArray], low: float, high: float) -> FloatArray:
-    """Triangles (T, 3, 3) of an upright prism: outer ring counter-clockwise, holes clockwise, none closed."""
+    """Return triangles (T, 3, 3) of an upright prism: outer ring counter-clockwise, holes clockwise, none closed."""
     top = _flat(rings, high)
     bottom = _flat(rings, low)[:, ::-1]
     sides = [_walls(ring[None], low, high) for ring in rings]
@@ -78,7 +78,7 @@ def extruded(rings: Sequence[FloatArray], low: float, high: float) -> FloatArray
 
 
 def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
-    """Triangles (T, 3, 3) of a polygon that lies level, seen from above."""
+    """Return triangles (T, 3, 3) of a polygon that lies level, seen from above."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:])))
     rounds = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     ahead, aside = rounds[:, 1] - rounds[:, 0], rounds[:, 2] - rounds[:, 0]
@@ -88,7 +88,7 @@ def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
 
 
 def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
-    """Triangles (2 B K, 3, 3) of the sides above rings (B, K, 2), seen from their right."""
+    """Return triangles (2 B K, 3, 3) of the sides above rings (B, K, 2), seen from their right."""
     a = rings.reshape(-1, 2)
     b = np.roll(rings, -1, axis=1).reshape(-1, 2)
     corners = [np.column_stack([place, np.full(len(a), z)]) for place, z in ((a, low), (b, low), (b, high), (a, high))]
@@ -97,7 +97,7 @@ def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _boxes(cells: Cells) -> FloatArray:
-    """Triangles of boxes: walls and tops, with bottoms that are seen from a camera below."""
+    """Return triangles of boxes: walls and tops, with bottoms that are seen from a camera below."""
     rings = cells.corners
     level = [np.dstack([rings, np.full(rings.shape[:2], z)]) for z in (cells.low, cells.high)]
     bottom, top = level[0][:, ::-1], level[1]
@@ -106,7 +106,7 @@ def _boxes(cells: Cells) -> FloatArray:
 
 
 def _round(part: Part, x: float, y: float) -> FloatArray:
-    """Triangles of a cylinder or an ellipsoid round the vertical through (x, y)."""
+    """Return triangles of a cylinder or an ellipsoid round the vertical through (x, y)."""
     angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     if part.shape == "cylinder":
@@ -124,7 +124,7 @@ def _round(part: Part, x: float, y: float) -> FloatArray:
 
 
 def _plate(plate: Plate) -> FloatArray:
-    """Triangles of an upright plate, both sides; of one without a facing two plates across each other."""
+    """Return triangles of an upright plate, both sides; of one without a facing two plates across each other."""
     mark = plate.landmark
     facings = [mark.facing] if mark.facing is not None else [0.0, 0.5 * np.pi]
     several = []
@@ -138,7 +138,7 @@ def _plate(plate: Plate) -> FloatArray:
 
 
 def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[Mesh]:
-    """A mesh of triangles that have an area."""
+    """Yield a mesh of triangles that have an area."""
     corners = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
     areas = _areas(corners)
     corners = corners[areas > 0.0]
@@ -149,7 +149,7 @@ def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[Me
 
 
 def _areas(corners: FloatArray) -> FloatArray:
-    """Areas (T,) of triangles, m²."""
+    """Return areas (T,) of triangles, m²."""
     found: FloatArray = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return 0.5 * found
 
@@ -197,7 +197,7 @@ def glb(given: Exported) -> bytes:
     file.animate(0, clock, "rotation", file.accessor(rotations, "VEC4"))
     notes: list[str] = []
     if given.problem is not None:
-        from hpop.view.ride.scene import Scene
+        from hpop.view.ride.scene import Scene  # hpop.view imports Matplotlib
 
         scene = Scene.of(given.problem)
         notes = list(scene.notes)
@@ -210,20 +210,20 @@ def glb(given: Exported) -> bytes:
 
 
 def y_up(vectors: FloatArray) -> FloatArray:
-    """Places and directions (..., 3) of the world in the frame of glTF."""
+    """Return places and directions (..., 3) of the world in the frame of glTF."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     return np.stack([x, z, -y], axis=-1) + 0.0  # no -0.0
 
 
 def linear(colour: tuple[int, int, int]) -> list[float]:
-    """A colour as glTF has it: linear light, 0 to 1."""
+    """Return a colour as glTF has it: linear light, 0 to 1."""
     stored = np.array(colour) / 255.0
     light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
     return [*np.round(light, 6).tolist(), 1.0]
 
 
 def _camera(given: Exported) -> dict[str, Any]:
-    """What the camera sees at once."""
+    """Return the camera of glTF."""
     across, upwards = given.trajectory.model.field_of_view or SEEN
     across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
     ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)
@@ -232,7 +232,7 @@ def _camera(given: Exported) -> dict[str, Any]:
 
 
 def _add(file: _File, meshes: list[Mesh], lasts: float) -> None:
-    """Meshes of a world, each a node."""
+    """Add the meshes of a world, each a node."""
     document, colours = file.document, dict[tuple[int, int, int], int]()
     document["meshes"], document["materials"] = [], []
     for mesh in meshes:
@@ -315,7 +315,7 @@ class _File:
         animation["samplers"].append({"input": times, "output": values, "interpolation": interpolation})
 
     def written(self) -> bytes:
-        """The file: header, chunk of JSON, chunk of numbers, each a multiple of four bytes."""
+        """Return the file: header, chunk of JSON, chunk of numbers, each a multiple of four bytes."""
         self.document["buffers"] = [{"byteLength": len(self._buffer)}]
         text = json.dumps(self.document, allow_nan=False, ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)

@@ -36,7 +36,7 @@ class Sent(NamedTuple):
 
 
 def bag_files(given: Exported) -> dict[str, bytes]:
-    """The files of a bag (version 9, storage MCAP, messages of Jazzy) by name: metadata.yaml and poses.mcap."""
+    """Return the files of a bag (version 9, storage MCAP, messages of Jazzy) by name: metadata.yaml and poses.mcap."""
     rosbag2: Any = library("rosbags.rosbag2", "a bag", "bags")
     stores: Any = library("rosbags.typesys", "a bag", "bags")
     store = stores.get_typestore(stores.Stores.ROS2_JAZZY)
@@ -59,7 +59,7 @@ LATCHED = ("/plan", "/tf_static", "/costs")
 
 
 def topics(given: Exported) -> list[tuple[str, str]]:
-    """Topics and the types of their messages; the same whatever the trajectory."""
+    """Return topics and the types of their messages; the same whatever the trajectory."""
     return [
         ("/costs", DIAGNOSTICS),
         ("/plan", PATH),
@@ -70,7 +70,7 @@ def topics(given: Exported) -> list[tuple[str, str]]:
 
 
 def messages(given: Exported) -> Iterator[Sent]:
-    """All messages, in the order of their times."""
+    """Yield all messages, in the order of their times."""
     seen, frame = given.poses, given.frames.world
     times = nanoseconds(seen.times).tolist()
     yield Sent("/costs", DIAGNOSTICS, 0, _diagnostics(given))
@@ -97,7 +97,7 @@ class _Edge(NamedTuple):
     quaternions: FloatArray
 
     def first(self) -> tuple[list[float], list[float]]:
-        """Where it is at the start, which for a fixed one is where it stays."""
+        """Return where it is at the start, which for a fixed one is where it stays."""
         return self.positions[0].tolist(), self.quaternions[0].tolist()
 
 
@@ -117,21 +117,21 @@ def _transforms(given: Exported) -> tuple[list[_Edge], list[_Edge]]:
 
 
 def _relative(base: Poses, body: Poses) -> tuple[FloatArray, FloatArray]:
-    """Positions (N, 3) and quaternions (N, 4) of a body in the frame of the base."""
+    """Return positions (N, 3) and quaternions (N, 4) of a body in the frame of the base."""
     turned = matrices(base.quaternions)
     places = np.einsum("nji,nj->ni", turned, body.positions - base.positions)
     return places, on_one_side(product(back(base.quaternions), body.quaternions))
 
 
 def _diagnostics(given: Exported) -> Message:
-    """Costs as keys and values."""
+    """Return costs as keys and values."""
     values = [{"key": name, "value": value} for name, value in given.values.items()]
     status = {"level": 0, "name": given.title, "message": printable(given.claim), "hardware_id": "hpop"}
     return {"header": header(0, ""), "status": [{**status, "values": values}]}
 
 
 def _qos() -> list[Any]:
-    """What is sent once is kept for who comes later, as maps and static transforms are."""
+    """Return the quality of service: messages sent once are kept for late subscribers, as of maps."""
     kinds: Any = library("rosbags.interfaces", "a bag", "bags")
     for_ever = kinds.QosTime(*divmod(2**63 - 1, 10**9))
     return [
@@ -207,7 +207,7 @@ def nav2_yaml(given: Exported) -> bytes:
 
 
 def _components(names: str, values: Sequence[float], always: str) -> str:
-    """Components by name; those that are 0 are left out, but for some."""
+    """Return components by name; those that are 0 are left out, but for some."""
     rounded = {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)}  # no -0.0
     told = [f"{name}: {value:.{DIGITS}f}" for name, value in rounded.items() if value or name in always]
     return f"{{{', '.join(told)}}}"

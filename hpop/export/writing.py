@@ -128,12 +128,12 @@ def save(
 
 
 def named_format(name: str) -> Format:
-    """The export format of a name; UnknownName where there is none."""
+    """Return the export format of a name; UnknownName where there is none."""
     return cast(Format, registered[name])
 
 
 def format_of(path: Path) -> Format:
-    """The export format that the ending of a file's name says: the longest that fits."""
+    """Return the export format that the ending of a file's name says: the longest that fits."""
     known = {each.suffix: each for each in map(named_format, registered)}
     fitting = [suffix for suffix in known if path.name.lower().endswith(suffix)]
     if not fitting:
@@ -164,7 +164,7 @@ def _given(
 
 
 def _content(chosen: Format, given: Exported) -> Content:
-    """What a format makes of a trajectory."""
+    """Return the content that a format makes of a trajectory."""
     try:
         made: Any = chosen(given)
     except ImportError as error:  # of an extra, which says how to install it
@@ -178,7 +178,7 @@ def _content(chosen: Format, given: Exported) -> Content:
 
 
 def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) -> bytes:
-    """What lies beside the files of a row."""
+    """Return the description beside the files of a row."""
     told: dict[str, Any] = {
         "schema": "hpop-export",
         "version": 1,
@@ -203,7 +203,7 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
 
 
 def _checked(path: Any) -> Path:
-    """A path, where it is one."""
+    """Return a path, where it is one."""
     if not isinstance(path, str | os.PathLike) or not os.fspath(path) or not isinstance(os.fspath(path), str):
         raise OptionError(f"expected a path to write to, such as 'out/knee.tum', got {shown(path)}")
     return Path(path)
@@ -211,7 +211,7 @@ def _checked(path: Any) -> Path:
 
 @contextmanager
 def _output_errors(path: Path) -> Iterator[None]:
-    """Errors of writing, as one message."""
+    """Turn errors of writing into one message."""
     try:
         yield
     except OutputError:

@@ -53,7 +53,7 @@ class Evidence:
         return len(self.gains)
 
     def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
-        """Logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
+        """Return logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
         logs = np.empty(len(weights))
         size = max(1, BLOCK // max(1, len(self)))
         for begin in range(0, len(weights), size):
@@ -67,7 +67,7 @@ class Evidence:
 
 
 def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
-    """Logarithm of the probability of answers, arrays that broadcast.
+    """Return logarithm of the probability of answers, arrays that broadcast.
 
     gain     what the one that was not chosen costs more, w . (z_other - z_chosen)
     tied     whether the answer was that there is no difference
@@ -83,7 +83,7 @@ def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: Flo
 
 
 def probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
-    """Probabilities that the first, the second, and, where that may be said, neither of two is chosen.
+    """Return probabilities that the first, the second, and, where that may be said, neither of two is chosen.
 
     gain  what the second costs more than the first
     ties  Davidson's nu, None where there is no such answer
@@ -120,7 +120,7 @@ class Answer(NamedTuple):
 
 
 def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: float = 1.0) -> Answer:
-    """An answer about rows of the costs (n, k) of a front, checked."""
+    """Return an answer about rows of the costs (n, k) of a front, checked."""
     a, b = (whole(what, row, 0, len(costs) - 1, "a row of the front", error=StudyError)
             for what, row in (("the first", first), ("the second", second)))  # fmt: skip
     chosen = python_value(chosen)
@@ -133,7 +133,7 @@ def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: f
 
 
 def checked_question(question: Any) -> str:
-    """What was asked, in words; StudyError for anything else."""
+    """Return the question in words; raise StudyError for anything else."""
     if not isinstance(question, str) or not question.strip() or len(question) > 100 or HARMFUL.search(question):
         raise StudyError(f"a question is a word such as 'prefer' or 'comfort', got {shown(question)}")
     return question
@@ -156,7 +156,7 @@ def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[Answer]:
 
 
 def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
-    """Answers from ratings by row, more is better: the better one of each two, equal ones are no difference.
+    """Return answers from ratings by row, more is better: the better one of each two, equal ones are no difference.
 
     m ratings say no more than m - 1 comparisons in a row do, so each of the m (m - 1) / 2 pairs counts 2 / m.
     """
@@ -176,7 +176,7 @@ def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
 
 
 def evidence(answers: Sequence[Answer], scale: Scale, *, ties: bool) -> Evidence:
-    """What answers say, for the model; ``ties``: whether "no difference" could be answered.
+    """Return answers as the model takes them; ``ties``: whether "no difference" could be answered.
 
     Raises StudyError for more answers than a file holds.
     """

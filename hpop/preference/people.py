@@ -92,7 +92,7 @@ class People:
         return bool(self.names) and len(self) >= LEAST_PEOPLE
 
     def prior(self, profile: Profile | None = None) -> Prior:
-        """What to think of the next person, who may have a profile: a prior for :meth:`Preference.fit`.
+        """Return the prior of the next person, with or without a profile, for :meth:`Preference.fit`.
 
         A number beyond those of all these people counts as the nearest of theirs. Raises StudyError for a profile that
         has what none of these people's has.
@@ -112,7 +112,7 @@ class People:
         )
 
     def associations(self) -> list[Association]:
-        """How each number of the profile goes with the expected share of each cost, over those who said it."""
+        """Return how each number of the profile goes with the expected share of each cost, over those who said it."""
         from scipy.stats import spearmanr
 
         found = []
@@ -128,7 +128,7 @@ class People:
         return found
 
     def _common(self) -> tuple[Measure, ...]:
-        """What pooled shares are of: the geometric means of the ranges that people were asked about.
+        """Return the ranges of pooled shares: the geometric means of the ranges that people were asked about.
 
         StudyError for other units, and for logarithmic costs of other ranges, which no unit relates.
         """
@@ -142,7 +142,7 @@ class People:
         return tuple(one._replace(size=size) for one, size in zip(first, means.tolist(), strict=True))
 
     def _factors(self) -> FloatArray:
-        """By what the common ranges are greater than those that each person was asked about (people, f)."""
+        """Return by what the common ranges are greater than those that each person was asked about (people, f)."""
         return np.array([
             [stretched(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
             for person in self.preferences
@@ -156,7 +156,7 @@ class People:
         return np.array([numbers.get(name, np.nan) for name in self.names])
 
     def _design(self, table: FloatArray) -> FloatArray:
-        """What the concentrations depend on, a row a person: 1, and where it is used the profile, scaled."""
+        """Return the design matrix of the concentrations, a row a person: 1 and the scaled profile if used."""
         one = np.ones((len(table), 1))
         if not self.uses_profile:
             return one
@@ -167,7 +167,7 @@ class People:
         return np.hstack([one, np.where(np.isnan(scaled), 0.0, scaled)])
 
     def _fitted(self, design: FloatArray) -> FloatArray:
-        """Logarithms of concentrations (1 + profile, f) that make the answers of all most probable."""
+        """Return logarithms of concentrations (1 + profile, f) that make the answers of all most probable."""
         from scipy.optimize import minimize
         from scipy.special import logsumexp
 

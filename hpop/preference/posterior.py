@@ -48,7 +48,7 @@ class Draws:
 
     @classmethod
     def of(cls, prior: Prior, f: int, count: int, rng: np.random.Generator) -> Draws:
-        """Draws of the prior, all alike."""
+        """Return draws of the prior, all alike."""
         return cls(*prior.draw(f, count, rng), np.zeros(count))
 
     def __len__(self) -> int:
@@ -60,7 +60,7 @@ class Draws:
         return np.asarray(self.sharpness[:, None] * self.shares)
 
     def probability(self) -> FloatArray:
-        """Of each draw (N,); they add up to 1."""
+        """Return the probability of each draw (N,); they add up to 1."""
         size = np.exp(self.logs - self.logs.max())
         return np.asarray(size / size.sum())
 
@@ -70,12 +70,12 @@ class Draws:
         return float(1.0 / (self.probability() ** 2).sum())
 
     def told(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """The draws after further answers; ``known`` has all answers, these among them."""
+        """Return the draws after further answers; ``known`` has all answers, these among them."""
         draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
         return draws.renewed(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
 
     def renewed(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Draws of equal weight, not as many, each moved by the random walk.
+        """Return draws of equal weight, not as many, each moved by the random walk.
 
         Where sharpness is 0 answers say nothing of shares, which are drawn from the prior itself.
         """
@@ -112,7 +112,7 @@ class Draws:
         return Draws(*(np.concatenate(pair) for pair in columns))
 
     def equal(self, count: int, rng: np.random.Generator) -> Draws:
-        """So many draws of equal weight, one for each equal part of the probability (systematic resampling)."""
+        """Return so many draws of equal weight, one for each equal part of the probability (systematic resampling)."""
         rows = self._rows(count, rng)
         return Draws(self.shares[rows], self.sharpness[rows], self.ties[rows], np.zeros(count))
 
@@ -172,7 +172,7 @@ def _from_place(place: FloatArray, cared_for: BoolArray) -> Draws:
 
 
 def _density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
-    """Logarithm (N,) of the posterior's density where there are no bounds, but for a constant."""
+    """Return logarithm (N,) of the posterior's density where there are no bounds, but for a constant."""
     of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
     return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
 
@@ -215,7 +215,7 @@ class Best:
 
 
 def row_of(rows: FloatArray, shares: FloatArray) -> int:
-    """The row of (n, f) of least expected cost, for the mean shares (f,); of equal ones never a dominated one."""
+    """Return the row of (n, f) of least expected cost for mean shares (f,); among equals no dominated one."""
     return least(rows @ shares, rows.sum(axis=1))
 
 
@@ -268,7 +268,7 @@ def most_telling(
     *,
     ties: bool,
 ) -> tuple[int, int] | None:
-    """The pair of rows to ask about, the first shown left; None where none is left that differs.
+    """Return the pair of rows to ask about, the first shown left; None where none is left that differs.
 
     Parameters
     ----------
@@ -297,7 +297,7 @@ def most_telling(
 
 
 def information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
-    """What an answer is expected to tell of the weights, in nats, for each pair: (pairs, draws) -> (pairs,)."""
+    """Return the expected information of an answer, nats, for each pair: (pairs, draws) -> (pairs,)."""
     told = np.zeros(len(gains))
     size = max(1, BLOCK // gains.shape[1])
     for begin in range(0, len(gains), size):

@@ -83,7 +83,7 @@ class Preference:
         seed: int = 0,
         count: int = COUNT,
     ) -> Self:
-        """The preference that choices between points of a front show; without any, what is thought of anybody.
+        """Return the preference that choices between points of a front show; without any, what is thought of anybody.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class Preference:
         return empty._told(answers)
 
     def told(self, first: int, second: int, chosen: int | None) -> Self:
-        """The preference after one more answer: rows that were shown, and which was chosen; None, no difference.
+        """Return the preference after one more answer: rows that were shown, and which was chosen; None, no difference.
 
         Raises StudyError for rows that the front does not have.
         """
@@ -132,7 +132,7 @@ class Preference:
         return replace(self, answers=tuple(answers), draws=draws)
 
     def on(self, front: Front[Any]) -> Self:
-        """The same person asked about another front; the scale stays, by units. StudyError where it lacks a cost."""
+        """Return the preference on another front; the scale stays, by units. StudyError for a missing cost."""
         self.scale.costs_on(front)
         return replace(self, points=front)
 
@@ -172,7 +172,7 @@ class Preference:
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
-        """The point of least expected cost, of the front that was asked about or another one.
+        """Return the point of least expected cost, of the front that was asked about or another one.
 
         Raises StudyError where that lacks a cost.
         """
@@ -185,13 +185,13 @@ class Preference:
         return Best(row, front[row], probability, regrets, (row, *rest))
 
     def row(self, front: Front[Any]) -> int:
-        """The row of least expected cost: what ``front.select(preference=...)`` takes."""
+        """Return the row of least expected cost: what ``front.select(preference=...)`` takes."""
         if not len(front):
             raise StudyError("the front has no points to choose from")
         return row_of(self.scale.rows_on(front), self._shares)
 
     def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
-        """What costs (m, k), in the columns of a front, are expected to cost this person (m,), more than none would.
+        """Return the expected cost (m,) of costs (m, k) for this person, relative to costs of 0.
 
         StudyError where the front lacks a cost.
         """
@@ -201,7 +201,7 @@ class Preference:
     # What to ask
 
     def next_pair(self) -> tuple[int, int] | None:
-        """The two rows to ask about next, the first on the left; None where no two are left that differ noticeably."""
+        """Return the two rows to ask about next, the first on the left; None where no rows differ noticeably."""
         front = self._points()
         costs = self.scale.costs_on(front)
         asked = [(a.first, a.second) for a in self.answers if self._is_about(a, costs)]
@@ -209,7 +209,7 @@ class Preference:
         return most_telling(self.scale.scaled(costs), self._equal(ASKING), asked, rng, ties=self.ties)
 
     def why_stop(self, most: int = QUESTIONS) -> str:
-        """Why no more need be asked, in words; "" where it is worth it."""
+        """Return why no more need be asked, in words; "" where it is worth it."""
         if len(self.answers) >= most:
             return f"{counted(most, 'question')} asked"
         if not self.answers or self.random >= NOT_RANDOM:
@@ -276,7 +276,7 @@ class Preference:
         return self.points
 
     def _is_about(self, answer: Answer, costs: FloatArray) -> bool:
-        """Whether an answer is about rows of these costs, and not of those of another front."""
+        """Return whether an answer is about rows of these costs, and not of those of another front."""
         rows = (answer.first, answer.second)
         return max(rows) < len(costs) and all(
             tuple(costs[row].tolist()) == known for row, known in zip(rows, answer.costs, strict=True)

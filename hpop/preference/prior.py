@@ -81,7 +81,7 @@ class Prior:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)
 
     def on(self, measures: Sequence[Measure]) -> Prior:
-        """The same, of shares of other ranges: what a unit is thought to count stays.
+        """Return the same, of shares of other ranges: what a unit is thought to count stays.
 
         A cost that is the same all over one of two fronts keeps its share. StudyError where costs or units differ, and
         for a logarithmic cost of another range.
@@ -107,7 +107,7 @@ class Prior:
         )
 
     def concentrations(self, f: int) -> FloatArray:
-        """The concentration (f,) of each share."""
+        """Return the concentration (f,) of each share."""
         f = whole("f", f, 1, MOST_COSTS, "a number of costs", error=StudyError)
         if not self.concentration:
             return np.ones(f)
@@ -134,7 +134,7 @@ class Prior:
         return *rescaled(shares, sharpness, self._factors(f)), ties
 
     def _cared_for(self, f: int, count: int, rng: np.random.Generator) -> BoolArray:
-        """Which costs each of so many people cares for (N, f)."""
+        """Return which costs each of so many people cares for (N, f)."""
         cared_for = np.ones((count, f), dtype=bool)
         if f > 1:
             selective = rng.random(count) < self.selective
@@ -169,7 +169,7 @@ class Prior:
         return np.asarray(of_shares), np.asarray(-0.5 * (of_sharpness + of_ties))
 
     def _factors(self, f: int) -> FloatArray:
-        """By what a range of the front asked about is greater than that of which the shares are (f,)."""
+        """Return by what a range of the front asked about is greater than that of which the shares are (f,)."""
         return np.array(self._stretch) if self._stretch else np.ones(f)
 
 

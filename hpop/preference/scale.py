@@ -59,7 +59,7 @@ class Scale:
 
     @classmethod
     def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> Scale:
-        """The scale of a front; StudyError where it has fewer than two points, or for what is no feature."""
+        """Return the scale of a front; StudyError where it has fewer than two points, or for what is no feature."""
         if not isinstance(front, Front):
             raise StudyError(f"a preference is learnt about a front, such as problem.solve() gives, got {shown(front)}")
         if len(front) < 2:
@@ -92,7 +92,7 @@ class Scale:
         return tuple(found)
 
     def scaled(self, costs: FloatArray) -> FloatArray:
-        """What costs (n, k), in units, are for the preference: (n, f), one column for each of ``columns``."""
+        """Return costs (n, k), in units, on the scale: (n, f), one column for each of ``columns``."""
         plain = self._shares(costs)
         columns = [self._bent(plain[:, j]) if self.features.get(n) == LOG else plain[:, j] for j, n in self._each]
         for name, bound in self.features.items():
@@ -103,7 +103,7 @@ class Scale:
         return np.column_stack(columns)
 
     def places_on(self, front: Front[Any]) -> list[int]:
-        """Where a front has the costs of this scale; StudyError that names what it lacks."""
+        """Return where a front has the costs of this scale; StudyError that names what it lacks."""
         places = []
         for name, unit in zip(self.names, self.units, strict=True):
             if name not in front.names:
@@ -122,11 +122,11 @@ class Scale:
         return places
 
     def costs_on(self, front: Front[Any]) -> FloatArray:
-        """The costs (n, k) of a front in the order of this scale; StudyError that names what it lacks."""
+        """Return the costs (n, k) of a front in the order of this scale; StudyError that names what it lacks."""
         return np.asarray(front.costs[:, self.places_on(front)])
 
     def rows_on(self, front: Front[Any]) -> FloatArray:
-        """What the points of a front are for the preference (n, f)."""
+        """Return the points of a front on the scale, (n, f)."""
         return self.scaled(self.costs_on(front))
 
     @property
@@ -144,7 +144,7 @@ class Scale:
 
     @staticmethod
     def _bent(share: FloatArray) -> FloatArray:
-        """A logarithmic cost, from 0 at the ideal to 1 at the nadir; below the ideal it goes straight on."""
+        """Return a logarithmic cost, from 0 at the ideal to 1 at the nadir; below the ideal it goes straight on."""
         below = np.minimum(share, 0.0)
         return np.asarray((BENT * below + np.log1p(BENT * np.maximum(share, 0.0))) / np.log1p(BENT))
 
@@ -164,6 +164,6 @@ class Scale:
 
 
 def fingerprint(front: Front[Any]) -> str:
-    """SHA-256 of a front's names, units and costs: what was asked about, whatever file it is in."""
+    """Return SHA-256 of a front's names, units and costs: what was asked about, whatever file it is in."""
     text = json.dumps([front.names, front.units, front.costs.tolist()], allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

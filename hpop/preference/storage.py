@@ -128,7 +128,7 @@ def _document(stored: Stored) -> dict[str, Any]:
 
 
 def _rounded(column: FloatArray) -> list[float]:
-    """Six digits, far more than so many draws tell."""
+    """Return six digits, far more than so many draws tell."""
     return [float(f"{value:.6g}") for value in column.tolist()]
 
 
@@ -210,7 +210,7 @@ def _draws(given: dict[str, Any], scale: Scale) -> tuple[FloatArray, FloatArray,
 
 
 def _limited(values: list[Any], name: str, size: int, least: float, most: float) -> FloatArray:
-    """A column of so many numbers between two."""
+    """Return a column of so many numbers between two."""
     column = numbers(values, name, size)
     if size and not least <= column.min() <= column.max() <= most:
         raise ValueError(f"numbers from {column.min():g} to {column.max():g} in {name}, not from {least:g} to {most:g}")

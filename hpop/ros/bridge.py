@@ -117,7 +117,7 @@ class Bridge:
         )
 
     def _serve(self, connection: Any) -> str:
-        """Bring messages until the connection is closed; why it was."""
+        """Return bring messages until the connection is closed; why it was."""
         # A send to who reads nothing fails then, where it would hold the connection for ever.
         seconds, rest = divmod(SENDING, 1.0)
         connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(seconds), int(1e6 * rest)))
@@ -157,7 +157,7 @@ class Bridge:
 
 
 def checked_url(url: Any) -> str:
-    """The address of a websocket, or OptionError.
+    """Return the address of a websocket, or OptionError.
 
     >>> checked_url("ws://localhost:9090")
     'ws://localhost:9090'

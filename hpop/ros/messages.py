@@ -39,40 +39,40 @@ class PlanarPose(NamedTuple):
 
 
 def stamp(time: int) -> Message:
-    """A time, or a duration, in ns."""
+    """Return a time, or a duration, in ns."""
     seconds, rest = divmod(time, SECOND)
     return {"sec": seconds, "nanosec": rest}
 
 
 def header(time: int, frame: str) -> Message:
-    """A std_msgs/Header; time in ns."""
+    """Return a std_msgs/Header; time in ns."""
     return {"stamp": stamp(time), "frame_id": frame}
 
 
 def vector(values: Sequence[float]) -> Message:
-    """A geometry_msgs/Point or Vector3."""
+    """Return a geometry_msgs/Point or Vector3."""
     return dict(zip("xyz", values, strict=True))
 
 
 def quaternion(values: Sequence[float]) -> Message:
-    """A geometry_msgs/Quaternion of x, y, z, w."""
+    """Return a geometry_msgs/Quaternion of x, y, z, w."""
     return dict(zip("xyzw", values, strict=True))
 
 
 def pose_stamped(time: int, frame: str, place: Sequence[float], turned: Sequence[float]) -> Message:
-    """A geometry_msgs/PoseStamped; time in ns, place in m, quaternion x, y, z, w."""
+    """Return a geometry_msgs/PoseStamped; time in ns, place in m, quaternion x, y, z, w."""
     return {"header": header(time, frame), "pose": {"position": vector(place), "orientation": quaternion(turned)}}
 
 
 def transform(time: int, frame: str, child: str, place: Sequence[float], turned: Sequence[float]) -> Message:
-    """A geometry_msgs/TransformStamped: where the axes of the child are in the frame."""
+    """Return a geometry_msgs/TransformStamped: where the axes of the child are in the frame."""
     moved = {"translation": vector(place), "rotation": quaternion(turned)}
     return {"header": header(time, frame), "child_frame_id": child, "transform": moved}
 
 
 @checked_arguments
 def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Message:
-    """A geometry_msgs/PoseStamped of a pose on the floor, without a stamp: m, rad.
+    """Return a geometry_msgs/PoseStamped of a pose on the floor, without a stamp: m, rad.
 
     >>> pose_message(1.0, 2.0, 0.0)["pose"]["orientation"]
     {'x': 0.0, 'y': 0.0, 'z': 0.0, 'w': 1.0}
@@ -82,7 +82,7 @@ def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Me
 
 @checked_arguments
 def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
-    """A pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
+    """Return a pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
 
     The height is left out, and of a body that leans the direction in which its x points is taken. Raises RosError for
     what is no such message, for numbers that are none, for a quaternion that is no rotation.
@@ -101,7 +101,7 @@ def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
 
 
 def _yaw(orientation: Any, where: str) -> float:
-    """Of the direction ahead, rad."""
+    """Return the yaw of the direction ahead, rad."""
     told = mapping(orientation, f"orientation of {where}")
     x, y, z, w = (number(told.get(axis), f"orientation.{axis} of {where}", 2.0) for axis in "xyzw")
     length = math.sqrt(x * x + y * y + z * z + w * w)
@@ -117,7 +117,7 @@ def _yaw(orientation: Any, where: str) -> float:
 
 
 def time_of(message: Any, where: str) -> int:
-    """The stamp of a message with a header, ns; 0 where it has none."""
+    """Return the stamp of a message with a header, ns; 0 where it has none."""
     told = mapping(mapping(message, where).get("header", {}), f"header of {where}").get("stamp", {})
     given = mapping(told, f"stamp of {where}")
     seconds, rest = (given.get(name, 0) for name in ("sec", "nanosec"))
@@ -130,21 +130,21 @@ def time_of(message: Any, where: str) -> int:
 
 
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
-    """A message, or RosError."""
+    """Return a message, or RosError."""
     if not isinstance(value, Mapping):
         raise RosError(f"{where} must be a message with fields, got {shown(value)}")
     return value
 
 
 def number(value: Any, where: str, most: float) -> float:
-    """A finite number, or RosError; the bridge sends null for what is none."""
+    """Return a finite number, or RosError; the bridge sends null for what is none."""
     if not is_number(value) or not -most <= value <= most:
         raise RosError(f"{where} must be a number from {-most:g} to {most:g}, got {shown(value)}")
     return float(value)
 
 
 def text(value: Any, where: str) -> str:
-    """A short text, or RosError."""
+    """Return a short text, or RosError."""
     if not isinstance(value, str) or len(value) > LONGEST_NAME:
         raise RosError(f"{where} must be text of at most {LONGEST_NAME} characters, got {shown(value)}")
     return value
@@ -155,7 +155,7 @@ KINDS = {"string": str, "bool": bool}  # of values, others are numbers
 
 @checked_arguments
 def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
-    """An instance of a type, such as "nav_msgs/msg/Path", of a rosbags type store, which serialises it.
+    """Return an instance of a type, such as "nav_msgs/msg/Path", of a rosbags type store, which serialises it.
 
     Raises RosError for what is no type store, for a type that the store does not have, and for a field that is
     missing, unknown, or of another type.
@@ -179,7 +179,7 @@ def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
 
 @checked_arguments
 def plain(message: Any) -> Message:
-    """A message that rosbags made as dictionaries and lists, as the bridge sends it.
+    """Return a message that rosbags made as dictionaries and lists, as the bridge sends it.
 
     >>> from rosbags.typesys import Stores, get_typestore
     >>> plain(get_typestore(Stores.ROS2_JAZZY).types["builtin_interfaces/msg/Time"](1, 2))
@@ -198,7 +198,7 @@ def _plain(value: Any) -> Any:
 
 
 def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
-    """A value of a declared field: (kind of node, what of)."""
+    """Return a value of a declared field: (kind of node, what of)."""
     node, of = declared
     if node.name == "NAME":
         return typed(value, of, store)

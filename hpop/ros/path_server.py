@@ -71,7 +71,7 @@ class PathServer:
     # Called with what the bridge brings
 
     def connected(self, send: Send) -> None:
-        """There is a connection: offer the action. ``send`` may be called by any thread, and raises nothing."""
+        """Offer the action on a new connection. ``send`` may be called by any thread, and raises nothing."""
         with self._changed:
             self._send, self._robot = send, None
         for message in protocol.greetings(self.known):
@@ -89,7 +89,7 @@ class PathServer:
             self._remark(f"ignored {error}")
 
     def disconnected(self) -> None:
-        """The connection is gone, and with it all goals: the bridge has aborted them."""
+        """Drop all goals when the connection is lost: the bridge has aborted them."""
         with self._changed:
             self._send = None
             for goal in (self._next, self._now):
@@ -163,7 +163,7 @@ class PathServer:
                 self._now = None
 
     def _answer(self, goal: _Goal, robot: PlanarPose | None) -> Answer | None:
-        """What planning finds, None where nobody waits for it; whatever goes wrong, the server goes on."""
+        """Return the result of planning, None where no client waits for it; the server survives any error."""
         told = monotonic()
 
         def follow(progress: Progress) -> None:
@@ -210,7 +210,7 @@ class PathServer:
 
 
 def _line(goal: _Goal, answer: Answer) -> str:
-    """How a goal ended, in words."""
+    """Return how a goal ended, in words."""
     poses = len(answer.values["path"]["poses"])
     seconds = answer.values["planning_time"]["sec"] + 1e-9 * answer.values["planning_time"]["nanosec"]
     if answer.options is not None:

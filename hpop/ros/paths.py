@@ -26,7 +26,7 @@ SAME = 1e-9  # of what poses are apart: what has moved less has not
 
 
 def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) -> Poses:
-    """Poses of a body where each motion begins and ends, and between these every 5 cm or 45 degrees.
+    """Return poses of a body where each motion begins and ends, and between these every 5 cm or 45 degrees.
 
     A turn in place has several poses at one position, bit for bit. What stands still has none of its own, unless the
     poses are ``timed``: then the pose is there twice, when it is reached and when it is left.
@@ -89,7 +89,7 @@ def path_message(
 
 
 def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
-    """Poses as a nav_msgs/Path, with their times or with stamps of 0."""
+    """Return poses as a nav_msgs/Path, with their times or with stamps of 0."""
     times = nanoseconds(poses.times).tolist() if stamped else [0] * len(poses)
     rows = zip(times, poses.positions.tolist(), poses.quaternions.tolist(), strict=True)
     return {"header": header(0, frame_id), "poses": [pose_stamped(time, frame_id, *row) for time, *row in rows]}
@@ -97,7 +97,7 @@ def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
 
 @checked_arguments
 def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
-    """Turns and moves of a model through the poses of a nav_msgs/Path, as a planner would have planned them.
+    """Return turns and moves of a model through the poses of a nav_msgs/Path, as a planner would have planned them.
 
     Poses in one line become one move, turns one after the other with one sign one turn. Between poses that differ in
     place the robot turns to where the next one is, moves there, and turns to its heading. Where a pose is there twice
@@ -171,7 +171,7 @@ class _Way:
         self._put("hold", (x, y, yaw, clock + seconds), self._last() == "hold")
 
     def of(self, model: Model) -> Trajectory:
-        """The trajectory of a model that goes so."""
+        """Return the trajectory of a model that goes so."""
         columns = np.array(self._states).T[: 4 if "hold" in self.kinds else 3]
         states = States(**dict(zip((*model.space.names, CLOCK), columns, strict=False)))
         return Trajectory(model, states, tuple(self.kinds))
@@ -188,7 +188,7 @@ class _Way:
 
 
 def _read(path: Any) -> tuple[FloatArray, list[int]]:
-    """Poses (N, 3), x, y and continuous yaw, and their stamps in ns."""
+    """Return poses (N, 3), x, y and continuous yaw, and their stamps in ns."""
     given = mapping(path, "the path").get("poses")
     if not isinstance(given, list | tuple) or not 0 < len(given) <= MOST_POSES:
         size = f"{len(given):,}" if isinstance(given, list | tuple) else "none"

@@ -62,7 +62,7 @@ class Planning:
         return front
 
     def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> Answer:
-        """The answer to the fields of a goal; where there is none, what went wrong.
+        """Return the answer to the fields of a goal; where there is none, what went wrong.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class Planning:
         return Answer(GoalStatus.SUCCEEDED, values, options_of(front, row))
 
     def _choice(self, planner_id: Any) -> str:
-        """What of a front is asked for; what can be none is refused before anything is planned."""
+        """Return the choice of a goal; an impossible choice is refused before planning."""
         if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
             raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is a short text, got {shown(planner_id)}")
         choice = choice_of(planner_id or self.known.choice)
@@ -110,7 +110,7 @@ class Planning:
         return robot
 
     def _pose(self, message: Any, where: str) -> PlanarPose:
-        """A pose in the frame of the map."""
+        """Return a pose in the frame of the map."""
         try:
             pose = planar_pose(message, where)
         except RosError as error:
@@ -124,7 +124,7 @@ class Planning:
         return pose
 
     def _solved(self, start: PlanarPose, end: PlanarPose, progress: ProgressCallback | None) -> Front:
-        """The front between two poses, which has points."""
+        """Return the front between two poses, which has points."""
         own = self.problem
         whole = own.goal if isinstance(own.goal, tuple) else own.start
         begin, finish = self._state(own.start, start), self._state(whole, end)
@@ -148,7 +148,7 @@ class Planning:
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:
-        """A state of the robot: the pose of its base, all else as in another."""
+        """Return a state of the robot: the pose of its base, all else as in another."""
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
@@ -165,7 +165,7 @@ class Planning:
 
 
 def choice_of(planner_id: str) -> str:
-    """The point of a front that a planner_id means: "knee", the name of a criterion, or a row's number.
+    """Return the point of a front that a planner_id means: "knee", the name of a criterion, or a row's number.
 
     >>> choice_of("fewest turns"), choice_of("least_personal_space"), choice_of("knee")
     ('turns', 'personal_space', 'knee')
@@ -175,7 +175,7 @@ def choice_of(planner_id: str) -> str:
 
 
 def options_of(front: Front, chosen: NamedRow) -> Message:
-    """What is told of a front: costs of its points, the ones worth a name, which was chosen, what is claimed.
+    """Describe a front: the costs of its points, named points, the chosen point, and the claim.
 
     Of more than 500 points it tells 500, evenly, and those worth a name.
     """

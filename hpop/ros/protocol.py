@@ -112,7 +112,7 @@ def parsed(data: str | bytes) -> Mapping[str, Any]:
 
 
 def goal_id(message: Mapping[str, Any]) -> str:
-    """The id of a goal, which the protocol lets be text or a whole number; RosError for what is neither."""
+    """Return the id of a goal, which the protocol lets be text or a whole number; RosError for what is neither."""
     given = message.get("id")
     if isinstance(given, int) and not isinstance(given, bool):
         given = str(given)
@@ -122,12 +122,12 @@ def goal_id(message: Mapping[str, Any]) -> str:
 
 
 def encoded(message: Message) -> str:
-    """A message as it is sent."""
+    """Return a message as it is sent."""
     return json.dumps(message, allow_nan=False, separators=(",", ":"))
 
 
 def greetings(known: Interface) -> list[Message]:
-    """What is said when a connection is there: what is offered, and what is listened to."""
+    """Return the messages that open a connection: the action offered, the topics subscribed."""
     return [
         {"op": "advertise", "topic": known.options_topic, "type": TEXT},
         {
@@ -142,7 +142,7 @@ def greetings(known: Interface) -> list[Message]:
 
 
 def farewells(known: Interface) -> list[Message]:
-    """What is said before a connection is closed."""
+    """Return the messages before a connection is closed."""
     return [
         {"op": "unadvertise_action", "action": known.action},
         {"op": "unsubscribe", "topic": known.pose_topic},
@@ -151,12 +151,12 @@ def farewells(known: Interface) -> list[Message]:
 
 
 def feedback(known: Interface, goal: str) -> Message:
-    """That a goal is being planned: the feedback of ComputePathToPose has no fields."""
+    """Return the feedback that a goal is being planned; ComputePathToPose's has no fields."""
     return {"op": "action_feedback", "id": goal, "action": known.action, "values": {}}
 
 
 def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> Message:
-    """How a goal ended.
+    """Return how a goal ended.
 
     ``result`` is true whatever the status: where it is false the bridge throws the values away, error code and all, and
     aborts the goal (rosbridge_library/capabilities/action_result.py, commit 1101795); it takes the status from here.
@@ -166,7 +166,7 @@ def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> 
 
 
 def publication(known: Interface, told: Message) -> Message:
-    """What is told on the topic of options."""
+    """Return a message on the topic of options."""
     return {"op": "publish", "topic": known.options_topic, "msg": {"data": encoded(told)}}
 
 
@@ -207,7 +207,7 @@ class Answer(NamedTuple):
 def values_of(
     known: Interface, path: Message | None, seconds: float, code: ErrorCode = ErrorCode.NONE, why: str = ""
 ) -> Message:
-    """The fields of a result that the distribution has; without a path an empty one."""
+    """Return the fields of a result that the distribution has; without a path an empty one."""
     whole: Message = {
         "path": path or {"header": header(0, known.frame_id), "poses": []},
         "planning_time": stamp(round(seconds * SECOND)),
@@ -218,10 +218,10 @@ def values_of(
 
 
 def failed(known: Interface, failure: Failure, seconds: float) -> Answer:
-    """A goal that was aborted, and why."""
+    """Return a goal that was aborted, and why."""
     return Answer(GoalStatus.ABORTED, values_of(known, None, seconds, failure.code, failure.why))
 
 
 def canceled(known: Interface) -> Answer:
-    """A goal that was given up because its client asked for that."""
+    """Return a goal that was given up because its client asked for that."""
     return Answer(GoalStatus.CANCELED, values_of(known, None, 0.0))

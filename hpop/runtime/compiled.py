@@ -78,13 +78,13 @@ for _step in ("add_ir_module", "finalize"):
 
 
 def compiling_seconds() -> float:
-    """Seconds that this process has spent on compiling kernels: no time limit covers them."""
+    """Return seconds that this process has spent on compiling kernels: no time limit covers them."""
     return _stopwatch.seconds
 
 
 @contextmanager
 def compiling_elsewhere() -> Iterator[None]:
-    """To wait for another process that compiles counts as compiling."""
+    """Count the wait for another process that compiles as compiling."""
     _stopwatch.on_start(None)
     try:
         yield
@@ -106,12 +106,12 @@ def _ready_to_compile() -> None:
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile on first call, keep the result on disk where a folder can be written."""
+    """Return compile on first call, keep the result on disk where a folder can be written."""
     return _compiled(function)
 
 
 def lean(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that allocates nothing, so that numba need not count references to its arrays.
+    """Return compile a kernel that allocates nothing, so that numba need not count references to its arrays.
 
     It else does so at each call of another kernel, with two atomic instructions an array: up to 40 % of the time of a
     loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
@@ -120,12 +120,12 @@ def lean(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
+    """Return compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
     return _compiled(function, _nrt=False, forceinline=True)
 
 
 def wide(function: Callable[..., Any]) -> Any:
-    """Compile a lean kernel in which the same steps on neighbouring numbers become one on a vector.
+    """Return compile a lean kernel in which the same steps on neighbouring numbers become one on a vector.
 
     LLVM's pass for that is off in numba by default: it takes time, and few kernels gain anything.
     """
@@ -245,7 +245,7 @@ def _warn_once(reason: str) -> None:
 
 
 def can_be_kept(made: Any) -> bool:
-    """Whether there is a folder for what is compiled."""
+    """Return whether there is a folder for what is compiled."""
     return isinstance(made._cache, _Kept)
 
 

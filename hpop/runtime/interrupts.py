@@ -64,7 +64,7 @@ def interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def endings_interrupt() -> Iterator[None]:
-    """SIGTERM (kill, timeout) and SIGHUP (a closed terminal) do what Ctrl-C does: hours of search are not lost.
+    """Let SIGTERM (kill, timeout) and SIGHUP (a closed terminal) do what Ctrl-C does.
 
     One that is ignored, as by nohup, stays so.
     """

@@ -26,7 +26,7 @@ SHARED = "HPOP_MATPLOTLIB_FOLDER"  # names what was made here: any other MPLCONF
 
 
 def provide() -> None:
-    """Before Matplotlib is imported: name a folder that it can write, and see that it is removed in the end."""
+    """Name a folder that Matplotlib can write, before it is imported, and remove the folder at the end."""
     folder = os.environ.get("MPLCONFIGDIR", "")
     if not folder and "matplotlib" not in sys.modules and not _user_has_one():
         with suppress(OSError):  # nothing can be written anywhere: Matplotlib says what it needs
@@ -71,7 +71,7 @@ def _remove(folder: str, process: int, lock: int | None = None) -> None:
 
 
 def _user_has_one() -> bool:
-    """Whether Matplotlib can write, or make, the folders in which it keeps its configuration and its list of fonts."""
+    """Return whether Matplotlib can write, or make, its folders of configuration and fonts."""
     try:
         home = Path.home()
     except RuntimeError:
@@ -84,6 +84,6 @@ def _user_has_one() -> bool:
 
 
 def _can_be_written(folder: Path) -> bool:
-    """Whether the nearest folder that can be seen takes it; ``Path.exists`` raises where one may not be looked into."""
+    """Return whether the nearest visible folder is writable; ``Path.exists`` raises in unreadable folders."""
     there = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     return os.path.isdir(there) and os.access(there, os.W_OK | os.X_OK)

@@ -40,7 +40,7 @@ class Status(StrEnum):
 
 
 def why_none(notes: Iterable[str]) -> str | None:
-    """The note that says why there is no path, which begins with these words; None where none does."""
+    """Return the note that says why there is no path, which begins with these words; None where none does."""
     return next((note for note in notes if note.startswith(Status.NO_PATH)), None)
 
 
@@ -130,7 +130,7 @@ log = logging.getLogger("hpop")
 
 @contextmanager
 def progress_bar() -> Iterator[ProgressCallback]:
-    """A line on the terminal that follows a search: stage, labels, front, memory, time; nothing where there is none."""
+    """Show the progress of a search on one line of the terminal, if there is a terminal."""
     from rich.console import Console
     from rich.progress import Progress as Bar
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -144,13 +144,13 @@ def progress_bar() -> Iterator[ProgressCallback]:
 
 @contextmanager
 def followed(progress: ProgressCallback | bool | None) -> Iterator[ProgressCallback | None]:
-    """Whom a run tells how far it is: a function, True for a line on the terminal; and the logger, if it listens."""
+    """Return the progress callback: a function, or True for a line on the terminal; and the logger."""
     with progress_bar() if progress is True else nullcontext(progress or None) as told:
         yield _logged(told) if log.isEnabledFor(logging.DEBUG) else told
 
 
 def _logged(told: ProgressCallback | None) -> ProgressCallback:
-    """The same, and a line in the log for each stage as it begins."""
+    """Return the same, and a line in the log for each stage as it begins."""
     last = ""
 
     def tell(progress: Progress) -> None:
@@ -165,7 +165,7 @@ def _logged(told: ProgressCallback | None) -> ProgressCallback:
 
 
 def described(progress: Progress) -> str:
-    """What a search reports, in words.
+    """Return the progress of a search in words.
 
     >>> described(Progress("search", labels=1_234_567, open=89, front=12, memory=345_000_000))
     'search  1,234,567 labels, 89 open, front 12, 345 MB'

@@ -95,7 +95,7 @@ def _write(shared: Any, file: Path) -> None:
 
 
 def _mapped(file: Path) -> Any:
-    """The value in a file; its arrays stay there, in memory that all workers share until one writes to it."""
+    """Return the value in a file; its arrays stay there, in memory that all workers share until one writes to it."""
     with file.open("rb") as source:
         whole = memoryview(mmap(source.fileno(), 0, access=ACCESS_COPY))
     size = int.from_bytes(whole[:ALIGNED], "little")
@@ -176,7 +176,7 @@ class Sweep(Generic[S, T, R]):
         return dict(sorted(results.items())), status
 
     def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
-        """Results that the executor brings; the places of those that it does not are added to ``lost``.
+        """Yield results that the executor brings; the places of those that it does not are added to ``lost``.
 
         Ctrl-C is held wherever futures take their locks (`concurrent.futures.wait` takes all of them), but not while
         this waits for one to end.
@@ -231,7 +231,7 @@ class Sweep(Generic[S, T, R]):
         lost.sort()
 
     def _submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
-        """Hand tasks to the executor; None if it takes no more."""
+        """Return hand tasks to the executor; None if it takes no more."""
         if self.executor is None:
             return None
         try:
@@ -261,7 +261,7 @@ class Sweep(Generic[S, T, R]):
 
 
 def _all_in(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
-    """The futures that have ended since; waits a little for the first."""
+    """Return the futures that have ended since; waits a little for the first."""
     try:
         found = [ended.get(timeout=POLL)]
     except Empty:
@@ -273,7 +273,7 @@ def _all_in(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
 
 class _Processes(ProcessPoolExecutor):
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Hand over a task; a worker that begins for it is begun whole, or it would be one that nobody ends."""
+        """Return hand over a task; a worker that begins for it is begun whole, or it would be one that nobody ends."""
         with interrupts_held():
             future = super().submit(fn, *arguments, **named)
         setattr(future, "set_exception", partial(_fail, future))  # noqa: B010  (of this one alone)
@@ -368,7 +368,7 @@ class _Cluster(Executor):
 
 
 async def _answer(there: Any, here: Future[Any]) -> None:
-    """Hand over what comes of a job of Dask's, whatever that is."""
+    """Copy the outcome of a Dask job to its future."""
     try:
         result = await there
     except Exception as error:
@@ -381,7 +381,7 @@ async def _answer(there: Any, here: Future[Any]) -> None:
 
 @contextmanager
 def dask(address: str) -> Iterator[Executor]:
-    """The workers of a Dask scheduler, such as ``tcp://host:8786``; hpop must be installed where they run.
+    """Connect to the workers of a Dask scheduler, such as ``tcp://host:8786``, with hpop installed.
 
     Raises OptionError where the extra hpop[dask] is not installed, or no scheduler answers.
     """

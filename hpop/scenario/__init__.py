@@ -179,7 +179,7 @@ def load_scenario(path: str | Path) -> Scenario:
 
 @contextmanager
 def _reading(spending: Spending) -> Iterator[None]:
-    """A block that reads the world keeps the limits in a spending; LimitError where one is passed."""
+    """Keep the limits of a run while the world is read; raise LimitError where one is passed."""
     try:
         with limits.within(spending):
             yield
@@ -191,7 +191,7 @@ def _reading(spending: Spending) -> Iterator[None]:
 
 
 def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Sequence[Criterion]) -> Preference | None:
-    """Whose choice is marked, if a file says it; it must weigh nothing that the front will not have."""
+    """Return the preference whose choice is marked, if any; it must weigh no cost that the front lacks."""
     if choose is None:
         return None
     place = ("choose", "preference")
@@ -215,19 +215,19 @@ def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Seq
 
 
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
-    """A landmark as an entry says."""
+    """Return a landmark as an entry says."""
     return Landmark(**{**_given(entry), "facing": faults.angle(entry.facing, (*place, "facing"), "a direction")})
 
 
 def _solid_entries(given: Any) -> Any:
-    """The entries of a world of solids, if the world is one."""
+    """Return the entries of a world of solids, if the world is one."""
     for key in ("world", "solids", "obstacles"):
         given = given.get(key) if isinstance(given, dict) else None
     return given
 
 
 def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
-    """A solid as an entry says."""
+    """Return a solid as an entry says."""
     shapes = [name for name in SHAPES if getattr(entry, name) is not None]
     if len(shapes) != 1:
         faults.add(place, f"give exactly one of {', '.join(SHAPES)}; got {' and '.join(shapes) or 'none'}")
@@ -249,18 +249,18 @@ def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
 
 
 def _given(entry: BaseModel) -> dict[str, Any]:
-    """What an entry says, without defaults: those are of what is built."""
+    """Return the values of an entry, without defaults."""
     return {key: getattr(entry, key) for key in entry.model_fields_set}
 
 
 def _zone(entry: ZoneEntry, place: Place) -> Zone:
-    """A zone as an entry says."""
+    """Return a zone as an entry says."""
     path = None if entry.path is None else shapely.LineString(entry.path)
     return Zone(**{**_given(entry), "area": shapely.Polygon(entry.area), "path": path})
 
 
 def _plugin_reader(section: Any) -> str | None:
-    """The reader of an installed package that a world section names, if it names one."""
+    """Return the reader of an installed package that a world section names, if it names one."""
     if not isinstance(section, dict) or len(section) != 1:
         return None
     (name,) = section
@@ -268,7 +268,7 @@ def _plugin_reader(section: Any) -> str | None:
 
 
 def _furnished(world: World, section: WorldSection, folder: Path, content: Content) -> World:
-    """A world with people, landmarks and zones, those in files of its section included."""
+    """Return a world with people, landmarks and zones, those in files of its section included."""
     landmarks, zones = content.landmarks, content.zones
     if section.geojson is not None:
         given = section.geojson
@@ -287,7 +287,7 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
 
 
 def _content_file(file: str | ContentFile, folder: Path) -> Path | dict[str, Any]:
-    """A file of landmarks, flows or zones as its reader takes it; its path is relative to the folder."""
+    """Return a file of landmarks, flows or zones as its reader takes it; its path is relative to the folder."""
     return folder / file if isinstance(file, str) else {"path": folder / file.path, "where": file.where}
 
 
@@ -297,7 +297,7 @@ def _with_notes(world: World, notes: tuple[str, ...]) -> World:
 
 
 def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> World:
-    """The world of a section as its reader gives it; paths are relative to the folder."""
+    """Return the world of a section as its reader gives it; paths are relative to the folder."""
     name, given = next((name, value) for name, value in section if value is not None)
     if isinstance(given, MapFile):
         options = {key: value for key, value in _given(given).items() if key not in given.beside}

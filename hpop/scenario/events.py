@@ -142,7 +142,7 @@ def _event(faults: Faults, entry: EventEntry, place: Place) -> Event | None:
 
 
 def _value(faults: Faults, kind: str, value: Any, place: Place) -> Any:
-    """What is told of an event."""
+    """Return the value of an event."""
     match kind:
         case "close":
             return _area(faults, value, place)

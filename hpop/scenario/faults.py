@@ -48,7 +48,7 @@ T = TypeVar("T")
 
 
 def entries(value: Any) -> list[Any]:
-    """The entries of a list; none of what is no list, which the file's schema says."""
+    """Return the entries of a list; none of what is no list, which the file's schema says."""
     return value if isinstance(value, list) else []
 
 
@@ -64,7 +64,7 @@ class Faults:
         self.notes: list[str] = []
 
     def beside(self, path: str) -> Path:
-        """A path that the scenario gives relative to its folder."""
+        """Return a path that the scenario gives relative to its folder."""
         return self._document.path.parent / path
 
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
@@ -93,7 +93,7 @@ class Faults:
             self.add(place, str(error))
 
     def validated(self, schema: type[BaseModel], values: Any, place: Place) -> Any:
-        """Values checked against a schema, strictly; None after noting one fault a place."""
+        """Return values checked against a schema, strictly; None after noting one fault a place."""
         try:
             return schema.model_validate_json(json.dumps(values), context={"folder": str(self._document.path.parent)})
         except ValidationError as error:
@@ -119,7 +119,7 @@ class Faults:
         return place
 
     def one_world(self, section: Any) -> None:
-        """Exactly one way to give the world."""
+        """Check that the world is given in exactly one way."""
         if isinstance(section, dict):
             ways = list(WorldSection.model_fields)
             given = [name for name in ways if section.get(name) is not None]
@@ -134,7 +134,7 @@ class Faults:
             self.add(("world",), f"name its reader as well: {{{reader}: {{path: {shown(section)}}}}}")
 
     def no_map(self) -> None:
-        """A scenario, and not the map that it should name."""
+        """Refuse a map in place of a scenario."""
         given = self._document.values
         a_ros_map, a_geojson = {"image", "resolution"} <= given.keys(), "features" in given
         if "world" not in given and (a_ros_map or a_geojson):
@@ -145,7 +145,7 @@ class Faults:
             )
 
     def built(self, registry: Registry[type], spec: Any, place: Place) -> object:
-        """An object of a registry from a name, or from one name with its parameters, checked by their types."""
+        """Return an object of a registry from a name, or from one name with its parameters, checked by their types."""
         if not isinstance(spec, str | dict):
             return None  # the file's schema says so
         if len(named := {spec: {}} if isinstance(spec, str) else spec) != 1:
@@ -196,7 +196,7 @@ class Faults:
         return None
 
     def _column(self, value: Any, place: Place, space: StateSpace, name: str) -> Any:
-        """The value of one column of a start or goal."""
+        """Return the value of one column of a start or goal."""
         what = str(place[0])
         turns = name in space.angles
         if value == "any":
@@ -210,7 +210,7 @@ class Faults:
         return 0.0
 
     def goal(self, given: Any, place: Place, model: Model | None) -> Any:
-        """A goal, or a list of those of which any will do."""
+        """Return a goal, or a list of those of which any will do."""
         speaks = model is not None and (model.space.named or model.space.unnamed)
         kinds = (list, dict, str) if speaks else (list, dict)
         if isinstance(given, list) and given and all(isinstance(entry, kinds) for entry in given):
@@ -218,7 +218,7 @@ class Faults:
         return self._one_goal(given, place, model)
 
     def _one_goal(self, given: Any, place: Place, model: Model | None) -> Any:
-        """A goal by name with its parameters, or a state."""
+        """Return a goal by name with its parameters, or a state."""
         if not is_named(given) and not (isinstance(given, str) and given in goals):
             return self.state(given, place, None if model is None else model.space)
         ((name, parameters),) = given.items() if isinstance(given, dict) else [(given, None)]
@@ -231,7 +231,7 @@ class Faults:
         return made
 
     def angle(self, given: Any, place: Place, what: str, otherwise: str = "") -> Any:
-        """An angle in rad from a number, or from text in degrees."""
+        """Return an angle in rad from a number, or from text in degrees."""
         angle = Degrees.in_radians(given)
         if not isinstance(angle, str):
             return angle
@@ -243,7 +243,7 @@ class Faults:
     def made(
         self, given: Any, within: Place, schema: type[BaseModel], make: Callable[[Any, Place], T]
     ) -> list[T | None]:
-        """What the entries of a list stand for; None after noting what is wrong with one."""
+        """Return the values of a list's entries; None after noting a fault of one."""
         things: list[T | None] = []
         for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
             things.append(None)
@@ -255,13 +255,13 @@ class Faults:
 
 
 def _may_be(value: Any, angle: bool) -> bool:
-    """Whether a value may be that of a column: a finite number, of an angle also text."""
+    """Return whether a value may be that of a column: a finite number, of an angle also text."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
     return number or (angle and isinstance(value, str))
 
 
 def _form(space: StateSpace, what: str) -> str:
-    """How a start or goal is written."""
+    """Return how a start or goal is written."""
     *units, last = dict.fromkeys(space.units) if len(set(space.units)) == 1 else space.units
     angle = next((name for name in space.names if name in space.angles), "")
     degrees = f" (or {article(angle)} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
@@ -270,7 +270,7 @@ def _form(space: StateSpace, what: str) -> str:
 
 
 def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
-    """One line on all that is wrong at one place."""
+    """Return one line on all that is wrong at one place."""
     fault = next((one for one in faults if not _expected(one)), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
@@ -305,13 +305,13 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
 
 
 def _whole(fault: Any) -> tuple[str | int, ...]:
-    """Where a fault is told: entries that lack of a short list are told of the list."""
+    """Return where a fault is told: entries that lack of a short list are told of the list."""
     loc: tuple[str | int, ...] = fault["loc"]
     return loc[:-1] if fault["type"] == "missing" and isinstance(loc[-1], int) else loc
 
 
 def _expected(fault: Any) -> str:
-    """What a fault of pydantic's expects, in the words of this file; "" where its own message says it."""
+    """Return the expectation of pydantic's error in hpop's words, "" where pydantic's message says it."""
     return str(fault["ctx"]["expected"]) if fault["type"] == "literal_error" else EXPECTED.get(fault["type"], "")
 
 
@@ -327,7 +327,7 @@ def _note(got: Any) -> str:
 
 
 def _schema_at(schema: Any, loc: Place) -> Any:
-    """The schema of what stands at a place."""
+    """Return the schema of what stands at a place."""
     for key in loc:
         annotation = getattr(schema.model_fields.get(key), "annotation", None) if isinstance(key, str) else schema
         inner = [a for a in _flat(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
@@ -336,12 +336,12 @@ def _schema_at(schema: Any, loc: Place) -> Any:
 
 
 def _keys_at(schema: Any, loc: Place) -> list[str]:
-    """Keys that a schema knows at a place."""
+    """Return keys that a schema knows at a place."""
     return list(_schema_at(schema, loc).model_fields)
 
 
 def _numbers_at(schema: Any, loc: Place) -> int:
-    """How many numbers a schema wants at a place; 0 where it wants something else, or any number of them."""
+    """Return how many numbers a schema wants at a place; 0 where it wants something else, or any number of them."""
     field = _schema_at(schema, loc[:-1]).model_fields.get(loc[-1]) if loc else None
     annotation = getattr(field, "annotation", None)
     for form in (annotation, *getattr(annotation, "__args__", ())):

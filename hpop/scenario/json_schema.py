@@ -46,7 +46,7 @@ NUMPY = re.compile(r"^(\w+(?:, \w+)*) : (.+)$")
 
 
 def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
-    r"""Texts by name: of a class its own and those of its bases, of a function those of its docstring.
+    r"""Return texts by name: of a class its own and those of its bases, of a function those of its docstring.
 
     Three ways to write them are known: aligned lines in the docstring (``radius  m  of a round footprint``), comments
     behind the fields (``radius: float = 2.0  # m``), and NumPy's sections (``scale : float`` and indented lines).
@@ -66,7 +66,7 @@ def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
 
 
 def _lines(text: str) -> dict[str, str]:
-    """Texts by name of the lines of a docstring, each with the indented lines that follow."""
+    """Return texts by name of the lines of a docstring, each with the indented lines that follow."""
     found: dict[str, list[str]] = {}
     names: list[str] = []
     for line in text.split("\n"):
@@ -83,7 +83,7 @@ def _lines(text: str) -> dict[str, str]:
 
 
 def _plain_text(lines: list[str]) -> str:
-    """One line of text, without markup; of NumPy's form what follows the type, if anything does."""
+    """Return one line of text, without markup; of NumPy's form what follows the type, if anything does."""
     first, *rest = lines
     is_type = rest and re.fullmatch(r"[\w\[\]|,. ]+|\(.*\)|\".*", first)
     text = " ".join(" ".join(rest if is_type else lines).split())
@@ -92,7 +92,7 @@ def _plain_text(lines: list[str]) -> str:
 
 @cache
 def _comments(cls: type) -> dict[str, str]:
-    """What stands behind the fields of a class in its source; nothing where there is none."""
+    """Return the comments behind the fields of a class in its source."""
     try:
         source = inspect.getsource(cls)
     except (OSError, TypeError):
@@ -133,7 +133,7 @@ KEYS = {
 
 
 def scenario_schema(*, at_home: bool = False) -> Schema:
-    """The schema of a scenario file.
+    """Return the schema of a scenario file.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
 
 
 def written(schema: Schema) -> str:
-    """A schema as the text of a file."""
+    """Return a schema as the text of a file."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -202,13 +202,13 @@ class _Generator(GenerateJsonSchema):
 
 
 def _form(model: type[BaseModel]) -> Schema:
-    """The schema of a form, in draft 7, nothing in it by reference."""
+    """Return the schema of a form, in draft 7, nothing in it by reference."""
     made = model.model_json_schema(schema_generator=_Generator)
     return cast(Schema, _plain(made, made.pop("$defs", {})))
 
 
 def _plain(schema: Any, definitions: Schema) -> Any:
-    """A schema without titles and references; tuples as draft 7 writes them."""
+    """Return a schema without titles and references; tuples as draft 7 writes them."""
     if isinstance(schema, list):
         return [_plain(one, definitions) for one in schema]
     if not isinstance(schema, dict):
@@ -228,7 +228,7 @@ def _plain(schema: Any, definitions: Schema) -> Any:
 
 
 def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = None) -> Schema:
-    """A schema whose properties say what they are, and what they are if they are left out."""
+    """Return a schema whose properties say what they are, and what they are if they are left out."""
     for name, one in schema.get("properties", {}).items():
         if docs.get(name):
             one["description"] = docs[name]
@@ -238,7 +238,7 @@ def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = N
 
 
 def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
-    """The schema of an entry of a list, which has one of some forms."""
+    """Return the schema of an entry of a list, which has one of some forms."""
     made = [_described(_form(form), parameter_docs(said) | parameter_docs(form)) for form in forms]
     for one in made:
         if future := one["properties"].get("futures"):
@@ -247,7 +247,7 @@ def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
 
 
 def _parameters(cls: Any) -> Schema:
-    """The schema of a registered type's parameters."""
+    """Return the schema of a registered type's parameters."""
     schema = _form(parameters_of(cls))
     for name in model_parameters(cls):
         schema["properties"][name] = _of("model")
@@ -255,7 +255,7 @@ def _parameters(cls: Any) -> Schema:
 
 
 def _defaults(cls: Any) -> Schema:
-    """What the parameters are if nobody gives them, as far as JSON can say it."""
+    """Return the defaults of parameters, as far as JSON can express them."""
     found = {}
     for field in dataclasses.fields(cls):
         if field.init and field.default is not dataclasses.MISSING and field.default is not None:
@@ -273,7 +273,7 @@ def _jsonable(value: Any) -> Any:
 
 
 def _named(types: dict[str, Any]) -> Schema:
-    """One name with its parameters."""
+    """Return one name with its parameters."""
     properties = {}
     for name, cls in types.items():
         parameters = _parameters(cls)
@@ -289,13 +289,13 @@ def _named(types: dict[str, Any]) -> Schema:
 
 
 def _choice(kind: str, types: dict[str, Any]) -> Schema:
-    """One of some types: its name, or its name with parameters."""
+    """Return one of some types: its name, or its name with parameters."""
     names = [{"const": name, "description": summary(cls)} for name, cls in types.items() if not needed(cls)]
     return {"anyOf": [*names, _named(types)], "description": f"a {kind}"}
 
 
 def summary(item: Any) -> str:
-    """What a registered type is, in its docstring's first paragraph; of a criterion also its unit and group."""
+    """Return the first paragraph of a registered type's docstring, with unit and group of a criterion."""
     first = " ".join((item.__doc__ or "").strip().split("\n\n")[0].split()).replace("``", "")
     if not hasattr(item, "aggregate"):
         return first
@@ -304,7 +304,7 @@ def summary(item: Any) -> str:
 
 
 def _world(*, at_home: bool) -> Schema:
-    """Exactly one way to give the world."""
+    """Return exactly one way to give the world."""
     ways: Schema = {}
     for name, field in WorldSection.model_fields.items():
         form = next(one for one in field.annotation.__args__ if one is not type(None))  # type: ignore[union-attr]
@@ -333,7 +333,7 @@ def _world(*, at_home: bool) -> Schema:
 
 
 def _solid() -> Schema:
-    """A solid of exactly one shape, turned in one way."""
+    """Return a solid of exactly one shape, turned in one way."""
     solid = _described(_form(SolidEntry), parameter_docs(SolidEntry))
     _described(solid["properties"]["cylinder"]["anyOf"][0], parameter_docs(CylinderSize))
     turned = {"not": {"required": ["rpy", "quaternion"]}}
@@ -341,7 +341,7 @@ def _solid() -> Schema:
 
 
 def _state(angle: Schema) -> Schema:
-    """A state in the order of its columns, by their names, or one that has a name."""
+    """Return a state in the order of its columns, by their names, or one that has a name."""
     return {
         "anyOf": [
             {"type": "array", "minItems": 1, "items": angle},

@@ -70,7 +70,7 @@ class GivenMap(NamedTuple):
         return cls(path, reader, given)
 
     def read(self) -> World:
-        """The world; MapError, which says how options are given here."""
+        """Return the world; MapError, which says how options are given here."""
         try:
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
@@ -92,7 +92,7 @@ class Draft(NamedTuple):
 
 
 def is_scenario(path: Path) -> bool:
-    """Whether a file is a scenario, by the keys in it; what cannot be read is none."""
+    """Return whether a file is a scenario, by the keys in it; what cannot be read is none."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         return False
     try:
@@ -126,7 +126,7 @@ def first_draft(world: World, radius: float | None, start: str | None = None, go
 def first_problem(
     world: World, radius: float | None, start: str | None = None, goal: str | None = None, *, room: float = 0.0
 ) -> Problem | None:
-    """The problem of a round robot, from a start to a goal as given, or far from each other where it is free.
+    """Return the problem of a round robot, from a start to a goal as given, or far from each other where it is free.
 
     They are in one part of the free space, also for a robot whose radius is larger by ``room`` (m); None where there is
     no such part. Raises MapError where the robot is free nowhere, QueryError for a start or goal that cannot be used.
@@ -161,7 +161,7 @@ def first_problem(
 
 
 def _free_nowhere(model: Any, world: World) -> MapError:
-    """The error of a map on which a robot is free nowhere, with what may be the cause."""
+    """Return the error of a map on which a robot is free nowhere, with what may be the cause."""
     x0, y0, x1, y1 = world.bounds
     error = MapError(
         f"a robot of {model.radius:g} m in radius is free nowhere on this map of {x1 - x0:.4g} x {y1 - y0:.4g} m; is "
@@ -174,7 +174,7 @@ def _free_nowhere(model: Any, world: World) -> MapError:
 
 
 def scenario_text(given: GivenMap, draft: Draft, folder: Path, name: str, *, chosen: bool) -> str:
-    """The scenario as a file in a folder, with comments.
+    """Return the scenario as a file in a folder, with comments.
 
     ``chosen``: whether start and goal were, and nobody has asked for them.
     """
@@ -217,7 +217,7 @@ def _ends(problem: Problem) -> tuple[Any, ...]:
 
 
 def _usual_step(world: World) -> float:
-    """The step of a lattice for a map of this size, m."""
+    """Return the step of a lattice for a map of this size, m."""
     x0, y0, x1, y1 = world.bounds
     return next(step for side, step in STEPS if max(x1 - x0, y1 - y0) <= side)
 
@@ -239,14 +239,14 @@ def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
 
 
 def _written(values: Any) -> str:
-    """A state as a scenario has it, the heading in degrees."""
+    """Return a state as a scenario has it, the heading in degrees."""
     x, y, yaw = values
     heading = "any" if yaw is None else f"{math.degrees(yaw):.4g} deg"
     return f"[{x:.6g}, {y:.6g}, {heading}]"
 
 
 def _end(text: str, what: str) -> tuple[float, float, float | None]:
-    """A start or goal as it is given on the command line: X,Y or X,Y,HEADING."""
+    """Return a start or goal as it is given on the command line: X,Y or X,Y,HEADING."""
     x, y, *rest = [*(part.strip() for part in text.split(",")), ""]
     heading: Any = Degrees.in_radians(rest[0]) if rest and rest[0] else "any" if what == "goal" else 0.0
     try:
@@ -262,7 +262,7 @@ def _end(text: str, what: str) -> tuple[float, float, float | None]:
 
 
 def _rounded(model: Any, world: World, place: tuple[float, float]) -> tuple[float, float]:
-    """A place with as few decimals as leave it free."""
+    """Return a place with as few decimals as leave it free."""
     collision = model.collision(world)
     for digits in (1, 2, 3):
         x, y = (round(value, digits) for value in place)
@@ -272,12 +272,12 @@ def _rounded(model: Any, world: World, place: tuple[float, float]) -> tuple[floa
 
 
 def _heading(start: tuple[float, float], goal: tuple[float, float]) -> float:
-    """The heading towards the goal, in steps of 45 degrees."""
+    """Return the heading towards the goal, in steps of 45 degrees."""
     return 45.0 * round(math.degrees(math.atan2(goal[1] - start[1], goal[0] - start[0])) / 45.0) % 360.0
 
 
 def checked_options(pairs: Mapping[str, str]) -> dict[str, Any]:
-    """Values of options of a reader, as YAML reads them; OptionError for what is none."""
+    """Return values of options of a reader, as YAML reads them; OptionError for what is none."""
     found = {}
     for name, text in pairs.items():
         try:

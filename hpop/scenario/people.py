@@ -27,7 +27,7 @@ People = tuple[Person, ...]
 
 
 def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[People | None]:
-    """Who each entry of a list stands for, in order; None after noting what is wrong with one."""
+    """Return the person of each entry of a list, in order; None after noting a fault of one."""
     found: list[People | None] = []
     for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
         found.append(None)
@@ -39,12 +39,12 @@ def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[P
 
 
 def form_of(entry: dict[str, Any]) -> type[BaseModel]:
-    """The form that an entry has by its keys, also where one is misspelt."""
+    """Return the form that an entry has by its keys, also where one is misspelt."""
     return next((form for key, form in FORMS.items() if get_close_matches(key, map(str, entry), 1, ALIKE)), PersonEntry)
 
 
 def groups_of(faults: Faults, given: Any, people: Sequence[People | None]) -> list[list[int]]:
-    """Places, among all people, of those whom each group names: by the place of an entry, or by name."""
+    """Return places, among all people, of those whom each group names: by the place of an entry, or by name."""
     everyone = [person for entry in people for person in entry or (None,)]
     first = [sum(len(entry or (None,)) for entry in people[:i]) for i in range(len(people))]
     names = [person.name if person else "" for person in everyone]
@@ -85,7 +85,7 @@ def _future(entry: FutureEntry) -> Future:
 
 
 def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People:
-    """The people of a file who are there from the moment that is now on, up to the end of what is asked for."""
+    """Return the people of a file who are there from the moment that is now on, up to the end of what is asked for."""
     ids = [entry.id] if isinstance(entry.id, int | str) else entry.id
     path = faults.beside(entry.track)
     tracks = read_tracks(path, entry.frame_rate, entry.unit, entry.format, ids)
@@ -107,7 +107,7 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
 
 
 def _unknown(member: int | str, names: Sequence[str], places: int, times: int) -> str:
-    """Why a member of a group is nobody, or not one person."""
+    """Return why a member of a group is nobody, or not one person."""
     known = ", ".join(name for name in names if name)
     where = f"places are 0 to {places - 1}" if places else "there are no people"
     if times > 1:

@@ -33,7 +33,7 @@ Entry = dict[str, Any]
 
 
 def _form(what: str) -> WrapValidator:
-    """One fault for a short list as a whole: that its entry 2 is missing does not say what that entry is."""
+    """Return one fault for a short list as a whole: that its entry 2 is missing does not say what that entry is."""
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -333,7 +333,7 @@ class ScenarioFile(_Strict):
 
 
 def parameters_of(cls: Any) -> type[BaseModel]:
-    """The form of a dataclass's fields; those that are models are given as choices."""
+    """Return the form of a dataclass's fields; those that are models are given as choices."""
     hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
     schema: dict[str, Any] = {}
     for field in dataclasses.fields(cls):

@@ -56,14 +56,14 @@ class Document:
             )
 
     def where(self, place: Place) -> str:
-        """File, line and dotted key of a place, or of the nearest one above it that stands in the file."""
+        """Return file, line and dotted key of a place, or of the nearest one above it that stands in the file."""
         dotted = printable(".".join(str(key) for key in place))
         if len(dotted) > LONGEST:
             dotted = f"{dotted[:LONGEST]}..."
         return f"{self.path}, line {self.line(place)}" + (f", {dotted}" if dotted else "")
 
     def line(self, place: Place) -> int:
-        """Line of a place, or of the nearest one above it that stands in the file."""
+        """Return line of a place, or of the nearest one above it that stands in the file."""
         while place not in self._lines:
             place = place[:-1]
         return self._lines[place]

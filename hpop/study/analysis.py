@@ -77,7 +77,7 @@ def decided(
     correction: Correction,
     notes: Sequence[str],
 ) -> dict[str, str]:
-    """Every choice, by what it is about; ``notes`` say what could not be done."""
+    """Return every choice, by what it is about; ``notes`` say what could not be done."""
     complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
     left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in design.left]
     made = dict(DEFAULT if method == "default" else PAPER)
@@ -107,18 +107,18 @@ def decided(
 
 
 def _asked(form: Form) -> str:
-    """Where a form comes from, and when it is asked."""
+    """Return where a form comes from, and when it is asked."""
     when = {"before": "before the first stimulus", "after_each": "once after each", "after_all": "after all"}
     return f"{' '.join(form.source.split())}. Asked {', '.join(when[one] for one in form.when)}"
 
 
 def _orders(design: Design) -> str:
-    """How orders were balanced, where they are."""
+    """Return how orders were balanced, where they are."""
     return "drawn at random" if design.order == "random" else f"{design.order}, each as often as any other"
 
 
 def _durations(design: Design) -> str:
-    """How long the stimuli last, and what that means where they differ."""
+    """Return how long the stimuli last, and what that means where they differ."""
     if lasting := unlike(design.conditions):
         return f"{lasting}, so a part of what differs may come from how long they last, not from the way"
     lasts = [condition.duration for condition in design.conditions]
@@ -173,20 +173,20 @@ class Analysis:
         return f"SIMULATED: {some} made by a program, and nobody gave them"
 
     def text(self) -> str:
-        """All tables and choices as plain text."""
-        from hpop.study.report import as_text
+        """Return all tables and choices as plain text."""
+        from hpop.study.report import as_text  # reports draw with Matplotlib: slow to import
 
         return as_text(self)
 
     def draw(self, name: str = "scores") -> Figure:
-        """A figure: "scores" (each person's, with medians), "order" (by place) or "choices" (of pairs)."""
-        from hpop.study.figures import draw
+        """Return a figure: "scores" (each person's, with medians), "order" (by place) or "choices" (of pairs)."""
+        from hpop.study.figures import draw  # as above
 
         return draw(self, name)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the report: report.html, each table as CSV, the figures, and repeat.py; the page's path."""
-        from hpop.study.report import save
+        from hpop.study.report import save  # as above
 
         return save(self, folder)
 

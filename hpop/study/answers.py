@@ -130,7 +130,7 @@ class Answers:
         return tuple(found)
 
     def matrix(self, form: str, score: str) -> Matrix:
-        """A score, or an item, of a form that is asked after each stimulus."""
+        """Return a score, or an item, of a form that is asked after each stimulus."""
         asked = self._asked(form, score)
         letters = self.design.letters
         values = np.full((len(self.sessions), len(letters)), np.nan)
@@ -148,7 +148,7 @@ class Answers:
         return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
 
     def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
-        """What was chosen of pairs, of one participant or all, as rows of the front; without pairs of a baseline."""
+        """Return the choices of one participant or all, as rows of the front, without pairs of a baseline."""
         one_of("question", question, questions_of(self.design), error=StudyError)
         if participant is not None and participant not in self.people:
             raise StudyError(
@@ -238,7 +238,7 @@ class Answers:
         return [target / name for name in (*CSV, SQLITE, REMARKS)]
 
     def _contents(self) -> tuple[Contents, Contents, Contents]:
-        """Answers, scores and choices."""
+        """Return answers, scores and choices."""
         who = [Column("participant", "TEXT"), Column("place", "INTEGER"), Column("condition", "TEXT")]
         times = [Column("seconds", "REAL"), Column("t", "REAL")]
         of_item = [Column("form", "TEXT"), Column("item", "TEXT"), Column("value", "REAL")]
@@ -267,7 +267,7 @@ class Answers:
 
 
 def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str]]:
-    """The sessions in a study's folder that can be used, by their ids, and why each of the other files cannot."""
+    """Return the usable sessions in a study's folder, by id, and why other files are not usable."""
     files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
     if len(files) > MOST_FILES:
         raise StudyError(f"{folder / FOLDER} has {len(files):,} files; expected at most {MOST_FILES:,}")
@@ -284,7 +284,7 @@ def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str
 
 
 def _check_file(path: Path, participant: str, design: Design, known: dict[str, Session]) -> None:
-    """Whether a file may hold the answers of a participant."""
+    """Raise StudyError for a file that cannot hold the answers of a participant."""
     if participant in design.withdrawn:
         raise StudyError(f"{path}: {participant} withdrew; `hpop study withdraw` removes these answers as well")
     own = path.with_name(f"{participant}.json")
@@ -298,14 +298,14 @@ def _check_file(path: Path, participant: str, design: Design, known: dict[str, S
 
 
 def _how_far(session: Session) -> str:
-    """The last stimulus that began, in words."""
+    """Return the last stimulus that began, in words."""
     if not session.reached:
         return "no stimulus had begun"
     return f"stimulus {_letter(session, session.reached)}, {session.reached} of {len(session.person.order)}, had begun"
 
 
 def _letter(session: Session, place: int) -> str | None:
-    """What somebody saw at a place."""
+    """Return the letter of the stimulus at a place."""
     return session.person.order[place - 1] if 1 <= place <= len(session.person.order) else None
 
 
@@ -351,7 +351,7 @@ class Ledger:
         return True
 
     def _stored(self) -> dict[str, Any]:
-        """The contents of the file, checked; those of a new one where there is none."""
+        """Return the contents of the file, checked; those of a new one where there is none."""
         if not self.path.exists():
             known = {"schema": SCHEMA, "version": VERSION, "design": self.design.digest}
             return {**known, "participant": self.participant, "device": {}, "events": []}

@@ -104,13 +104,13 @@ def lettered(
 
 
 def _named(front: Front, row: int | str | NamedRow) -> NamedRow:
-    """A row, with the name by which it was asked for."""
+    """Return a row, with the name by which it was asked for."""
     (found,) = named_rows(front, [row.number if isinstance(row, NamedRow) else row])
     return NamedRow(found.point, row.name if isinstance(row, NamedRow) else found.name)
 
 
 def _check_different(rows: Sequence[NamedRow]) -> None:
-    """StudyError where two names stand for the same row."""
+    """Raise StudyError where two names stand for the same row."""
     first: dict[int, NamedRow] = {}
     for row in rows:
         if row.number in first:
@@ -120,7 +120,7 @@ def _check_different(rows: Sequence[NamedRow]) -> None:
 
 
 def unlike(conditions: Sequence[Condition]) -> str:
-    """What is said where stimuli differ much in duration; nothing where they do not."""
+    """Return a note where stimuli differ much in duration, else ""."""
     first, *_, last = sorted(conditions, key=lambda condition: condition.duration)
     if last.duration <= (1 + ALIKE) * first.duration:
         return ""
@@ -149,7 +149,7 @@ def pick(
     by: str = "costs",
     share: float | None = None,
 ) -> tuple[NamedRow, ...]:
-    """Rows that differ most, those of ``always`` first: farthest-point selection (Gonzalez 1985).
+    """Return rows that differ most, those of ``always`` first: farthest-point selection (Gonzalez 1985).
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def pick(
 
 
 def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> IntArray:
-    """The most rows of which the longest lasts at most a share longer than the shortest, those of ``first`` included.
+    """Return the most rows of similar duration that include ``first``.
 
     Raises StudyError where those of ``first`` alone differ by more.
     """
@@ -207,7 +207,7 @@ def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> In
 
 
 def _way(run: Trajectory) -> FloatArray:
-    """Places (PLACES, 3) of the camera, m, at equal shares of its way; all the same where it only turns."""
+    """Return places (PLACES, 3) of the camera, m, at equal shares of its way; all the same where it only turns."""
     check_body(run.model, "camera")
     times = np.linspace(0.0, run.duration, MOMENTS)
     pose = run.model.pose("camera", run.at(times))

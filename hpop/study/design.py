@@ -102,7 +102,7 @@ class Design:
         language: str = "en",
         seed: int = 0,
     ) -> Design:
-        """A design for some rows of a front.
+        """Return a design for some rows of a front.
 
         Parameters
         ----------
@@ -148,7 +148,7 @@ class Design:
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Design:
-        """The design in a study's folder; StudyError where it is none, or was changed since it was written."""
+        """Return the design in a study's folder; StudyError where it is none, or was changed since it was written."""
         path = Path(folder) / FILE
         what = "the design of a study, as `hpop study init` writes it"
         if not path.exists():
@@ -244,7 +244,7 @@ class Design:
         return tuple(known.values())
 
     def after(self, participant: str, *, withdrawn: bool) -> Design:
-        """The design after somebody left: the next person takes the place, with the same order and strata.
+        """Return the design after somebody left: the next person takes the place, with the same order and strata.
 
         A withdrawn participant's answers are no longer part of the study, a dropped-out one's are.
         """
@@ -277,21 +277,21 @@ class Design:
         return sequences(self.order, self.letters, len(self.enrolled), np.random.default_rng(self.seed))
 
     def form(self, name: str) -> Form:
-        """A questionnaire by its id."""
+        """Return a questionnaire by its id."""
         for form in self.questionnaires:
             if form.id == name:
                 return form
         raise StudyError(f"the study asks no form {shown(name)}; it asks {', '.join(self.forms)}")
 
     def condition(self, letter: str) -> Condition:
-        """A condition by its letter."""
+        """Return a condition by its letter."""
         for condition in self.conditions:
             if condition.id == letter:
                 return condition
         raise StudyError(f"the study has no stimulus {shown(letter)}; it has {', '.join(self.letters)}")
 
     def participant(self, name: str) -> Participant:
-        """A place by its id."""
+        """Return a place by its id."""
         checked_id(name)
         for person in self.participants:
             if person.id == name:
@@ -326,7 +326,7 @@ class Design:
         return [pairs[i][::-1] if turned[i] else pairs[i] for i in rng.permutation(len(pairs)).tolist()]
 
     def public(self, participant: str) -> dict[str, Any]:
-        """What the page of a participant may know: no rows, no names of rows, no costs, nothing of others."""
+        """Return the public part of a session: no rows, no names of rows, no costs, no other participants."""
         person = self.participant(participant)
         seen = [self.condition(letter) for letter in person.order]
         return {
@@ -352,7 +352,7 @@ class Design:
         }
 
     def describe(self) -> dict[str, Any]:
-        """What design.json holds."""
+        """Return the contents of design.json."""
         return {
             "schema": SCHEMA,
             "version": VERSION,
@@ -378,7 +378,7 @@ class Design:
         return sha256(self.document).hexdigest()
 
     def _schedule(self) -> str:
-        """Who sees what in which order, as CSV; letters only, so that whoever runs the sessions is blind as well."""
+        """Return each participant's order as CSV; letters only, so that the experimenter is blind as well."""
         levels = list(self.enrolled[0].strata)
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")

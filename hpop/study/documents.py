@@ -41,12 +41,12 @@ T = TypeVar("T", bound=Part)
 
 
 def read(path: str | os.PathLike[str], kind: type[T], what: str, most: int) -> T:
-    """The contents of a file of at most ``most`` bytes, checked; ``what`` it is to be, in words."""
+    """Return the contents of a file of at most ``most`` bytes, checked; ``what`` it is to be, in words."""
     return checked(path, parsed(path, read_bytes(path, most), what), kind, what)
 
 
 def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
-    """The bytes of a regular file, at most ``most``."""
+    """Return the bytes of a regular file, at most ``most``."""
     try:
         return read_regular(path, most)
     except OSError as error:
@@ -54,7 +54,7 @@ def read_bytes(path: str | os.PathLike[str], most: int) -> bytes:
 
 
 def parsed(place: object, data: bytes, what: str) -> Any:
-    """What JSON says, not yet checked; ``place`` is named in the error."""
+    """Parse JSON without checking its schema; ``place`` is named in the error."""
     try:
         return parse(data)
     except (ValueError, RecursionError) as error:
@@ -62,7 +62,7 @@ def parsed(place: object, data: bytes, what: str) -> Any:
 
 
 def checked(place: object, values: Any, kind: type[T], what: str) -> T:
-    """Values as an object of a kind; ``place`` is named in the error: a file, or an event of it."""
+    """Return values as an object of a kind; ``place`` is named in the error: a file, or an event of it."""
     try:
         return kind.model_validate(values)
     except ValidationError as error:
@@ -70,7 +70,7 @@ def checked(place: object, values: Any, kind: type[T], what: str) -> T:
 
 
 def in_words(error: ValidationError) -> str:
-    """The first faults that pydantic found, and how many more there are."""
+    """Return the first faults that pydantic found, and how many more there are."""
     faults = error.errors(include_url=False, include_context=False)
     said = "; ".join(_said(dict(fault)) for fault in faults[:MOST_FAULTS])
     return said + (f"; and {len(faults) - MOST_FAULTS:,} more" if len(faults) > MOST_FAULTS else "")
@@ -91,7 +91,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def _said(fault: dict[str, Any]) -> str:
-    """A fault that pydantic found: where, what was expected, what came."""
+    """Return a fault that pydantic found: where, what was expected, what came."""
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{printable(part)}" for part in fault["loc"])
     came = "" if fault["type"] == "missing" else f", got {shown(fault['input'], 40)}"
     return f"at {where.lstrip('.') or 'the top'}: {fault['msg']}{came}"
@@ -131,7 +131,7 @@ def release(held: int | None) -> None:
 
 
 def hold(folder: Path, *, wait: bool) -> int | None:
-    """A folder, open and locked, for :func:`release`; None on systems without such locks.
+    """Return a folder, open and locked, for :func:`release`; None on systems without such locks.
 
     BlockingIOError where somebody else holds it and there is no waiting, StudyError where it cannot be locked.
     """
@@ -170,7 +170,7 @@ class Contents(NamedTuple):
 
 
 def csv_bytes(table: Contents) -> bytes:
-    r"""A table as CSV: UTF-8, commas, points, a heading; nothing where there is no value.
+    r"""Return a table as CSV: UTF-8, commas, points, a heading; nothing where there is no value.
 
     Text that a spreadsheet would run as a formula begins with an apostrophe.
 
@@ -185,7 +185,7 @@ def csv_bytes(table: Contents) -> bytes:
 
 
 def sqlite_bytes(tables: Mapping[str, Contents]) -> bytes:
-    """Tables as a file of SQLite."""
+    """Return tables as a file of SQLite."""
     with sqlite3.connect(":memory:") as base:
         for name, table in tables.items():
             columns = ", ".join(f'"{column.name}" {column.kind}' for column in table.columns)
@@ -210,7 +210,7 @@ def _without_nan(rows: Iterable[Sequence[Any]]) -> list[list[Any]]:
 
 @checked_arguments
 def front_digest(front: Front) -> str:
-    """SHA-256 of a front: its criteria, costs and trajectories, and the problem without the places of its files.
+    """Return SHA-256 of a front: its criteria, costs and trajectories, and the problem without the places of its files.
 
     The same before and after the front is saved, loaded and moved; another where a cost, a state or the map differs.
     """
@@ -244,7 +244,7 @@ class ReportFile(Part):
 
 
 def read_report(folder: Path) -> ReportFile:
-    """What the report in a folder was made of; StudyError where the file is none."""
+    """Read the record of the report in a folder; raise StudyError for a file that is none."""
     return read(folder / REPORT, ReportFile, "what a report was made of", MOST_REPORT)
 
 

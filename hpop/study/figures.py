@@ -33,7 +33,7 @@ NAME_WIDTH = 18
 
 @plain
 def draw(analysis: Analysis, name: str = "scores") -> Figure:
-    """A figure by its name; StudyError for another name, or where nobody compared pairs."""
+    """Return a figure by its name; StudyError for another name, or where nobody compared pairs."""
     one_of("figure", name, NAMES, error=StudyError)
     if name == "choices":
         return _choices(analysis)
@@ -41,12 +41,12 @@ def draw(analysis: Analysis, name: str = "scores") -> Figure:
 
 
 def figures(analysis: Analysis) -> list[str]:
-    """Names of the figures that there are."""
+    """Return names of the figures that there are."""
     return [name for name in NAMES if name != "choices" or "choices" in analysis.tables]
 
 
 def _scores(analysis: Analysis) -> Figure:
-    """Each person's scores before and after each stimulus."""
+    """Return each person's scores before and after each stimulus."""
     columns = list(analysis.matrix.values.T)
     names = [label(analysis.design, letter) for letter in analysis.matrix.conditions]
     if analysis.before is not None:
@@ -59,7 +59,7 @@ def _scores(analysis: Analysis) -> Figure:
 
 
 def _order(analysis: Analysis) -> Figure:
-    """Each person's scores in the order of the session."""
+    """Return each person's scores in the order of the session."""
     columns = list(placed(analysis.matrix).T)
     names = [f"place {place}" for place in range(1, len(columns) + 1)]
     if analysis.before is not None:
@@ -72,7 +72,7 @@ def _order(analysis: Analysis) -> Figure:
 
 
 def _columns(axes: Axes, columns: Sequence[FloatArray], names: Sequence[str]) -> None:
-    """Dots by column, a line for each person, and medians with quartiles."""
+    """Draw dots by column, a line for each person, and medians with quartiles."""
     across = np.arange(len(columns), dtype=float)
     scores = np.array(columns)  # (columns, n)
     aside = np.array([_aside(column) for column in scores])
@@ -102,7 +102,7 @@ def _columns(axes: Axes, columns: Sequence[FloatArray], names: Sequence[str]) ->
 
 
 def _aside(column: FloatArray) -> FloatArray:
-    """By how much each dot stands aside, so that equal scores are seen beside one another."""
+    """Return by how much each dot stands aside, so that equal scores are seen beside one another."""
     aside = np.zeros(len(column))
     for value in np.unique(column[~np.isnan(column)]):
         same = np.flatnonzero(column == value)
@@ -112,7 +112,7 @@ def _aside(column: FloatArray) -> FloatArray:
 
 
 def _finished(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figure:
-    """Title, legend in words, and the mark of simulated answers."""
+    """Return title, legend in words, and the mark of simulated answers."""
     form = analysis.design.form(analysis.form)
     worse = "higher is worse" if form.better == "low" else "higher is better"
     axes.set_ylabel(
@@ -134,7 +134,7 @@ def _finished(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figu
 
 
 def _choices(analysis: Analysis) -> Figure:
-    """How many chose which of each pair."""
+    """Return how many chose which of each pair."""
     rows = analysis.tables.get("choices")
     if not rows:
         raise StudyError("nobody compared pairs, so there is no figure of choices")
@@ -177,7 +177,7 @@ def _choices(analysis: Analysis) -> Figure:
 
 
 def _asked(analysis: Analysis, question: str) -> str:
-    """A question of the comparisons, in the study's language."""
+    """Return a question of the comparisons, in the study's language."""
     for form in analysis.design.questionnaires:
         if form.kind == "pairs" and question in [item.id for item in form.items]:
             return form.item(question).text[analysis.design.language]
@@ -185,14 +185,14 @@ def _asked(analysis: Analysis, question: str) -> str:
 
 
 def _leave_room(figure: Figure) -> None:
-    """Room for the line of words at the bottom, and for the mark at the top."""
+    """Leave room for the line of words at the bottom, and for the mark at the top."""
     engine = figure.get_layout_engine()
     if engine is not None:
         engine.set(rect=(0, 0.055, 1, 0.945 - 0.045))  # type: ignore[call-arg]
 
 
 def _marked(figure: Figure, analysis: Analysis) -> Figure:
-    """A figure that says of itself that its answers are simulated, where they are."""
+    """Return a figure that says of itself that its answers are simulated, where they are."""
     if analysis.mark:
         figure.text(0.5, 0.992, analysis.mark, ha="center", va="top", color=MARK, weight="bold", fontsize=NORMAL)
     return figure

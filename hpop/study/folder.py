@@ -88,7 +88,7 @@ def prepare(
 
 
 def _ridden(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
-    """The trajectories of a design's baselines, by letter; StudyError where one is not given."""
+    """Return the trajectories of a design's baselines, by letter; StudyError where one is not given."""
     known = {baseline.name: baseline.trajectory for baseline in baselines}
     wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind != VIEW}
     if known.keys() != wanted.keys():
@@ -100,7 +100,7 @@ def _ridden(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajecto
 
 
 def check_unused(folder: Path) -> None:
-    """StudyError where a study cannot be begun in a folder: something is in it, or it is no folder."""
+    """Raise StudyError where a study cannot begin in a folder: it is not empty, or no folder."""
     try:
         in_use = folder.is_symlink() or (folder.exists() and (not folder.is_dir() or any(folder.iterdir())))
     except (OSError, ValueError) as error:
@@ -119,7 +119,7 @@ def write_pages(design: Design, folder: Path, participants: list[str]) -> None:
 
 
 def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
-    """The front of a study, as it was when the study began; StudyError where it is not."""
+    """Return the front of a study, as it was when the study began; StudyError where it is not."""
     path = Path(folder) / FRONT
     try:
         front = Front.load(path)
@@ -134,7 +134,7 @@ def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
 
 @contextmanager
 def _whole(target: Path) -> Iterator[Path]:
-    """A folder to write into, which takes the place of ``target`` at the end, and is removed after any error."""
+    """Open a folder that takes the place of ``target`` at the end, and is removed after any error."""
     made = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
     held = None
     try:

@@ -81,7 +81,7 @@ class Scale(_Part):
         return isclose(steps, round(steps), abs_tol=1e-6) or self.is_absent(value)
 
     def is_absent(self, value: float) -> bool:
-        """Whether a value says that the item does not apply."""
+        """Return whether a value says that the item does not apply."""
         return self.absent is not None and value == self.absent.value
 
     def __str__(self) -> str:
@@ -208,14 +208,14 @@ class Form(_Part):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Form:
-        """The form that :meth:`to_dict` wrote; StudyError for what is none."""
+        """Return the form that :meth:`to_dict` wrote; StudyError for what is none."""
         try:
             return cls.model_validate(values)
         except ValidationError as error:
             raise StudyError(f"this is no form: {in_words(error)}") from None
 
     def to_dict(self) -> dict[str, Any]:
-        """The form as JSON knows it."""
+        """Return the form as JSON knows it."""
         return self.model_dump(mode="json", exclude_defaults=True)
 
     @property
@@ -229,7 +229,7 @@ class Form(_Part):
         return tuple(score.name for score in self.scores)
 
     def item(self, name: str) -> Item:
-        """An item by its id; StudyError where there is none."""
+        """Return an item by its id; StudyError where there is none."""
         for item in self.items:
             if item.id == name:
                 return item
@@ -239,7 +239,7 @@ class Form(_Part):
         )
 
     def scale_of(self, item: Item) -> Scale:
-        """The scale on which an item is answered; a comparison of two stimuli has none: StudyError."""
+        """Return the scale on which an item is answered; a comparison of two stimuli has none: StudyError."""
         if (scale := item.scale or self.scale) is None:
             raise StudyError(f"form {self.id} compares pairs: its item {item.id!r} has no scale")
         return scale
@@ -281,7 +281,7 @@ class Form(_Part):
 
 
 def shipped() -> tuple[str, ...]:
-    """Ids of the forms that hpop brings."""
+    """Return ids of the forms that hpop brings."""
     files = resources.files("hpop.study").joinpath("forms").iterdir()
     return tuple(sorted(file.name.removesuffix(".yaml") for file in files if file.name.endswith(".yaml")))
 
@@ -307,7 +307,7 @@ Answers = Mapping[str, float | None]
 
 @checked_arguments
 def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float]:
-    """The scores of a form, by name, from answers by item; NaN where an answer lacks.
+    """Return the scores of a form, by name, from answers by item; NaN where an answer lacks.
 
     With ``prorate`` the mean of the others stands for a missing answer where at most one in seven of a subscale lacks;
     :func:`prorated` names the scores concerned. Items that do not apply (``absent``) are left out and the sum is scaled
@@ -329,19 +329,19 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
 
 
 def missing(form: Form, values: Answers) -> tuple[str, ...]:
-    """Ids of the items without an answer."""
+    """Return ids of the items without an answer."""
     answered = _answered(form, values)
     return tuple(item.id for item in form.items if item.id not in answered)
 
 
 def prorated(form: Form, values: Answers) -> tuple[str, ...]:
-    """Names of the scores that ``prorate`` makes though an answer lacks."""
+    """Return names of the scores that ``prorate`` makes though an answer lacks."""
     strict, mended = score(form, values), score(form, values, prorate=True)
     return tuple(name for name in strict if isnan(strict[name]) and not isnan(mended[name]))
 
 
 def _answered(form: Form, values: Answers) -> dict[str, float]:
-    """What was answered, by item, checked."""
+    """Return the checked answers by item."""
     answered = {}
     for name, given in values.items():
         item, value = form.item(name), python_value(given)
@@ -367,7 +367,7 @@ def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool
 
 
 def _counted(form: Form, item: Item, value: float) -> float:
-    """What an answer counts in a sum."""
+    """Return the value of an answer in a sum."""
     scale = form.scale_of(item)
     return scale.low + scale.high - value if item.reverse else value
 
@@ -377,7 +377,7 @@ def _applies(form: Form, item: Item, value: float) -> bool:
 
 
 def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:
-    """What a score is made of, before it is scaled."""
+    """Return the sum of a score, before it is scaled."""
     if one.subscale is not None:
         return raw[one.subscale]
     if one.of:

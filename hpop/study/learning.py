@@ -65,7 +65,7 @@ class Fitted:
         return Learnt(str(target))
 
     def __str__(self) -> str:
-        """The sum, and where it is from."""
+        """Return the sum, and where it is from."""
         return f"{' + '.join(f'{weight:.4g} {name}' for name, weight in self.weights.items())}, {self.source}"
 
 
@@ -82,7 +82,7 @@ def fit_criterion(
     question: str = "comfort",
     source: str,
 ) -> Fitted:
-    """Learn which sum of criteria explains ratings of trajectories: weights of least squares, none negative.
+    """Return learn which sum of criteria explains ratings of trajectories: weights of least squares, none negative.
 
     Each person has a level of their own, which is left out: what counts is how ratings differ within a person. Costs
     are those by the planning law, which planners add up. The error is cross-validated: weights are learnt with some of
@@ -156,7 +156,7 @@ def _number(rating: Any) -> float:
 
 
 def _way(given: Any, front: Front | None) -> Trajectory:
-    """A trajectory that was rated, or that of a row."""
+    """Return a trajectory that was rated, or that of a row."""
     if isinstance(given, Trajectory):
         return given
     if front is not None and is_whole(given) and 0 <= given < len(front):
@@ -166,13 +166,13 @@ def _way(given: Any, front: Front | None) -> Trajectory:
 
 
 def _states(way: Trajectory) -> tuple[Any, ...]:
-    """By which trajectories are told apart: models and states of their motions."""
+    """Return by which trajectories are told apart: models and states of their motions."""
     states = way.states
     return (way.kinds, *((name, np.asarray(getattr(states, name)).tobytes()) for name in states.names))
 
 
 def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
-    """Weights (k,) >= 0 of least squares, each person's level left out (Lawson and Hanson 1974)."""
+    """Return weights (k,) >= 0 of least squares, each person's level left out (Lawson and Hanson 1974)."""
     from scipy.optimize import nnls
 
     away = _within(np.column_stack([costs, values]), persons)
@@ -189,13 +189,13 @@ def _within(table: FloatArray, persons: IntArray) -> FloatArray:
 
 
 def _levels(table: FloatArray, persons: IntArray) -> FloatArray:
-    """The mean (people, m) of each person."""
+    """Return the mean (people, m) of each person."""
     counts = np.maximum(np.bincount(persons), 1)
     return np.column_stack([np.bincount(persons, column) / counts for column in table.T])
 
 
 def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArray) -> tuple[float, float]:
-    """Root mean squares on trajectories left out: of the weights, and of each person's mean.
+    """Return root mean squares on trajectories left out: of the weights, and of each person's mean.
 
     A person's level is learnt from what is left of their ratings; who has none left is not predicted.
     """

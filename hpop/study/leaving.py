@@ -42,7 +42,7 @@ class Withdrawal(NamedTuple):
 
 @checked_arguments
 def replace(folder: str | os.PathLike[str], participant: str) -> str:
-    """Who takes the place of a participant who dropped out: the next id, with the same order, and a page of its own.
+    """Replace a participant who dropped out: the next id, with the same order and its own page.
 
     What the participant answered stays. Raises StudyError where nobody of this id is expected.
     """
@@ -54,7 +54,7 @@ def replace(folder: str | os.PathLike[str], participant: str) -> str:
 
 @checked_arguments
 def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
-    """Delete all that is known of a participant; tables and reports are made again; the next id takes the place.
+    """Return delete all that is known of a participant; tables and reports are made again; the next id takes the place.
 
     Every file in the folder that is called after the participant, or that holds the participant's answers, is removed:
     answers, page, preference, what a writer left that was killed. Tables that are there, and reports in the folder, are
@@ -117,7 +117,7 @@ def _files_of(folder: Path, participant: str) -> Iterator[Path]:
 
 
 def _naming(folder: Path, participant: str) -> Iterator[str]:
-    """Which files of others than hpop name a participant: copies of tables, for instance."""
+    """Yield which files of others than hpop name a participant: copies of tables, for instance."""
     own = {folder / name for name in (FILE, FRONT, PEOPLE, SCHEDULE, *TABLES)}
     own_folders = {folder / name for name in (ANSWERS, PAGES, STIMULI)} | {
         path.parent for path in _files(folder) if path.name == REPORT

@@ -86,7 +86,7 @@ def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
 
 @checked_arguments
 def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = False, rides: Rides | None = None) -> str:
-    """The text of a participant's page.
+    """Return the text of a participant's page.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
 
 
 def _ride(path: Path, name: str) -> Ride:
-    """A stimulus as `hpop.study.stimuli` wrote it."""
+    """Return a stimulus as `hpop.study.stimuli` wrote it."""
     try:
         text = read_regular(path, MOST_BYTES).decode()
         payload = parse(PAYLOAD.search(text)[1].encode())  # type: ignore[index]
@@ -144,7 +144,7 @@ def _ride(path: Path, name: str) -> Ride:
 
 
 def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Walls and ways in the plane, for small maps; None where there is no ride."""
+    """Return walls and ways in the plane, for small maps; None where there is no ride."""
     if not payloads:
         return None
     scene = next(iter(payloads.values()))["scene"]
@@ -161,7 +161,7 @@ def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
 
 
 def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
-    """Outlines of the boxes of a raster, taken together, m."""
+    """Return outlines of the boxes of a raster, taken together, m."""
     boxes = np.array(cells["boxes"], dtype=np.float64)
     together = shapely.union_all(shapely.box(*boxes.T)).simplify(0.5)
     x, y, yaw = cells["origin"]
@@ -174,7 +174,7 @@ def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
 
 
 def _way(packed: Mapping[str, Any]) -> list[list[float]]:
-    """Corners of a way from its packed positions, m."""
+    """Return corners of a way from its packed positions, m."""
     x, y = (np.cumsum(np.cumsum(column)) * packed["scale"] for column in packed["columns"][:2])
     points = np.stack([x, y], axis=1)
     simple = shapely.LineString(points).simplify(TOLERANCE) if len(points) > 1 else shapely.Point(points[0])

@@ -61,7 +61,7 @@ class Departure:
 
 
 def checked_id(given: object) -> str:
-    """An id as it is, or StudyError: p and a number, never a name.
+    """Return an id as it is, or StudyError: p and a number, never a name.
 
     >>> checked_id("p07")
     'p07'
@@ -75,7 +75,7 @@ def checked_id(given: object) -> str:
 
 
 def named(number: int) -> str:
-    """The id of a place, counted from 1.
+    """Return the id of a place, counted from 1.
 
     >>> named(7), named(120)
     ('p07', 'p120')
@@ -106,7 +106,7 @@ def enrolled(
 
 
 def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """Strata with their levels, which are short words: StudyError for anything else."""
+    """Return strata with their levels, which are short words: StudyError for anything else."""
     levels: dict[str, tuple[str, ...]] = {}
     for name, several in strata.items():
         words = [several] if isinstance(several, str) else list(several)
@@ -124,7 +124,7 @@ def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, 
 
 
 def checked_departures(people: Sequence[Participant], left: Sequence[Departure]) -> None:
-    """StudyError where not everybody who left was there, or the successors are not the next ids."""
+    """Raise StudyError for departures of unknown participants, or successors that are not the next ids."""
     for i, departure in enumerate(left):
         known = {named(number) for number in range(1, len(people) + i + 1)}
         known -= {earlier.participant for earlier in left[:i]}
@@ -136,7 +136,7 @@ def checked_departures(people: Sequence[Participant], left: Sequence[Departure])
 
 
 def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Which of the known orders are short beside the most frequent, in words; nothing where all are equally frequent.
+    """Return in words which orders are less frequent than others; "" where all are equally frequent.
 
     >>> unequal([("A", "B"), ("A", "B"), ("B", "A")], [("A", "B"), ("B", "A")])
     ('order B A: 1 of 2',)
@@ -147,7 +147,7 @@ def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]])
 
 
 def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
-    """Pairs of order and cell, block after block of all of them.
+    """Yield pairs of order and cell, block after block of all of them.
 
     The i-th of a block is order i mod m in cell (i + i div lcm(m, s)) mod s, relabelled at random: these run through
     all pairs, and any number of the first ones has all orders, and all cells, as often as another or once more.
@@ -165,7 +165,7 @@ def _described(levels: Mapping[str, Sequence[str]]) -> str:
 
 
 def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kind: str) -> tuple[str, ...]:
-    """Whether orders of a kind are dealt unequally often, also within strata, in words."""
+    """Return whether orders of a kind are dealt unequally often, also within strata, in words."""
     said, size, several = list[str](), len(people), len(orders)
     if size % several:
         less = size // several * several
@@ -220,7 +220,7 @@ def sequences(
 
 
 def latin(count: int) -> IntArray:
-    """The cyclic Latin square (K, K): row i is i, i + 1, ..., modulo K.
+    """Return the cyclic Latin square (K, K): row i is i, i + 1, ..., modulo K.
 
     >>> latin(3).tolist()
     [[0, 1, 2], [1, 2, 0], [2, 0, 1]]
@@ -229,7 +229,7 @@ def latin(count: int) -> IntArray:
 
 
 def williams(count: int) -> IntArray:
-    """Williams' design (K, K), of an odd number of stimuli (2 K, K): the square, then its rows backwards.
+    """Return williams' design (K, K), of an odd number of stimuli (2 K, K): the square, then its rows backwards.
 
     The first row is 0, 1, K - 1, 2, K - 2, ...; each of the others adds one, modulo K. Its steps are all different, so
     that each stimulus follows each other one once; of an odd K each step comes twice, and its mirror evens that out.
@@ -242,7 +242,7 @@ def williams(count: int) -> IntArray:
 
 
 def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """How often each stimulus stands at each place: (K stimuli, K places).
+    """Return how often each stimulus stands at each place: (K stimuli, K places).
 
     >>> places([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[2, 1], [1, 2]]
@@ -255,7 +255,7 @@ def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
 
 
 def neighbours(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """How often each stimulus directly follows each other one: (K before, K after).
+    """Return how often each stimulus directly follows each other one: (K before, K after).
 
     >>> neighbours([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[0, 2], [1, 0]]

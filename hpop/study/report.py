@@ -100,7 +100,7 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
 
 
 def _check_own(folder: Path) -> None:
-    """StudyError where a report would lie among a study's tables, some of the same names, or its pages or answers."""
+    """Raise StudyError where a report would lie among a study's tables, pages or answers."""
     there = folder.resolve()
     for study in (there, *there.parents):
         inside = there.relative_to(study).parts[:1]
@@ -109,7 +109,7 @@ def _check_own(folder: Path) -> None:
 
 
 def as_text(analysis: Analysis) -> str:
-    """All tables and choices as plain text."""
+    """Return all tables and choices as plain text."""
     parts = [_heading(analysis), *([analysis.mark] if analysis.mark else [])]
     for name, rows in analysis.tables.items():
         parts.append("\n".join([TITLES[name], *_aligned(rows)]))
@@ -118,7 +118,7 @@ def as_text(analysis: Analysis) -> str:
 
 
 def code(analysis: Analysis) -> str:
-    """Python that makes the same report from the study's folder."""
+    """Return python that makes the same report from the study's folder."""
     mark = f"# {analysis.mark}\n" if analysis.mark else ""
     return (
         f"{mark}# hpop {hpop.__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}\n"
@@ -135,12 +135,12 @@ def code(analysis: Analysis) -> str:
 
 
 def _how(analysis: Analysis) -> dict[str, str]:
-    """Arguments of :func:`hpop.study.analyse`."""
+    """Return arguments of :func:`hpop.study.analyse`."""
     return {"method": analysis.method, "correction": analysis.correction}
 
 
 def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
-    """The page: self-contained, without scripts."""
+    """Return the page: self-contained, without scripts."""
     mark = f'<p class="mark">{_text(analysis.mark)}</p>' if analysis.mark else ""
     heading = _text(_heading(analysis))
     shown = {"scores": "test", "order": "balance", "choices": "choices"}  # a figure stands before this table
@@ -171,7 +171,7 @@ def _heading(analysis: Analysis) -> str:
 
 
 def _summary(analysis: Analysis) -> str:
-    """The result in a sentence or two."""
+    """Return the result in a sentence or two."""
     people = analysis.choices["People"]
     lasting = unlike(analysis.design.conditions)
     also = f" {lasting[0].upper()}{lasting[1:]}." if lasting else ""
@@ -220,7 +220,7 @@ def _columns(rows: Sequence[Row]) -> list[str]:
 
 
 def written(column: str, value: Cell) -> str:
-    """A cell for people: p to four decimals, other numbers to four figures, a dash where there is none.
+    """Return a cell for people: p to four decimals, other numbers to four figures, a dash where there is none.
 
     >>> written("p", 0.00003), written("z", -1.31479), written("people", 36), written("low", float("-inf"))
     ('< .0001', '-1.315', '36', 'unbounded')
@@ -241,7 +241,7 @@ def written(column: str, value: Cell) -> str:
 
 
 def _contents(rows: Sequence[Row], mark: str) -> Contents:
-    """A table for CSV, whole figures; simulated answers are marked in a column of their own."""
+    """Return a table for CSV, whole figures; simulated answers are marked in a column of their own."""
     headings = _columns(rows)
     columns = [Column(heading, "TEXT") for heading in headings]
     cells = [[row.get(heading) for heading in headings] for row in rows]

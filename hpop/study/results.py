@@ -32,7 +32,7 @@ BEFORE = "before"
 def score_tables(
     design: Design, matrix: Matrix, before: FloatArray | None, method: Method, correction: Correction
 ) -> tuple[Tables, list[str]]:
-    """Tables of one score, and what could not be made, with the reason."""
+    """Return tables of one score, and what could not be made, with the reason."""
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
     wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _described(labels, values, before)}
     if len(labels) >= LEAST_STIMULI or method == "paper":
@@ -47,7 +47,7 @@ def score_tables(
 
 
 def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
-    """Tables of the comparisons, by question, and what could not be made, with the reason."""
+    """Return tables of the comparisons, by question, and what could not be made, with the reason."""
     made = [(session.person.id, one) for session in answers.sessions for one in session.comparisons]
     tables: Tables = {}
     notes = []
@@ -64,7 +64,7 @@ def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
 
 
 def stimuli_table(design: Design) -> Sequence[Row]:
-    """What stands behind each letter: how long it lasts, s, and what it costs by each criterion."""
+    """Return the stimulus behind each letter: its duration, s, and its cost by each criterion."""
     return [
         {
             "stimulus": label(design, one.id),
@@ -76,25 +76,25 @@ def stimuli_table(design: Design) -> Sequence[Row]:
 
 
 def _with_unit(name: str) -> str:
-    """A criterion with its unit, as far as the name alone tells it."""
+    """Return a criterion with its unit, as far as the name alone tells it."""
     criterion: Any = criteria.get(name)
     unit = "1" if criterion is None else criterion.unit
     return name if unit == "1" else f"{name} ({unit})"
 
 
 def placed(matrix: Matrix) -> FloatArray:
-    """The scores (n, K) in the order in which each person saw the stimuli."""
+    """Return the scores (n, K) in the order in which each person saw the stimuli."""
     by_place: FloatArray = np.take_along_axis(matrix.values, np.argsort(matrix.places, axis=1), axis=1)
     return by_place
 
 
 def label(design: Design, letter: str) -> str:
-    """A stimulus for the researcher: its letter, and what it is."""
+    """Return a stimulus for the researcher: its letter, and what it is."""
     return f"{letter}: {design.condition(letter)}"
 
 
 def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, list[str]]:
-    """The tables that the answers suffice for, and why the others cannot be made."""
+    """Return the tables that the answers suffice for, and why the others cannot be made."""
     tables: Tables = {}
     notes = []
     for name, make in wanted.items():
@@ -116,7 +116,7 @@ def _of_question(design: Design, question: str, asked: Asked) -> dict[str, Calla
 
 
 def _described(labels: Sequence[str], values: FloatArray, before: FloatArray | None) -> list[Row]:
-    """Medians and quartiles, and of the change since before where that is known."""
+    """Return medians and quartiles, and of the change since before where that is known."""
     columns = list(zip(labels, values.T, strict=True))
     if before is not None:
         columns = [(BEFORE, before), *columns]
@@ -125,7 +125,7 @@ def _described(labels: Sequence[str], values: FloatArray, before: FloatArray | N
 
 
 def _omnibus(values: FloatArray, method: Method) -> Row:
-    """Whether any stimulus differs."""
+    """Return whether any stimulus differs."""
     if method == "default":
         related = statistics.friedman(values)
         return {
@@ -150,7 +150,7 @@ def _omnibus(values: FloatArray, method: Method) -> Row:
 
 
 def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction: Correction) -> list[Row]:
-    """Every two stimuli; positive where the second scores higher."""
+    """Return every two stimuli; positive where the second scores higher."""
     if method == "default":
         pairs = list(combinations(range(len(labels)), 2))
         found = [statistics.wilcoxon(values[:, i], values[:, j]) for i, j in pairs]
@@ -173,7 +173,7 @@ def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction
 def _against(
     labels: Sequence[str], values: FloatArray, before: FloatArray, method: Method, correction: Correction
 ) -> list[Row]:
-    """Every stimulus against the answers before."""
+    """Return every stimulus against the answers before."""
     how: dict[str, Any] = {"zeros": "wilcox", "exact": False} if method == "paper" else {}
     found = [statistics.wilcoxon(before, column, **how) for column in values.T]
     return _signed_rank_rows([(BEFORE, label) for label in labels], found, correction)
@@ -204,12 +204,12 @@ def _signed_rank_rows(
 
 
 def _by_place(matrix: Matrix) -> list[Row]:
-    """Scores by place, whatever was seen there."""
+    """Return scores by place, whatever was seen there."""
     return [{"place": place, **asdict(statistics.describe(column))} for place, column in enumerate(placed(matrix).T, 1)]
 
 
 def _carried_over(matrix: Matrix) -> list[Row]:
-    """Whether the place matters, and whether the stimuli differ where nothing was seen before."""
+    """Return whether the place matters, and whether the stimuli differ where nothing was seen before."""
     by_place = placed(matrix)
     rows: list[Row] = []
     if by_place.shape[1] >= LEAST_STIMULI:
@@ -234,7 +234,7 @@ def _chi2(test: statistics.Related | statistics.Independent) -> Row:
 
 
 def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]:
-    """How often each stimulus was scored at each place."""
+    """Return how often each stimulus was scored at each place."""
     seen = places(
         [
             tuple(matrix.conditions[i] for i in np.argsort(row))
@@ -250,7 +250,7 @@ def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]
 
 
 def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
-    """How many chose which of each pair; p of an exact binomial test, those who said neither left out."""
+    """Return how many chose which of each pair; p of an exact binomial test, those who said neither left out."""
     rows: list[Row] = []
     for pair in combinations(sorted({letter for _, one in asked for letter in (one.first, one.second)}), 2):
         chosen = [one.chosen for _, one in asked if {one.first, one.second} == set(pair)]
@@ -274,7 +274,7 @@ def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
 
 
 def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Who chose one stimulus over each other one, and whether these are all alike."""
+    """Return how often each stimulus was chosen over all others, and a test that all are alike."""
     pairs = Counter(person for person, _ in asked)
     every = len(compared) * (len(compared) - 1) // 2
     people = sorted(person for person, several in pairs.items() if several == every)
@@ -301,7 +301,7 @@ def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[
 
 
 def _strengths(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Bradley and Terry's strengths with intervals that hold though each person chose several times."""
+    """Return bradley and Terry's strengths with intervals that hold though each person chose several times."""
     number = {letter: i for i, letter in enumerate(compared)}
     fit = statistics.bradley_terry(
         [number[one.first] for _, one in asked],

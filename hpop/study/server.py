@@ -95,7 +95,7 @@ class Study:
         return self._known[1]
 
     def page(self, participant: str) -> str:
-        """The page of a participant; Refused where there is none."""
+        """Return the page of a participant; Refused where there is none."""
         design = self._with(participant)
         public = design.public(participant)
         state = _state(*(self.folder / condition.stimulus for condition in design.conditions))
@@ -104,14 +104,14 @@ class Study:
         return session_page(public, self.folder, served=True, rides=self._rides[1])
 
     def stimulus(self, name: str) -> Path:
-        """The file of a stimulus, by the name that the design gives it; Refused for any other."""
+        """Return the file of a stimulus, by the name that the design gives it; Refused for any other."""
         for condition in self.design.conditions:
             if condition.stimulus == name:
                 return self.folder / name
         raise Refused(HTTPStatus.NOT_FOUND, "there is no such stimulus")
 
     def taken(self, participant: str, sent: Any) -> dict[str, Any]:
-        """What a page is replied that has sent something: all events where it was opened, or that one has arrived."""
+        """Take an event of a page, or its opening; return all events after opening, else whether it was added."""
         if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
             raise Refused(
                 HTTPStatus.BAD_REQUEST, "expected an object of design, tab, device, and of an event if there is one"
@@ -138,7 +138,7 @@ class Study:
             return {"added": ledger.add(event, sent["device"])}
 
     def _with(self, participant: str) -> Design:
-        """The design, if somebody of this id is expected; Refused otherwise."""
+        """Return the design, if somebody of this id is expected; Refused otherwise."""
         design = self.design
         if participant not in {person.id for person in design.participants}:
             raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
@@ -198,7 +198,7 @@ class StudyServer(PageServer):
         release(held)
 
     def address(self, name: str = LOCAL) -> str:
-        """Where the sessions are, as it is typed into a browser; a participant's is this and the id."""
+        """Return where the sessions are, as it is typed into a browser; a participant's is this and the id."""
         return f"{self.root(name)}/{self.token}{'/' if self.token else ''}"
 
     def token_of(self, participant: str) -> str:
@@ -224,7 +224,7 @@ class _Handler(PageHandler):
     """The participant by whose token it was asked."""
 
     def answer(self) -> None:
-        """A page or a stimulus."""
+        """Send a page or a stimulus."""
         with self._told():
             name = self._asked()
             if name == "" and self._is_own:
@@ -238,7 +238,7 @@ class _Handler(PageHandler):
                 self.page(self.server.study.page(name).encode(errors="backslashreplace"))
 
     def take(self) -> None:
-        """An event of a session, or that its page was opened."""
+        """Take an event of a session, or the opening of its page."""
         with self._told():
             folder, _, participant = self._asked().partition("/")
             if folder != FOLDER:
@@ -247,7 +247,7 @@ class _Handler(PageHandler):
             self._reply(HTTPStatus.OK, self.server.study.taken(participant, self._body()))
 
     def _asked(self) -> str:
-        """What is asked for, without the token; Refused for who does not know that."""
+        """Return the requested path without its token; raise Refused for a wrong token."""
         path = self.path.partition("?")[0].removeprefix("/")
         if self.server.token:
             given, _, path = path.partition("/")
@@ -259,18 +259,18 @@ class _Handler(PageHandler):
         return path
 
     def _check_owner(self, participant: str) -> None:
-        """Refused for the page of another participant than that of the token."""
+        """Raise Refused for the page of another participant than that of the token."""
         if self.server.token and self._owner != participant:
             raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def _send_on(self, participant: str) -> None:
-        """To the address of a participant's page, for who runs the study and asks for it by the id."""
+        """Redirect the experimenter from an id to the address of the participant's page."""
         if participant not in {person.id for person in self.server.study.design.participants}:
             raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
         self.page(b"", status=HTTPStatus.FOUND, Location=self.server.address_of(participant))
 
     def _body(self) -> Any:
-        """What was posted; Refused where it is no JSON or too long."""
+        """Return the posted value; raise Refused where it is no JSON or too long."""
         if self.headers.get_content_type() != "application/json":
             raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
         if not self.headers.get("Content-Length", ""):
@@ -285,7 +285,7 @@ class _Handler(PageHandler):
 
     @contextmanager
     def _told(self) -> Iterator[None]:
-        """A refusal is said to who asked."""
+        """Send refusals and errors to the client."""
         try:
             yield
         except Refused as refused:
@@ -302,7 +302,7 @@ class _Handler(PageHandler):
         self._refuse(status, said, "")
 
     def _refuse(self, status: HTTPStatus, said: str, why: str) -> None:
-        """To who opens an address, as a page to be read; to a page, as JSON."""
+        """Send a refusal: a readable page for GET, JSON for a page's POST."""
         if self.command == "POST":
             self._reply(status, {"error": said, "why": why})
             return
@@ -315,14 +315,14 @@ class _Handler(PageHandler):
         self.page(json.dumps(values, allow_nan=False).encode(), "application/json", status)
 
     def _list(self) -> bytes:
-        """Links to the sessions that are expected; nothing of how far they are."""
+        """Return links to the sessions that are expected; nothing of how far they are."""
         names = [person.id for person in self.server.study.design.expected]
         links = " ".join(f'<a href="{self.server.address_of(name)}">{html.escape(name)}</a>' for name in names)
         said = "A page for each participant. schedule.csv says who is next."
         return PAGE.format(title="Sessions", said=said, rest=f"<nav>{links}</nav>").encode()
 
     def _file(self, path: Path) -> None:
-        """A stimulus, or the part of a video that is asked for."""
+        """Send a stimulus, or the requested part of a video."""
         is_page = path.suffix == ".html"
         try:
             file = open_regular(path, MOST_BYTES if is_page else MOST_VIDEO)
@@ -350,7 +350,7 @@ def _same(given: str, token: str) -> bool:
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:
-    """The token of a study's addresses: made once and kept in its folder, so that pages survive its server."""
+    """Return the token of a study's addresses: made once and kept in its folder, so that pages survive its server."""
     path = Path(folder) / TOKEN
     if not path.exists():
         write_bytes(path, secrets.token_urlsafe(TOKEN_BYTES).encode())
@@ -363,7 +363,7 @@ def token_of(folder: str | os.PathLike[str]) -> str:
 
 
 def _range(asked: str | None, size: int) -> tuple[int, int]:
-    """First byte, and the one after the last, of what a player asks for: "bytes=0-", "bytes=5-9"; else of all."""
+    """Return the first byte, and the one after the last, of a range: "bytes=0-", "bytes=5-9"; else of all."""
     part = PART.fullmatch(asked or "")
     if part is None:
         return 0, size
@@ -372,5 +372,5 @@ def _range(asked: str | None, size: int) -> tuple[int, int]:
 
 
 def _state(*paths: Path) -> tuple[int, ...]:
-    """By which changes of files are noticed."""
+    """Return by which changes of files are noticed."""
     return tuple(path.stat().st_mtime_ns if path.exists() else 0 for path in paths)

@@ -156,7 +156,7 @@ class Session:
 
     @classmethod
     def of(cls, stored: AnswersFile, design: Design) -> Session:
-        """A session of what a file of answers holds; StudyError where the design asks for something else."""
+        """Return a session of what a file of answers holds; StudyError where the design asks for something else."""
         if stored.design != design.digest:
             raise StudyError(
                 f"these are answers to another design (it begins {stored.design[:12]}, this one "
@@ -215,12 +215,12 @@ class Session:
         return tuple(Remark(place, text) for place, text in texts.items() if text)
 
     def values(self, place: int, form: Form) -> dict[str, float]:
-        """Answers to a form at a place, by item; what was not answered is left out."""
+        """Return answers to a form at a place, by item; what was not answered is left out."""
         slots = {item.id: Slot(place, form.id, item.id) for item in form.items}
         return {item: self.answers[slot].value for item, slot in slots.items() if slot in self.answers}
 
     def lacking(self, design: Design) -> list[str]:
-        """Which items have no answer, in words."""
+        """Return which items have no answer, in words."""
         said = []
         for form in (form for form in design.questionnaires if form.kind == "ratings"):
             for place in asked_at(design, form):
@@ -265,7 +265,7 @@ class Session:
         return any(event.kind == kind for event in self.events)
 
     def _timed(self, kind: str) -> Iterator[tuple[Event, float]]:
-        """Events of a kind, with the seconds since the event before each."""
+        """Yield events of a kind, with the seconds since the event before each."""
         first = self.events[:1]
         for before, event in pairwise((*first, *self.events)):
             if event.kind == kind:
@@ -273,14 +273,14 @@ class Session:
 
 
 def asked_at(design: Design, form: Form) -> list[int]:
-    """Places at which a form is asked."""
+    """Return places at which a form is asked."""
     count = len(design.letters)
     places = {"before": [0], "after_each": list(range(1, count + 1)), "after_all": [count + 1]}
     return sorted(place for when in form.when for place in places[when])
 
 
 def questions_of(design: Design) -> tuple[str, ...]:
-    """What is asked of pairs."""
+    """Return the questions about pairs."""
     return tuple(item.id for form in design.questionnaires if form.kind == "pairs" for item in form.items)
 
 
@@ -292,7 +292,7 @@ class Standing(NamedTuple):
     stopped: bool = False
 
     def then(self, design: Design, person: Participant, event: Event) -> Standing:
-        """How it stands after one more event; StudyError for one that the design does not ask for."""
+        """Return how it stands after one more event; StudyError for one that the design does not ask for."""
         if event.t < self.t:
             raise StudyError(f"time goes back, from {self.t:g} to {event.t:g} s")
         if event.kind in ("answer", "compare", "remark") and not self.consented:
@@ -304,7 +304,7 @@ class Standing(NamedTuple):
 
 
 def standing_after(design: Design, person: Participant, events: Iterable[Event]) -> Standing:
-    """How a session stands after all its events; StudyError for one that the design does not ask for."""
+    """Return how a session stands after all its events; StudyError for one that the design does not ask for."""
     standing = Standing()
     for number, event in enumerate(events):
         try:

@@ -41,7 +41,7 @@ def simulate(
     tiring: float = 0.0,
     seed: int = 0,
 ) -> Answers:
-    """Answers of all expected participants, as if each stimulus shifted how they feel.
+    """Return answers of all expected participants, as if each stimulus shifted how they feel.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def _of(design: Design, given: Mapping[str, float], letter: str, what: str) -> f
 def _answers(
     design: Design, person: Participant, feelings: Any, rng: np.random.Generator
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Events of all ratings, place by place."""
+    """Yield events of all ratings, place by place."""
     last = len(person.order) + 1
     for place in range(last + 1):
         where: dict[str, Any] = {"place": place}
@@ -105,7 +105,7 @@ def _rated(form: Form, item: Item, felt: float) -> float:
 def _choices(
     design: Design, person: Participant, felt: Mapping[str, float], liked: Mapping[str, float], rng: np.random.Generator
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Events of all comparisons."""
+    """Yield events of all comparisons."""
     for question in questions_of(design):
         for first, second in design.pairs(person.id):
             better = felt[second] - felt[first] if question == "comfort" else liked[first] - liked[second]
@@ -115,7 +115,7 @@ def _choices(
 
 
 def _session(design: Design, person: Participant, said: list[tuple[str, dict[str, Any]]]) -> Session:
-    """A whole session, as the page would have recorded it, a second an event."""
+    """Return a whole session, as the page would have recorded it, a second an event."""
     told = [("consent", {"value": True}), ("start", {}), *said, ("end", {})]
     events = tuple(
         Event(t=float(t), at=f"2000-01-01T{t // 3600:02d}:{t // 60 % 60:02d}:{t % 60:02d}Z", kind=kind, **more)  # type: ignore[arg-type]

@@ -108,7 +108,7 @@ def save_stimuli(
 
 
 def _ridden(front: Front, condition: Shown, baselines: Mapping[str, Trajectory]) -> Trajectory:
-    """The trajectory of a condition; of the still view any, since all start alike."""
+    """Return the trajectory of a condition; of the still view any, since all start alike."""
     if condition.row is None and condition.kind != "view":
         if condition.id not in baselines:
             raise StudyError(
@@ -135,12 +135,12 @@ def _save_video(
 
 
 def ride_page(problem: Problem, trajectory: Trajectory, name: str, *, said: Words | None = None) -> str:
-    """The text of a page that rides along a trajectory once; ``name`` is a capital letter."""
+    """Return the text of a page that rides along a trajectory once; ``name`` is a capital letter."""
     return _page(problem, trajectory, name, track(trajectory), said, is_still=False)
 
 
 def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: float, *, said: Words | None = None) -> str:
-    """The text of a page that shows for some seconds what is seen at the start of a trajectory; nothing moves."""
+    """Return a page that shows for some seconds the still view at the start of a trajectory."""
     duration = real("seconds", seconds, SHORTEST, LONGEST, "seconds of a still view")
     ridden = track(trajectory)
     still = {part: _held(ridden[part]) for part in ("positions", "quaternions", "links")}
@@ -150,7 +150,7 @@ def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: floa
 
 
 def _held(packed: dict[str, Any]) -> dict[str, Any]:
-    """The first of packed values, twice: differenced twice, v and v are v and -v."""
+    """Return the first of packed values, twice: differenced twice, v and v are v and -v."""
     return {"scale": packed["scale"], "columns": [[column[0], -column[0]] for column in packed["columns"]]}
 
 
@@ -183,6 +183,6 @@ def _page(
 
 
 def _unnamed(scene: dict[str, Any]) -> dict[str, Any]:
-    """A scene without names that nobody sees in it: only those on plates are read."""
+    """Return a scene without names that nobody sees in it: only those on plates are read."""
     bare = {kind: [{**thing, "name": ""} for thing in scene[kind]] for kind in ("prisms", "people", "zones")}
     return {**scene, **bare, "notes": []}

@@ -21,7 +21,7 @@ Words = dict[str, str]
 
 
 def words(language: str, study: Path | None = None) -> Words:
-    """The texts of the pages in a language, by name: a file ``words/LANGUAGE.json`` of the study, or one of hpop's.
+    """Return the texts of the pages in a language, by name: the study's ``words/LANGUAGE.json``, or hpop's.
 
     A file must have the texts of hpop's ``en.json``, no fewer and no others, with the same ``{names}`` in them.
 
@@ -47,7 +47,7 @@ def words(language: str, study: Path | None = None) -> Words:
 
 
 def checked_file(path: str | os.PathLike[str]) -> Words:
-    """The texts of a file; StudyError where it lacks something."""
+    """Return the texts of a file; StudyError where it lacks something."""
     try:
         return _checked(_read(read_regular(path, MOST_BYTES), str(path)), _english(), str(path))
     except OSError as error:
@@ -85,7 +85,7 @@ def _checked(texts: Words, english: Words, file: str) -> Words:
 
 
 def _gaps(text: str) -> set[str] | None:
-    """Names between braces; None where braces do not match."""
+    """Return names between braces; None where braces do not match."""
     try:
         return {field for _, field, _, _ in Formatter().parse(text) if field is not None}
     except ValueError:

@@ -58,7 +58,7 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
 
 
 def _draw_ways(axes: Axes, people: Sequence[Person]) -> list[Handle]:
-    """A dotted line along the way that each is predicted to walk, of each future one, if they are few."""
+    """Return a dotted line along the way that each is predicted to walk, of each future one, if they are few."""
     walking = [person for person in people if person.moves and math.isfinite(person.settled)]
     if not walking or len(walking) > MOST_NAMES:
         return []
@@ -70,7 +70,7 @@ def _draw_ways(axes: Axes, people: Sequence[Person]) -> list[Handle]:
 
 
 def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[Handle]:
-    """A disc, dashed where the person comes later; a tick where it looks; an arrow along its velocity if it walks."""
+    """Draw discs, dashed for people who come later; ticks where they look; arrows along velocities."""
     for person in people:
         radius = _disc(person, side)
         likeliest = person.likeliest
@@ -97,7 +97,7 @@ def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[
 
 
 def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Handle]:
-    """A line between two who talk, round three or more."""
+    """Yield a line between two who talk, round three or more."""
     look = {"color": TALK, "linewidth": 1.8, "linestyle": (0, (1.5, 1))}
     for talk in talks:
         points: FloatArray = np.array([(person.x, person.y) for person in talk])
@@ -110,7 +110,7 @@ def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Hand
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> Iterator[Handle]:
-    """A star, with a tick where its front looks."""
+    """Yield a star, with a tick where its front looks."""
     look = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
     for mark in landmarks:
         if mark.facing is not None:
@@ -123,7 +123,7 @@ def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> I
 
 
 def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Handle]:
-    """Hatched areas: the speed limit in the middle, or arrows along the way."""
+    """Yield hatched areas: the speed limit in the middle, or arrows along the way."""
     for kind, label, colour, hatch in (
         ("speed", "speed limit", SLOW, "...."),
         ("one-way", "one-way, along the arrows", WAY, "///"),
@@ -143,7 +143,7 @@ def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Hand
 
 
 def _draw_way(axes: Axes, path: LineString, side: float) -> None:
-    """Arrows along a path, at least one."""
+    """Draw arrows along a path, at least one."""
     count = max(1, round(path.length / (PITCH * side)))
     size = min(0.035 * side, path.length / count)
     for middle in (np.arange(count) + 0.5) * path.length / count:
@@ -153,7 +153,7 @@ def _draw_way(axes: Axes, path: LineString, side: float) -> None:
 
 
 def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landmark], side: float) -> None:
-    """Names on the upper right of discs and stars, if they are few; of people where they are drawn to scale."""
+    """Draw names to the upper right of discs and stars, if few; of people where drawn to scale."""
     named = [mark for mark in landmarks if mark.name]
     for mark in named if len(named) <= MOST_NAMES else ():
         write(axes, mark.name, mark.x, mark.y, (6, 3), INK, "left")
@@ -164,7 +164,7 @@ def _draw_names(axes: Axes, people: Sequence[Person], landmarks: Sequence[Landma
 
 
 def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], colour: str, align: str) -> None:
-    """Text beside a point, off by so many typographical points; on the map or not at all."""
+    """Write text beside a point, at an offset in typographical points; on the map or not at all."""
     label = axes.annotate(
         printable(text),
         (x, y),
@@ -181,7 +181,7 @@ def write(axes: Axes, text: str, x: float, y: float, off: tuple[float, float], c
 
 
 def _disc(person: Person, side: float) -> float:
-    """Radius of the disc that stands for a person, m: large enough to be seen."""
+    """Return radius of the disc that stands for a person, m: large enough to be seen."""
     return max(person.radius, LEAST_RADIUS * side)
 
 

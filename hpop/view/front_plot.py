@@ -76,7 +76,7 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axe
 
 
 def limits(values: FloatArray) -> tuple[float, float]:
-    """Axis limits round the values; a constant gets room on both sides.
+    """Return axis limits round the values; a constant gets room on both sides.
 
     >>> limits(np.array([5.0, 5.0]))
     (4.5, 5.5)
@@ -87,7 +87,7 @@ def limits(values: FloatArray) -> tuple[float, float]:
 
 
 def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark], ax: Axes | None) -> FigureBase:
-    """Panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
+    """Return panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
     size = len(columns) - 1
     figure = figure_for(ax, *((6.4, 5.6) if size == 1 else (2.7 * size + 1.2, 2.5 * size + 0.9)))
     panels = figure.subplots(size, size, squeeze=False)
@@ -170,7 +170,7 @@ def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
 def _parallel(
     columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str, ax: Axes | None
 ) -> FigureBase:
-    """One vertical axis a criterion, its least value at the bottom; one line a trajectory of some rows."""
+    """Return one vertical axis a criterion, its least value at the bottom; one line a trajectory of some rows."""
     count = rows.size
     bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
     table = np.stack([column.values for column in columns], axis=1)  # (n, k)
@@ -232,7 +232,7 @@ def _legend(figure: FigureBase, columns: Sequence[Quantity], named: Sequence[Mar
 
 
 def _handles(columns: Sequence[Quantity], named: Sequence[Mark], width: int) -> list[Line2D]:
-    """Legend entries of the marks with their costs, and of the rest; as lines where lines are drawn."""
+    """Return legend entries of the marks with their costs, and of the rest; as lines where lines are drawn."""
     points = 2 <= len(columns) <= MOST_IN_MATRIX
     entries = [
         Line2D(
@@ -289,7 +289,7 @@ def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: A
 
 
 def _draw_shares(axes: Axes, person: Preference) -> None:
-    """Means as dots on intervals, a line a cost, the greatest above."""
+    """Draw means as dots on intervals, a line a cost, the greatest above."""
     shares, intervals = person.weights, person.interval(LEVEL)
     names = sorted(shares, key=lambda name: shares[name])
     places = np.arange(len(names))

@@ -177,14 +177,14 @@ def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> li
 
 
 def _layer(obstacle: tuple[float, float], heights: Heights) -> int:
-    """Whether an obstacle is at all heights of a camera (2), at some of them (1), or at none (0)."""
+    """Return whether an obstacle is at all heights of a camera (2), at some of them (1), or at none (0)."""
     if obstacle[1] < heights.low or heights.high < obstacle[0]:
         return 0
     return 2 if obstacle[0] <= heights.low and heights.high <= obstacle[1] else 1
 
 
 def _obstacle_looks(heights: Heights) -> dict[int, Patch]:
-    """How obstacles look on a map, by layer, and what the legend says of them."""
+    """Return how obstacles look on a map, by layer, and what the legend says of them."""
     if not heights.vary:
         light = f"obstacle below or above\nthe camera (at {heights})"
         return {2: Patch(facecolor=OBSTACLE, label="obstacle"), 0: _hatched(OFF_CAMERA, "////", light)}
@@ -221,7 +221,7 @@ def draw_scale_bar(axes: Axes, view: View) -> None:
 
 
 def outline(geometry: BaseGeometry) -> Path:
-    """Matplotlib path of the polygons of a geometry; holes run the other way round, so they stay empty."""
+    """Return Matplotlib path of the polygons of a geometry; holes run the other way round, so they stay empty."""
     return Path.make_compound_path(*(Path(ring, closed=True) for ring in _rings(geometry)))
 
 

@@ -127,7 +127,7 @@ def _apart(free: FreeMap, ends: dict[str, States]) -> list[str]:
 
 
 def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
-    """How much is free, and which goals are cut off from the start."""
+    """Return how much is free, and which goals are cut off from the start."""
     if not free.main:
         return ["the robot is free nowhere on this map: is its scale right, or the robot too large?"]
     whole = float(free.areas.sum())
@@ -144,7 +144,7 @@ def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
 
 
 def _area(area: float) -> str:
-    """An area, m², to three figures."""
+    """Return an area, m², to three figures."""
     return f"{area:,.0f} m²" if area >= 100 else f"{area:.3g} m²"
 
 
@@ -176,7 +176,7 @@ def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch
 
 
 def _draw_robot(axes: Axes, problem: Problem, view: View) -> list[Patch]:
-    """The robot at its start, to scale."""
+    """Return the robot at its start, to scale."""
     model, start = problem.model, problem.model.space.state(problem.start)
     outlines = outlines_at(model, start, from_above)
     if not outlines and model.platform:

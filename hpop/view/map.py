@@ -137,7 +137,7 @@ def draw_named(axes: Axes, front: Front, named: Sequence[Mark], line: Line) -> l
 
 
 def planner_entries(front: Front) -> list[Handle]:
-    """Who found what, where several planners share a front: each has its own dashes."""
+    """Return legend entries of planners that share a front: each has its own dashes."""
     counts = _counts(front)
     return [
         Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=printable(f"found by {name}: {count}"))
@@ -147,7 +147,7 @@ def planner_entries(front: Front) -> list[Handle]:
 
 
 def _counts(front: Front) -> dict[str, int]:
-    """How many trajectories are of each planner, the one with most first."""
+    """Return how many trajectories are of each planner, the one with most first."""
     return dict(Counter(str(origin.get("planner")) for origin in front.provenance).most_common())
 
 
@@ -253,13 +253,13 @@ def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> l
 
 
 def _turn_places(trajectory: Trajectory) -> FloatArray:
-    """Where (N, 2), m, the base turns without moving."""
+    """Return where (N, 2), m, the base turns without moving."""
     turns = turns_in_place(trajectory)
     return mapped_points(trajectory.model, trajectory.states)[1:][turns]
 
 
 def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, **more: object) -> Line2D:
-    """Points where a trajectory turns; without coordinates the legend entry for them."""
+    """Return points where a trajectory turns; without coordinates the legend entry for them."""
     nowhere = np.zeros(0)
     return Line2D(
         nowhere if x is None else x,
@@ -309,7 +309,7 @@ def draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Se
 
 
 def _headings(ends: Sequence[EndPose]) -> str:
-    """What a legend says of the heading at the start, or at the goals."""
+    """Return the legend's words for headings at the start, or at the goals."""
     free = [end.yaw is None for end in ends]
     return ", any heading" if all(free) else ", heading along the arrow" + ", if there is one" * any(free)
 

@@ -37,7 +37,7 @@ Ends = tuple[EndPose, tuple[EndPose, ...]]
 
 
 def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Where a problem starts on a map, and all places where it may end.
+    """Return where a problem starts on a map, and all places where it may end.
 
     A goal that does not list them is where the trajectories end that were ``found``.
     """
@@ -51,7 +51,7 @@ def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[FloatArray, FloatArray]:
-    """Where the camera starts (3,) and may end (n, 3), m: see :func:`end_poses`."""
+    """Return where the camera starts (3,) and may end (n, 3), m: see :func:`end_poses`."""
     poses = [positions(problem.model.pose("camera", state)) for state in _end_states(problem, found)]
     places = np.concatenate(poses)
     known = places[1:][~np.isnan(places[1:]).any(axis=1)]
@@ -59,7 +59,7 @@ def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[F
 
 
 def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Where the camera starts, seen from above, and all places where it may end: see :func:`end_poses`.
+    """Return where the camera starts, seen from above, and all places where it may end: see :func:`end_poses`.
 
     A heading that the goal leaves free is none. Where that lets the camera be in many places it ends where the
     trajectories do that were ``found``, or nowhere.
@@ -79,14 +79,14 @@ def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def goal_words(problem: Problem, count: int) -> str:
-    """What a legend says of so many goals that are drawn."""
+    """Return the legend's words for a number of goals."""
     if not problem.target.listed:
         return ", where trajectories end"
     return f", any of {count}" * (count > 1)
 
 
 def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
-    """The start, then the goals; what is free in them is NaN."""
+    """Return the start, then the goals; what is free in them is NaN."""
     space = problem.model.space
     states = [space.state(problem.start)]
     if problem.target.listed:
@@ -116,13 +116,13 @@ SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the targ
 
 
 def targets_of(problem: Problem) -> FloatArray:
-    """The places (n, 3), m, each once."""
+    """Return the places (n, 3), m, each once."""
     places = dict.fromkeys(place for _, place in _named(problem))
     return np.array(list(places), float).reshape(-1, 3)
 
 
 def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """The places, m, each once, with all that name it."""
+    """Return the places, m, each once, with all that name it."""
     names: dict[tuple[float, float, float], list[str]] = {}
     for name, place in _named(problem):
         names.setdefault(place, []).append(name)
@@ -140,7 +140,7 @@ def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], F
 
 
 def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """Who names a place, and which."""
+    """Return the criteria or the goal that name a place, by place."""
     named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
     return [*named, *(("the goal", place) for place in problem.target.places)]
 
@@ -167,12 +167,12 @@ class Held(NamedTuple):
 
 
 def is_held(trajectory: Trajectory) -> BoolArray:
-    """Which motions (n,) are holds."""
+    """Return which motions (n,) are holds."""
     return np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
 
 
 def holds_of(trajectory: Trajectory) -> list[Held]:
-    """The places where it holds, in order of time, those on one spot together."""
+    """Return the places where it holds, in order of time, those on one spot together."""
     spots: dict[tuple[float, float], list[int]] = {}
     points = np.round(mapped_points(trajectory.model, trajectory.states), HOLD_DIGITS)
     for i in np.flatnonzero(is_held(trajectory)).tolist():
@@ -181,7 +181,7 @@ def holds_of(trajectory: Trajectory) -> list[Held]:
 
 
 def written_time(seconds: float) -> str:
-    """How long, in words.
+    """Return how long, in words.
 
     >>> written_time(3.0), written_time(2.25), written_time(0.04), written_time(600.0)
     ('3 s', '2.2 s', '0.04 s', '10 min')
@@ -229,7 +229,7 @@ def _are_near(one: Held, other: Held, width: float) -> bool:
 def hold_clock(
     colour: str, x: float | None = None, y: float | None = None, face: Colour = WHITE, **more: Any
 ) -> Line2D:
-    """A clock, its hands white on a dark face; without a place the legend entry for it."""
+    """Return a clock, its hands white on a dark face; without a place the legend entry for it."""
     xs, ys = ([], []) if x is None or y is None else ([x], [y])
     edge = colour if sum(face[:3]) > DARK else "white"
     look: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 1.2}
@@ -237,5 +237,5 @@ def hold_clock(
 
 
 def hold_entry() -> Line2D:
-    """What a legend says of clocks."""
+    """Return the legend entry of clocks."""
     return hold_clock(QUIET, label="stands still, for so long")

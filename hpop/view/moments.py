@@ -112,7 +112,7 @@ def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
 def _draw_map(
     axes: Axes, problem: Problem, view: View, plan: Trajectory, closed: Sequence[Closing], people: Sequence[Person]
 ) -> None:
-    """The map with what is closed, and who is there."""
+    """Draw the map with closed areas and people."""
     draw_bare_floor(axes, problem.world)
     draw_map_obstacles(axes, problem, camera_heights(problem, [plan]), view)
     for closing in closed:
@@ -226,7 +226,7 @@ class _Driven(NamedTuple):
 
 
 def _walkers(problem: Problem) -> list[Person]:
-    """Everybody who moves, a person with several hypotheses once for each."""
+    """Return the moving people, a person with several hypotheses once for each."""
     people = problem.world.content.people
     return [one for person in people if person.moves for _, one in person.hypotheses]
 
@@ -256,7 +256,7 @@ def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> Fl
 def _draw_moment(
     axes: Axes, problem: Problem, trajectory: Trajectory, walkers: Sequence[Person], view: View, moment: float
 ) -> None:
-    """A map at a moment: the way until then, and where everybody is."""
+    """Draw a map at a moment: the path until then, and the people."""
     draw_bare_floor(axes, problem.world)
     draw_map_obstacles(axes, problem, camera_heights(problem, [trajectory]), view)
     axes.plot(*path_points(trajectory).T, color=ROBOT, linewidth=0.8, alpha=0.5, zorder=3)
@@ -275,7 +275,7 @@ def _draw_moment(
 
 
 def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> None:
-    """A disc, fainter the less likely, and behind it a dotted way; nothing of who is gone."""
+    """Draw a person as a disc, fainter if less likely, with a dotted path behind; people who left are omitted."""
     t = np.linspace(max(0.0, moment - TRAIL), moment, 40)
     x, y = (np.broadcast_to(column, t.shape) for column in person.at(t))
     there = np.broadcast_to(person.there(t), t.shape) > 0
@@ -293,7 +293,7 @@ def _draw_person(axes: Axes, person: Person, moment: float, weight: float) -> No
 
 
 def _draw_way(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray) -> None:
-    """The way over time among the tubes of people."""
+    """Draw the distance driven over time among the tubes of people."""
     levels = [-1e9, 0.0, *HALL.values(), 1e9]
     axes.imshow(
         gaps,
@@ -316,7 +316,7 @@ def _draw_way(axes: Axes, driven: _Driven, gaps: FloatArray, moments: FloatArray
 
 
 def _name_tube(axes: Axes, person: Person, driven: _Driven, gaps: FloatArray) -> None:
-    """The name of a person, in the middle of where it touches the way or comes nearest to it."""
+    """Write a person's name where the tube touches the path or comes nearest to it."""
     touching = max(float(gaps.min()), 0.0)
     moments, places = np.nonzero((gaps <= touching).T)  # by time
     middle = moments.size // 2

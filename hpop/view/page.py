@@ -43,7 +43,7 @@ def new_figure(width: float, height: float, layout: Any = "constrained") -> Pict
 
 
 def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "constrained") -> Figure | SubFigure:
-    """A new figure of a size in inches; or in the place of axes, which are removed, a part of theirs.
+    """Return a new figure of a size in inches; or in the place of axes, which are removed, a part of theirs.
 
     Raises OptionError for what are no axes of a grid.
     """
@@ -61,19 +61,19 @@ def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "cons
 
 
 def checked(ax: Any) -> Axes:
-    """Axes, or OptionError."""
+    """Return axes, or OptionError."""
     if not isinstance(ax, Axes):
         raise OptionError(f"ax must be axes of Matplotlib, such as one of plt.subplots(1, 2)[1], got {shown(ax)}")
     return ax
 
 
 def whole(figure: FigureBase) -> Figure:
-    """The figure of which this is a part, or itself."""
+    """Return the figure of which this is a part, or itself."""
     return figure.get_figure(root=True)
 
 
 def png_of(figure: Figure, dpi: float) -> bytes:
-    """A figure as a PNG."""
+    """Return a figure as a PNG."""
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=dpi)
     return buffer.getvalue()
@@ -151,13 +151,13 @@ class Sheet:
 
 
 def stretch_of(view: View) -> float:
-    """How many times as large as its width the height of a view is drawn that fills its place."""
+    """Return how many times as large as its width the height of a view is drawn that fills its place."""
     width, height = _size(view)
     return (height / view.height) / (width / view.width)
 
 
 def _size(view: View) -> tuple[float, float]:
-    """Width and height, inches, of the place of a view."""
+    """Return width and height, inches, of the place of a view."""
     scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
     return max(LEAST, scale * view.width), max(LEAST, scale * view.height)
 
@@ -232,7 +232,7 @@ def draw_caption(axes: Axes, words: str) -> None:
 
 
 def height_of(handles: Sequence[Handle]) -> int:
-    """Lines of text in a legend."""
+    """Return lines of text in a legend."""
     return sum(1 + str(handle.get_label()).count("\n") for handle in handles)
 
 
@@ -247,7 +247,7 @@ def _draw_bar(figure: Figure, bar: Bar) -> Axes:
 
 
 def _width_of_words(figure: Figure, cax: Axes) -> float:
-    """Width of what stands beside a colour bar, ticks and label, inches."""
+    """Return width of what stands beside a colour bar, ticks and label, inches."""
     box = cast(Bbox, cax.get_tightbbox())
     return float(box.x1 - cax.bbox.x1) / figure.dpi
 
@@ -265,17 +265,17 @@ def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, flo
 
 
 def claim_of(front: Front) -> str:
-    """What is claimed, a paragraph for each planner: a picture is passed on without its front."""
+    """Return the claims, a paragraph for each planner: a picture is passed on without its front."""
     return paragraphs(front.certificate.split(JOINT))
 
 
 def paragraphs(parts: Sequence[str]) -> str:
-    """Text under a picture, wrapped."""
+    """Return text under a picture, wrapped."""
     return "\n".join(wrapped(printable(part), CLAIM_WRAP) for part in parts)
 
 
 def title_of(front: Front) -> str:
-    """How many trajectories there are, in which costs, and how the search ended."""
+    """Return how many trajectories there are, in which costs, and how the search ended."""
     if not len(front):
         if front.status == Status.NO_PATH:
             return "No path from start to goal"

@@ -28,12 +28,12 @@ LOOK: dict[str, Any] = {"facecolor": ("#5b7aa5", 0.18), "edgecolor": ("#34507a",
 
 
 def from_above(points: FloatArray) -> FloatArray:
-    """Points in space (..., 3) as they are on a map (..., 2)."""
+    """Return points in space (..., 3) as they are on a map (..., 2)."""
     return points[..., :2]
 
 
 def solid_outline(solid: Solid, flatten: Flatten) -> Polygon:
-    """The outline of a convex solid in a picture, m."""
+    """Return the outline of a convex solid in a picture, m."""
     if isinstance(solid.shape, Sphere):
         return shapely.Point(flatten(solid.pose[:3, 3])).buffer(solid.shape.radius)
     return shapely.convex_hull(shapely.MultiPoint(flatten(solid.corners)))  # type: ignore[return-value]
@@ -47,7 +47,7 @@ def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list
 
 
 def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeometry]:
-    """Outlines, m, of a robot in states (N,), from where its ``bodies`` are."""
+    """Return outlines, m, of a robot in states (N,), from where its ``bodies`` are."""
     placed = [[Solid(shape, pose) for pose in poses] for shape, poses in model.bodies(states)]
     return [
         shapely.union_all([solid_outline(solid, flatten) for solid in parts]) for parts in zip(*placed, strict=True)
@@ -55,7 +55,7 @@ def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeom
 
 
 def corners_of(outlines: Sequence[BaseGeometry]) -> FloatArray:
-    """Points (N, 2), m, round which a picture of them reaches."""
+    """Return points (N, 2), m, round which a picture of them reaches."""
     return shapely.get_coordinates(np.array(outlines, dtype=object))
 
 
@@ -80,7 +80,7 @@ ASIDE = 1e-6  # rad: a camera that looks no farther aside of the base looks wher
 
 
 def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
-    """Whether pictures must say where a camera looks: it sees a part only, or does not look where the base does."""
+    """Return whether pictures must show the view: it is partial, or does not point along the base."""
     if "camera" not in model.provides:
         return False
     if "base" not in model.provides or model.field_of_view is not None:
@@ -139,7 +139,7 @@ def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
 
 
 def sight_entry(model: Model, *, cones: bool) -> Patch:
-    """The legend entry for wedges, or for cones."""
+    """Return the legend entry for wedges, or for cones."""
     given = model.field_of_view
     width, height = ("", "") if given is None else (f"{math.degrees(angle):.0f}°" for angle in given)
     said = f",\n{width} wide and {height} high" if cones else f", {width} wide"
@@ -151,13 +151,13 @@ def _look(colour: str) -> dict[str, Any]:
 
 
 def _width(model: Model) -> float:
-    """How wide a wedge is, rad."""
+    """Return how wide a wedge is, rad."""
     given = model.field_of_view
     return POINTER if given is None or given[0] >= 2.0 * math.pi else float(given[0])
 
 
 def _moments(trajectory: Trajectory, apart: float) -> FloatArray:
-    """Times (N,), s, at which the camera has gone on by a distance, m; the end is one of them."""
+    """Return times (N,), s, at which the camera has gone on by a distance, m; the end is one of them."""
     times = np.linspace(0.0, trajectory.duration, SAMPLES)
     steps = np.diff(positions(trajectory.model.pose("camera", trajectory.at(times))), axis=0)
     gone = np.append(0.0, np.cumsum(np.sqrt((steps**2).sum(axis=1))))

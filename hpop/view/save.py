@@ -156,7 +156,7 @@ SOLID: dict[str, Any] = {"facecolor": "#b3aa9a", "edgecolor": "#6f675a", "linewi
 
 @plain
 def small_map(world: World, problem: Problem | None = None) -> Figure:
-    """A world from above: obstacles of whatever height, people, landmarks, zones; of a problem start and goal too."""
+    """Draw a world from above: obstacles, people, landmarks, zones; start and goal of a problem."""
     x0, y0, x1, y1 = shapely.total_bounds([world.extent, *(obstacle.polygon for obstacle in world.obstacles)]).tolist()
     room = ROOM * max(x1 - x0, y1 - y0)
     view = View(x0 - room, y0 - room, x1 + room, y1 + room)

@@ -126,7 +126,7 @@ def draw_side(
 
 
 def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
-    """What is shown: points (N, 2), upper ends of obstacles above them, and the floor, or without a base lower ends."""
+    """Return the extent: points (N, 2), upper ends of obstacles above them, and the floor or lower ends."""
     (a, low), (b, high) = points.min(axis=0), points.max(axis=0)
     border = max(BORDER * max(b - a, high - low), LEAST_BORDER)
     near = max(2.0 * border, NEAR)
@@ -136,14 +136,14 @@ def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
 
 
 def _draw_floor(axes: Axes, view: View) -> Iterator[Handle]:
-    """The floor, at height 0."""
+    """Yield the floor, at height 0."""
     axes.axhspan(view.y_min - 1.0, 0.0, facecolor="white", edgecolor=EARTH, hatch="////", linewidth=0.0, zorder=1.1)
     axes.axhline(0.0, color=EARTH, linewidth=1.4, zorder=2.0, gid="floor")
     yield Patch(facecolor="none", edgecolor=EARTH, hatch="////", label="below the floor (height 0)")
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], section: Section, view: View) -> Iterator[Handle]:
-    """Stars at the landmarks' heights."""
+    """Yield stars at the landmarks' heights."""
     look: dict[str, Any] = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
     shown = 0
     for mark in landmarks:

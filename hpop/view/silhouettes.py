@@ -41,7 +41,7 @@ class Section:
 
     @classmethod
     def along(cls, paths: Sequence[FloatArray]) -> Section:
-        """The one along which paths (N, 3), m, spread most, their principal axis; along x if they do not spread."""
+        """Return the section along the principal axis of paths (N, 3), m; along x if they do not spread."""
         pieces = np.concatenate([np.stack([path[:-1, :2], path[1:, :2]], axis=1) for path in paths])  # (n, 2, 2)
         middle = pieces.mean(axis=1)
         weight = np.hypot(*(pieces[:, 1] - pieces[:, 0]).T)
@@ -72,7 +72,7 @@ class Section:
         return f"along {sign.strip('+')}{angle}: x cos {angle} {sign} y sin {angle} (m)"
 
     def flattened(self, points: FloatArray) -> FloatArray:
-        """Points in space (..., 3) as they are in the picture (..., 2), m."""
+        """Return points in space (..., 3) as they are in the picture (..., 2), m."""
         return np.stack([points[..., :2] @ self.direction, points[..., 2]], axis=-1)
 
 
@@ -97,7 +97,7 @@ class Surroundings:
 
     @classmethod
     def of(cls, paths: Sequence[FloatArray]) -> Surroundings:
-        """Those of paths (N, 3), m."""
+        """Return those of paths (N, 3), m."""
         points = np.concatenate(paths)
         hull = shapely.convex_hull(shapely.MultiPoint(points[:, :2]))
         x0, y0, x1, y1 = hull.bounds
@@ -105,7 +105,7 @@ class Surroundings:
         return cls(hull, beside, Heights(float(points[:, 2].min()), float(points[:, 2].max())))
 
     def silhouettes(self, world: World, section: Section) -> list[Polygon]:
-        """Outlines in the plane of a section, m, of what is among the paths, and beside them; of solids as a whole.
+        """Return outlines in a section's plane, m, of obstacles among the paths and beside them.
 
         What was given as a prism, or cells, and is beside the paths at all of their heights is left out: walls of a
         room would hide all and tell nothing.
@@ -143,7 +143,7 @@ def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[P
 
 
 def ends_of(found: Sequence[Polygon]) -> Heights:
-    """The lowest lower end and the highest upper one, m, of what has any; infinite and the wrong way round if none."""
+    """Return the lowest lower end and the highest upper end, m; infinite and reversed if there are none."""
     ends = np.array([(one.bounds[1], one.bounds[3]) for one in found]).reshape(-1, 2)
     lows, highs = (side[np.abs(side) < ENDLESS] for side in ends.T)
     return Heights(float(lows.min(initial=np.inf)), float(highs.max(initial=-np.inf)))

@@ -54,7 +54,7 @@ ENDINGS = (".html", ".htm")
 
 
 def page_file(path: str | os.PathLike[str]) -> Path:
-    """Where a page shall be written; OptionError where its name is not that of a page, such as the front's own file."""
+    """Return the path of a page; raise OptionError for a name that is not a page's, as of the front's file."""
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:
         raise OptionError(f"pages are HTML files, so the name must end in .html, got {shown(target.name)}")
@@ -63,7 +63,7 @@ def page_file(path: str | os.PathLike[str]) -> Path:
 
 @cache
 def bundle(name: str) -> str:
-    """The script of a page, as web/build.mjs bundled it: "explorer.js", "ride.js", "study.js", "widget.js"."""
+    """Return the script of a page, as web/build.mjs bundled it: "explorer.js", "ride.js", "study.js", "widget.js"."""
     return resources.files("hpop.view").joinpath("web", name).read_text(encoding="utf-8")
 
 
@@ -76,7 +76,7 @@ def single_page(
     frames: Iterable[str] = (),
     language: str = "en",
 ) -> str:
-    """The text of a page: the bundle called ``script`` with its payload.
+    """Return the text of a page: the bundle called ``script`` with its payload.
 
     connect   what the page may connect to, and play, as a policy says it; nothing unless a server of ours serves it
     frames    scripts of pages that stand in this one, as a policy names them: a page of which the text is in this one
@@ -104,10 +104,10 @@ def single_page(
 
 @lru_cache(maxsize=4)
 def _deflated(code: bytes) -> str:
-    """A script as a page holds it, kept, since a study has a page for each participant."""
+    """Return a script as a page holds it, kept, since a study has a page for each participant."""
     return base64.b64encode(zlib.compress(code, LEVEL)).decode()
 
 
 def _hash_of(script: bytes) -> str:
-    """A script as a policy names it."""
+    """Return a script as a policy names it."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"

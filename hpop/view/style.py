@@ -85,7 +85,7 @@ class Mark:
         return ", ".join(self.names)
 
     def legend(self, columns: Iterable[Quantity], width: int) -> str:
-        """Names and costs, in lines of at most so many characters, broken only between names and costs."""
+        """Return names and costs, in lines of at most so many characters, broken only between names and costs."""
         values = ", ".join(_unbroken(column.text(column.values[self.row])) for column in columns)
         return fill(", ".join(map(_unbroken, self.names)) + ": " + values, width, break_long_words=False)
 
@@ -114,7 +114,7 @@ class Quantity:
 
 
 def label(name: str, unit: str, counts: bool) -> str:
-    """Axis label of a quantity.
+    """Return axis label of a quantity.
 
     >>> label("length", "m", False), label("turns", "1", True), label("obstruction", "1", False)
     ('length (m)', 'turns (count)', 'obstruction (share)')
@@ -123,7 +123,7 @@ def label(name: str, unit: str, counts: bool) -> str:
 
 
 def stacked(words: str) -> str:
-    r"""Axis label with its unit on a line of its own, and a long name broken after underscores.
+    r"""Return axis label with its unit on a line of its own, and a long name broken after underscores.
 
     >>> stacked("length (m)"), stacked("landmark_blindness (s)")
     ('length\n(m)', 'landmark_\nblindness\n(s)')
@@ -143,7 +143,7 @@ def written(value: float, unit: str, counts: bool) -> str:
 
 
 def drawn_rows(front: Front) -> IntArray:
-    """Rows (m,) whose lines are drawn: all of them, or of a large front so many, evenly over its order.
+    """Return rows (m,) whose lines are drawn: all of them, or of a large front so many, evenly over its order.
 
     Each point stays where points are drawn; and those that are marked are drawn besides.
     """
@@ -153,7 +153,7 @@ def drawn_rows(front: Front) -> IntArray:
 
 
 def how_many_drawn(front: Front) -> str:
-    """What a title says where not all lines are drawn: ", 2,000 of them drawn"."""
+    """Return the title's words where not all lines are drawn: ", 2,000 of them drawn"."""
     return f", {MOST_LINES:,} of them drawn" if len(front) > MOST_LINES else ""
 
 
@@ -200,23 +200,23 @@ def turns_in_place(trajectory: Trajectory) -> BoolArray:
 
 
 def mapped_body(model: Model) -> str:
-    """The body that maps show: the base, or the camera of a robot without one."""
+    """Return the body that maps show: the base, or the camera of a robot without one."""
     return "base" if "base" in model.provides else "camera"
 
 
 def mapped(model: Model, states: States) -> Pose:
-    """Where that body is."""
+    """Return where that body is."""
     return model.pose(mapped_body(model), states)
 
 
 def mapped_points(model: Model, states: States) -> FloatArray:
-    """Places (M, 2), m, of that body."""
+    """Return places (M, 2), m, of that body."""
     pose = mapped(model, states)
     return np.stack([pose.x, pose.y], axis=1)
 
 
 def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
-    """At most so many ticks, on whole numbers where the quantity is a count, each with its whole value: 2e-05."""
+    """Set at most some ticks, on whole numbers for counts, each with its whole value: 2e-05."""
     axis.set_major_locator(MaxNLocator(nbins=most, integer=counts, min_n_ticks=1, steps=[1, 2, 5, 10]))
     axis.set_major_formatter(_WholeValue(useOffset=False))
 
@@ -260,24 +260,24 @@ class Heights(NamedTuple):
 
 
 def path_points(trajectory: Trajectory) -> FloatArray:
-    """Points (N, 2), m, of the path on a map: ends of motions, and more where one is no straight line."""
+    """Return points (N, 2), m, of the path on a map: ends of motions, and more where one is no straight line."""
     model = trajectory.model
     pieces = _base_pieces if "base" in model.provides else _camera_pieces
     return mapped_points(model, _along(trajectory, pieces))
 
 
 def camera_path(trajectory: Trajectory) -> FloatArray:
-    """Points (N, 3), m, of the camera's path: ends of motions, and more where one is no straight line."""
+    """Return points (N, 3), m, of the camera's path: ends of motions, and more where one is no straight line."""
     return positions(trajectory.model.pose("camera", _along(trajectory, _camera_pieces)))
 
 
 def positions(pose: Pose) -> FloatArray:
-    """Where a body is (N, 3), m."""
+    """Return where a body is (N, 3), m."""
     return np.stack(np.broadcast_arrays(pose.x, pose.y, pose.z), axis=1)
 
 
 def camera_heights(problem: Problem, trajectories: Iterable[Trajectory]) -> Heights:
-    """Between which heights the camera is, at the start and along some trajectories."""
+    """Return between which heights the camera is, at the start and along some trajectories."""
     model = problem.model
     start = float(model.pose("camera", model.space.state(problem.start)).z[0])
     if not may_rise(model, model.space.state(problem.start)):
@@ -287,13 +287,13 @@ def camera_heights(problem: Problem, trajectories: Iterable[Trajectory]) -> Heig
 
 
 def may_rise(model: Model, state: States) -> bool:
-    """Whether the camera can go up and down: a twist has the number 0.0, no column, for what is always zero."""
+    """Return whether the camera can go up and down: a twist has the number 0.0, no column, for what is always zero."""
     rates = States(**{name: np.ones(1) for name in state.names})
     return not isinstance(model.twist("camera", state, rates).velocity[2], float)
 
 
 def _along(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
-    """The states between motions, and more within those that are drawn in several pieces."""
+    """Return the states between motions, and more within those that are drawn in several pieces."""
     pieces = _pieces(trajectory, pieces_of)
     if not (pieces > 1).any():
         return trajectory.states

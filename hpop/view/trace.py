@@ -133,7 +133,7 @@ class CameraRates(NamedTuple):
 
 
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
-    """How fast the camera moves and turns at times (N,), s."""
+    """Return how fast the camera moves and turns at times (N,), s."""
     rates, _ = trajectory.rates(times)
     twist = trajectory.model.twist("camera", trajectory.at(times), rates)
     columns = (norm(twist.velocity), twist.rotation[2], norm(twist.rotation))
@@ -226,7 +226,7 @@ class Column(NamedTuple):
 
     @classmethod
     def of(cls, space: StateSpace, name: str) -> Column:
-        """Angles in degrees; what turns without end has no limits, nor what may be anywhere."""
+        """Return angles in degrees; what turns without end has no limits, nor what may be anywhere."""
         place = space.names.index(name)
         unit = space.units[place]
         scale = 180.0 / np.pi if unit == "rad" else 1.0
@@ -236,7 +236,7 @@ class Column(NamedTuple):
 
 
 def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
-    """The states that change along some trajectories, and that maps do not show; none of a rigid robot in the plane."""
+    """Return the states that change along trajectories and that maps do not show."""
     names = [
         name
         for name in model.space.names

@@ -125,7 +125,7 @@ def draw_where(
 
 
 def shown_along(trace: Trace, column: int) -> FloatArray:
-    """What the colours show of each piece (n,): its rate; of a count that adds up, how many there are in its motion.
+    """Return the coloured value of each piece (n,): its rate, or the count of its motion.
 
     What stays on one spot is drawn over each other: pieces of a motion on the spot show what it comes to on average, or
     at worst, and of counts the turns on one spot how many there are on it.
@@ -181,7 +181,7 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
     of_motion = shown[np.cumsum(trace.pieces.counts) - 1] if len(trajectory) else shown
 
     def face(held: Held) -> Colour:
-        """How much standing there costs."""
+        """Return how much standing there costs."""
         return RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
 
     draw_holds(axes, trajectory, QUIET, width, face=face)
@@ -196,7 +196,7 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
 
 
 def _turns_at_ends(points: FloatArray, turns: FloatArray) -> dict[str, BoolArray]:
-    """Which turns (m, 2) are made at the start and the goal of a path (n, 2), where the letter covers their dots."""
+    """Return the turns (m, 2) at the start and the goal of a path (n, 2), under the letters."""
     return {letter: (turns == end).all(axis=1) for letter, end in (("S", points[0]), ("G", points[-1]))}
 
 
@@ -211,7 +211,7 @@ def _turn_entry(trajectory: Trajectory) -> list[Handle]:
 
 
 def shown_label(criterion: Criterion) -> str:
-    """Words for what the colours show of a criterion.
+    """Return words for what the colours show of a criterion.
 
     >>> from hpop.criteria import Clearance, Length, LookAt, Turns
     >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())

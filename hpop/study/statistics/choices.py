@@ -51,13 +51,13 @@ class Strengths:
     choices: int
 
     def interval(self, level: float = 0.95) -> FloatArray:
-        """Lower and upper ends (k, 2) of the strengths, by their standard errors."""
+        """Return lower and upper ends (k, 2) of the strengths, by their standard errors."""
         half = stats.norm.isf((1 - level) / 2) * self.errors
         ends: FloatArray = np.column_stack([self.strengths - half, self.strengths + half])
         return ends
 
     def chance(self, first: int, second: int) -> float:
-        """The chance that who chooses one of two stimuli chooses the first."""
+        """Return the chance that who chooses one of two stimuli chooses the first."""
         return float(special.expit(self.strengths[first] - self.strengths[second]))
 
 
@@ -160,7 +160,7 @@ def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bo
 
 
 def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArray:
-    """What each parameter adds to the weight of each outcome: (m, 2 or 3 outcomes, parameters)."""
+    """Return each parameter's contribution to each outcome's weight: (m, 2 or 3 outcomes, parameters)."""
     count, last = len(pairs), stimuli - 1
     features = np.zeros((count, 2 + tied, stimuli + tied + side))
     rows = np.arange(count)
@@ -199,12 +199,12 @@ def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatA
 
 
 def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) -> float:
-    """The logarithm of the likelihood of what was chosen."""
+    """Return the logarithm of the likelihood of what was chosen."""
     return float(chosen @ estimate - special.logsumexp(features @ estimate, axis=1).sum())
 
 
 def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
-    """Squares of the gradients of each person, summed: what choices that go together are worth."""
+    """Return squares of the gradients of each person, summed: what choices that go together are worth."""
     _, member = np.unique(np.array(people), return_inverse=True)
     count = int(member.max()) + 1
     if len(member) != len(gradients) or count < 2:

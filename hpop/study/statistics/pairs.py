@@ -57,7 +57,7 @@ class Pair:
 
 @checked_arguments
 def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = True, level: float = 0.95) -> Pair:
-    """Wilcoxon's signed-rank test of two scores (n,) of the same people; who gave one only, NaN, is left out.
+    """Return Wilcoxon's signed-rank test of two scores (n,) of the same people; who gave one only, NaN, is left out.
 
     Differences of zero are ranked and then left out (``pratt``: Pratt 1959, Journal of the American Statistical
     Association 54, 655-667), or left out before (``wilcox``, as SPSS does), as if nobody had felt no difference. z is
@@ -108,7 +108,7 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
 
 
 def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
-    """Ranks by size with the signs of the differences, those of zero left out."""
+    """Return ranks by size with the signs of the differences, those of zero left out."""
     kept = differences if zeros == "pratt" else differences[differences != 0]
     ranks = np.asarray(stats.rankdata(np.abs(kept))) * np.sign(kept)
     signed: FloatArray = ranks[ranks != 0]
@@ -133,7 +133,7 @@ def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
 
 
 def rank_sum_chances(steps: Any) -> FloatArray:
-    """Chances of the sums 0, 1, ..., sum(steps) where each step is taken or not, by tossing a coin."""
+    """Return chances of the sums 0, 1, ..., sum(steps) where each step is taken or not, by tossing a coin."""
     chance = np.zeros(int(np.sum(steps)) + 1)
     chance[0] = 1.0
     reached = 0
@@ -145,14 +145,14 @@ def rank_sum_chances(steps: Any) -> FloatArray:
 
 
 def _walsh_averages(differences: FloatArray) -> FloatArray:
-    """The means (n (n + 1) / 2,) of every two differences, and each difference itself."""
+    """Return the means (n (n + 1) / 2,) of every two differences, and each difference itself."""
     i, j = np.triu_indices(len(differences))
     averages: FloatArray = (differences[i] + differences[j]) / 2
     return averages
 
 
 def _interval(differences: FloatArray, zeros: Zeros, counted: bool, level: float) -> tuple[float, float]:
-    """The ends of the shifts that the test does not reject.
+    """Return the ends of the shifts that the test does not reject.
 
     Signed ranks change only where a shift is a Walsh average, so one shift of each gap between two averages stands for
     all of the gap. The chance of a rank sum as great rises with the shift, that of one as small falls.

@@ -69,7 +69,7 @@ class Power:
     seed: int
 
     def text(self) -> str:
-        """The figures in a sentence."""
+        """Return the figures in a sentence."""
         return (
             f"With {self.people:,} people the {self.test.title()} test finds the difference (p < {self.alpha:g}) in "
             f"{100 * self.power:.1f} % of studies ({100 * self.low:.1f} to {100 * self.high:.1f} % by the "
@@ -92,7 +92,7 @@ def power(
     simulations: int = 10_000,
     seed: int = 0,
 ) -> Power:
-    """The power of a study of n people, or the least n whose power reaches ``target``.
+    """Return the power of a study of n people, or the least n whose power reaches ``target``.
 
     effect       shift of each of the k stimuli, in standard deviations of an answer; one number is the shift of the
                  last, the others lie evenly between
@@ -133,7 +133,7 @@ def power(
 
 
 def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
-    """Simulated answers, and how many stimuli there are."""
+    """Return simulated answers, and how many stimuli there are."""
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
     if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
@@ -163,7 +163,7 @@ class _Pieces(NamedTuple):
 
 
 def _pieces(like: Any) -> _Pieces | None:
-    """The scores of a pilot as pieces of a normal variable."""
+    """Return the scores of a pilot as pieces of a normal variable."""
     if like is None:
         return None
     scores = np.asarray(like, dtype=float).ravel()
@@ -174,7 +174,7 @@ def _pieces(like: Any) -> _Pieces | None:
 
 
 def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
-    """People of a pilot drawn with replacement, and how many stimuli there are."""
+    """Return people of a pilot drawn with replacement, and how many stimuli there are."""
     scores = checked(pilot)
     scores = scores[complete_rows(scores)]
     if len(scores) < 2 or scores.shape[1] < 2:
@@ -195,7 +195,7 @@ def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
 def _found(
     draw: Draw, people: int, k: int, test: Test, alpha: float, simulations: int, rng: np.random.Generator
 ) -> int:
-    """How many of the simulated studies find a difference."""
+    """Return how many of the simulated studies find a difference."""
     most, found = max(1, AT_ONCE // (people * k)), 0
     for begin in range(0, simulations, most):
         values = draw(rng, min(most, simulations - begin), people)
@@ -204,7 +204,7 @@ def _found(
 
 
 def _p_values(values: FloatArray, test: Test) -> FloatArray:
-    """P values (s,) of studies (s, n, k)."""
+    """Return p values (s,) of studies (s, n, k)."""
     if test == "friedman":
         p = stats.chi2.sf(friedman_statistics(values), values.shape[2] - 1)
     elif test == "kruskal":
@@ -220,7 +220,7 @@ def _p_values(values: FloatArray, test: Test) -> FloatArray:
 
 
 def _exact(ranks: FloatArray) -> FloatArray:
-    """Exact P values (s,) of signed ranks (s, n); those without ties and zeros share one distribution."""
+    """Return exact P values (s,) of signed ranks (s, n); those without ties and zeros share one distribution."""
     people = ranks.shape[1]
     plain = (np.sort(np.abs(ranks), axis=1) == np.arange(1, people + 1)).all(axis=1)
     tail = np.cumsum(rank_sum_chances(range(1, people + 1)))
@@ -232,7 +232,7 @@ def _exact(ranks: FloatArray) -> FloatArray:
 
 
 def _kruskal_statistics(values: FloatArray) -> FloatArray:
-    """Kruskal and Wallis' statistics (s,) of many studies at once (s, n, k), with ties."""
+    """Return Kruskal and Wallis' statistics (s,) of many studies at once (s, n, k), with ties."""
     studies, people, stimuli = values.shape
     total = people * stimuli
     ranks = stats.rankdata(values.reshape(studies, total), axis=1) - (total + 1) / 2
@@ -243,7 +243,7 @@ def _kruskal_statistics(values: FloatArray) -> FloatArray:
 
 
 def _too_small(most: Power, target: float) -> StudyError:
-    """The error for an effect that the greatest number of people does not find."""
+    """Return the error for an effect that the greatest number of people does not find."""
     return StudyError(
         f"{most.people:,} people have a power of {most.power:.2f}, below {target:g}: the effect is too small for any "
         "study; give a larger one, or a lower target"
@@ -251,7 +251,7 @@ def _too_small(most: Power, target: float) -> StudyError:
 
 
 def _least(of: Callable[..., Power], target: float) -> Power:
-    """The least number of people whose power reaches the target: doubled until it does, then halved between."""
+    """Return the least number of people whose power reaches the target: doubled until it does, then halved between."""
     few = of(MOST_PEOPLE, FEW_STUDIES)
     if few.power + SURELY < target:
         raise _too_small(few, target)

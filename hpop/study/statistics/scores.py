@@ -47,7 +47,7 @@ class Related:
 
 @checked_arguments
 def friedman(values: Any) -> Related:
-    """Friedman's test with ties, and Kendall's W, of scores (n people, k stimuli), NaN where there is none.
+    """Return friedman's test with ties, and Kendall's W, of scores (n people, k stimuli), NaN where there is none.
 
     Each person ranks the stimuli by his own scores, so that how high somebody answers in general does not matter.
     Friedman 1937, Journal of the American Statistical Association 32, 675-701. Raises StudyError for fewer than three
@@ -71,7 +71,7 @@ def friedman(values: Any) -> Related:
 
 @checked_arguments
 def cochran(values: Any) -> Related:
-    """Cochran's Q of yes or no (n people, k stimuli) as 1 and 0: Friedman's test on them, to which it is equal.
+    """Return Cochran's Q of yes or no (n people, k stimuli) as 1 and 0: Friedman's test on them, to which it is equal.
 
     Cochran 1950, Biometrika 37, 256-266.
 
@@ -85,7 +85,7 @@ def cochran(values: Any) -> Related:
 
 
 def friedman_statistics(values: FloatArray) -> FloatArray:
-    """Friedman's statistics (s,) of many studies at once (s, n, k), none of whose scores lacks."""
+    """Return friedman's statistics (s,) of many studies at once (s, n, k), none of whose scores lacks."""
     _, people, stimuli = values.shape
     ranks = stats.rankdata(values, axis=2)
     between = ((ranks.mean(axis=1) - (stimuli + 1) / 2) ** 2).sum(axis=1)  # (s,)
@@ -95,12 +95,12 @@ def friedman_statistics(values: FloatArray) -> FloatArray:
 
 
 def complete_rows(values: FloatArray) -> BoolArray:
-    """Which people (n,) gave all scores (n, k)."""
+    """Return which people (n,) gave all scores (n, k)."""
     return ~np.asarray(np.isnan(values).any(axis=1))
 
 
 def checked(values: Any, dimensions: int = 2) -> FloatArray:
-    """Scores as an array; StudyError where they are none or infinite."""
+    """Return scores as an array; StudyError where they are none or infinite."""
     table = np.asarray(values, dtype=float)
     if table.ndim != dimensions or np.isinf(table).any():
         shape = "(people, stimuli)" if dimensions == 2 else "(people,)"
@@ -133,7 +133,7 @@ class Described:
 
 @checked_arguments
 def describe(values: Any) -> Described:
-    """Median and quartiles of scores (n,), NaN where one is missing.
+    """Return median and quartiles of scores (n,), NaN where one is missing.
 
     >>> describe([1.0, 2.0, 4.0, float("nan")])
     Described(people=3, missing=1, median=2.0, lower=1.5, upper=3.0, least=1.0, greatest=4.0)
@@ -180,7 +180,7 @@ class Comparison:
 
 @checked_arguments
 def kruskal(groups: Sequence[Any]) -> Independent:
-    """Kruskal and Wallis' test of scores by group, NaN where there is none, with ties.
+    """Return Kruskal and Wallis' test of scores by group, NaN where there is none, with ties.
 
     Kruskal and Wallis 1952, Journal of the American Statistical Association 47, 583-621; effect sizes: Tomczak and
     Tomczak 2014, Trends in Sport Sciences 1(21), 19-25. Raises StudyError for fewer than two groups, an empty one, or
@@ -202,7 +202,7 @@ def kruskal(groups: Sequence[Any]) -> Independent:
 
 @checked_arguments
 def dunn(groups: Sequence[Any]) -> list[Comparison]:
-    """Dunn's comparisons of every two groups by their mean ranks among all, with ties.
+    """Return Dunn's comparisons of every two groups by their mean ranks among all, with ties.
 
     Dunn 1964, Technometrics 6, 241-252. Own code: the libraries give p and no z. For groups of equal size H is 2 / k
     times the sum of all z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as ``kruskal``.
@@ -221,7 +221,7 @@ def dunn(groups: Sequence[Any]) -> list[Comparison]:
 
 
 def _kept(groups: Sequence[Any]) -> list[FloatArray]:
-    """Scores by group, without missing ones."""
+    """Return scores by group, without missing ones."""
     kept = [(values := checked(group, 1))[~np.isnan(values)] for group in groups]
     if len(kept) < 2 or not all(map(len, kept)) or sum(map(len, kept)) <= len(kept):
         sizes = ", ".join(str(len(group)) for group in kept) or "none"

@@ -28,7 +28,7 @@ THOUSANDTHS = 1000.0  # rad
 
 
 def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
-    """Rows to trace: those with a name, then others evenly over the front."""
+    """Return rows to trace: those with a name, then others evenly over the front."""
     rows = list(dict.fromkeys(named))
     others = max(0, min(TRACES + len(front) // ONE_IN, MOST, len(front)) - len(rows))
     middles = (np.arange(others) + 0.5) * len(front) / max(1, others)
@@ -49,7 +49,7 @@ def traces(
     packer: Packer,
     origin: tuple[float, float],
 ) -> Iterator[dict[str, Any]]:
-    """What arises along the trajectories of some rows, packed; of one that stays where it is there is nothing."""
+    """Return the packed rates along the trajectories of some rows; none for a trajectory that stays."""
     criteria = [criterion for criterion in columns if criterion is not None]
     for row in rows:
         if len(front.trajectories[row]):
@@ -75,7 +75,7 @@ def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[s
 
 
 def told_ends(pieces: int, most: int) -> IntArray:
-    """Which of the ends (n+1,) of pieces are told: all, or so many evenly."""
+    """Return which of the ends (n+1,) of pieces are told: all, or so many evenly."""
     return np.unique(np.linspace(0, pieces, min(pieces, most) + 1).round().astype(np.int64))
 
 
@@ -92,7 +92,7 @@ def taken_together(found: Trace, column: int, ends: IntArray) -> FloatArray:
 
 
 def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
-    """What a criterion is in pieces taken together between some ends (m+1,), as whole numbers (m,) of a step.
+    """Return a criterion in pieces between ends (m+1,), as whole numbers (m,) of a step.
 
     Of a sum, and with memory, by how much it grows in each; of a mean and a worst moment what it is in each.
     """
@@ -106,7 +106,7 @@ def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray
 
 
 def words(criterion: Criterion) -> str:
-    """What a rate is: cost a second, or the value at the time.
+    """Return the name of a rate: cost a second, or the value at the time.
 
     >>> from hpop.criteria import Clearance, Length, Turns
     >>> words(Length()), words(Turns()), words(Clearance())
@@ -118,6 +118,6 @@ def words(criterion: Criterion) -> str:
 
 
 def _step(values: FloatArray) -> float:
-    """The step of which the largest of some values (N,) has as many as there are."""
+    """Return the step of which the largest of some values (N,) has as many as there are."""
     largest = float(np.abs(values).max(initial=0.0))
     return largest / STEPS if largest > 0.0 else 1.0

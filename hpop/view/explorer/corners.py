@@ -51,13 +51,13 @@ class Corners(NamedTuple):
 
 
 def millimetres(points: FloatArray, origin: tuple[float, float]) -> IntArray:
-    """Points (N, 2), m, as whole millimetres from an origin; what is 2,000 km away is put there."""
+    """Return points (N, 2), m, as whole millimetres from an origin; what is 2,000 km away is put there."""
     whole: IntArray = np.rint((points - np.array(origin)) * MILLIMETRES).clip(-FARTHEST, FARTHEST).astype(np.int64)
     return whole
 
 
 def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> Corners:
-    """The corners of the paths of some trajectories of one model, or of none."""
+    """Return the corners of the paths of some trajectories of one model, or of none."""
     if not len(trajectories):
         nothing = np.zeros(0, dtype=np.int64)
         return Corners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))
@@ -109,7 +109,7 @@ def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
 
 
 def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> FloatArray:
-    """Where the camera is (M, pieces + 1, 3), m, along motions, evenly by the share done."""
+    """Return where the camera is (M, pieces + 1, 3), m, along motions, evenly by the share done."""
     found = []
     for piece in range(pieces + 1):
         share = np.full(start.size, piece / pieces)
@@ -122,7 +122,7 @@ def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> Fl
 
 
 def _off(line: FloatArray, pieces: int) -> FloatArray:
-    """How far, seen from above, lines (M, N + 1, 3) are from so many straight pieces of them: (M, N), m."""
+    """Return how far, seen from above, lines (M, N + 1, 3) are from so many straight pieces of them: (M, N), m."""
     plane, count = line[..., :2], line.shape[1] - 1
     step = count // pieces
     knots = plane[:, ::step]
@@ -134,7 +134,7 @@ def _off(line: FloatArray, pieces: int) -> FloatArray:
 
 
 def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
-    """Lines (M, PIECES + 1, 3) that bend: in how many pieces some are drawn, which, and the points between these.
+    """Yield lines (M, PIECES + 1, 3) that bend: in how many pieces some are drawn, which, and the points between these.
 
     They are the fewest that the line does not leave.
     """
@@ -151,14 +151,14 @@ def _kept(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray
 
 
 def _moves(grid: IntArray, owner: IntArray) -> BoolArray:
-    """Which points (T,) of paths are another place than the one before, or the first of their path."""
+    """Return which points (T,) of paths are another place than the one before, or the first of their path."""
     kept = np.ones(owner.size, dtype=bool)
     kept[1:] = (owner[1:] != owner[:-1]) | (grid[1:] != grid[:-1]).any(axis=1)
     return kept
 
 
 def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
-    """Which points (T,) of paths are ends, or places where the path bends or turns back."""
+    """Return which points (T,) of paths are ends, or places where the path bends or turns back."""
     kept = np.ones(owner.size, dtype=bool)
     before, after = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -182,19 +182,19 @@ class Packer:
         self._size = 0
 
     def integers(self, values: ArrayLike, *, order: int = 0) -> Part:
-        """Whole numbers (N,) within 32 bits, differenced so many times."""
+        """Return whole numbers (N,) within 32 bits, differenced so many times."""
         return self._added("int32", _differences(values, order), order)
 
     def short(self, values: ArrayLike) -> Part:
-        """Whole numbers (N,) within 16 bits."""
+        """Return whole numbers (N,) within 16 bits."""
         return self._added("int16", values, 0)
 
     def floats(self, values: ArrayLike) -> Part:
-        """Floats (N,), bit for bit."""
+        """Return floats (N,), bit for bit."""
         return self._added("float64", values, 0)
 
     def text(self) -> str:
-        """All that was packed."""
+        """Return all that was packed."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), LEVEL)).decode()
 
     def _added(self, kind: Kind, values: ArrayLike, order: int) -> Part:
@@ -207,7 +207,7 @@ class Packer:
 
 
 def _differences(values: ArrayLike, order: int) -> NDArray[np.int32]:
-    """Differences from each to the next, the first from 0, taken so many times; modulo 2**32."""
+    """Return differences from each to the next, the first from 0, taken so many times; modulo 2**32."""
     found = np.asarray(values, dtype=np.int64)
     for _ in range(order):
         found = np.diff(found, prepend=0)

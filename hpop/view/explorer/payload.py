@@ -49,7 +49,7 @@ class _Rings:
         self._rings: list[FloatArray] = []
 
     def area(self, *geometries: BaseGeometry) -> dict[str, int]:
-        """The polygons of some geometries, as a stretch of the table."""
+        """Return the polygons of some geometries, as a stretch of the table."""
         first = len(self._rings)
         for part in shapely.orient_polygons(shapely.get_parts(shapely.get_parts(list(geometries)))):
             if part.geom_type == "Polygon" and not part.is_empty:
@@ -57,14 +57,14 @@ class _Rings:
         return {"first": first, "count": len(self._rings) - first}
 
     def packed(self, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-        """The table, and how many corners each ring has."""
+        """Return the table, and how many corners each ring has."""
         points = np.concatenate([np.zeros((0, 2)), *self._rings])
         x, y = (packer.integers(column, order=1) for column in millimetres(points, origin).T)
         return {"x": x, "y": y, "counts": packer.integers([len(ring) for ring in self._rings])}
 
 
 def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
-    """The rectangle of all there is to draw: where the robot may be, and points (N, 2), m."""
+    """Return the rectangle of all there is to draw: where the robot may be, and points (N, 2), m."""
     places = np.concatenate([np.array(world.bounds).reshape(2, 2), *points])
     places = places[np.isfinite(places).all(axis=1)]
     return View(*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
@@ -73,7 +73,7 @@ def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
 def described(
     problem: Problem, front: Front, paths: FloatArray, heights: Heights, packer: Packer, origin: tuple[float, float]
 ) -> tuple[dict[str, Any], list[str]]:
-    """A world as the page's payload has it, and notes on what the map leaves out.
+    """Return a world as the page's payload has it, and notes on what the map leaves out.
 
     paths  (P, 2) m, corners of the trajectories' paths
     """
@@ -116,7 +116,7 @@ def described(
 
 
 def _person(person: Person) -> Mapping[str, Any]:
-    """A person where and as they first are there; of several futures the likeliest."""
+    """Return a person where and as they first are there; of several futures the likeliest."""
     first = person.likeliest
     now = np.float64(first.begin)
     (x, y), velocity = first.at(now), first.velocity_at(now)
@@ -141,7 +141,7 @@ def _zone(zone: Zone, rings: _Rings) -> Mapping[str, Any]:
 
 
 def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
-    """Outlines, m, of the occupied cells, and how many by how many were taken together for them to be few."""
+    """Return outlines, m, of the occupied cells, and how many by how many were taken together for them to be few."""
     side = -(-max(raster.cells.shape) // MOST_CELLS)
     while True:
         cells = raster.cells
@@ -162,7 +162,7 @@ def _open_ended(heights: tuple[float, float]) -> list[float | None]:
 
 
 def _caption(problem: Problem, heights: Heights) -> str:
-    """What the map shows, in words: whoever reads only the map shall know what it does not show."""
+    """Return in words what the map shows, and what it leaves out."""
     if not heights.vary:
         return "Seen from above: paths of the camera"
     carried = "" if "base" in problem.model.provides else "; the arm itself is not drawn"
@@ -182,7 +182,7 @@ def payload(
     saved: str | None = None,
     preference: Preferring | None = None,
 ) -> dict[str, Any]:
-    """All that the page shows of a front.
+    """Return all that the page shows of a front.
 
     title       else what is traded
     saved       the file of the front, as Python code that the page writes shall name it
@@ -227,7 +227,7 @@ def payload(
 
 
 def _title(front: Front) -> str:
-    """What is traded, or that there is nothing to trade."""
+    """Return the title: the costs that are traded, if any."""
     if not len(front):
         return "No path from start to goal" if front.status == Status.NO_PATH else "No path found"
     *several, last = front.names
@@ -235,7 +235,7 @@ def _title(front: Front) -> str:
 
 
 def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer) -> list[dict[str, Any]]:
-    """The criteria, then what is reported."""
+    """Return the criteria, then what is reported."""
     quanta = [*front.quanta.tolist(), *[0.0] * len(front.reported_names)]
     groups = [*front.groups, *[""] * len(front.reported_names)]
     table, evaluated = np.hstack([front.costs, front.reported]), front.evaluated

@@ -82,7 +82,7 @@ HEIGHT = 900  # pixels
 
 @checked_arguments
 def widget(problem: Problem, front: Front, *, title: str | None = None, height: int = HEIGHT) -> Any:
-    """A widget of the explorer, as the last value of a cell; needs the extra ``notebook``.
+    """Return a widget of the explorer, as the last value of a cell; needs the extra ``notebook``.
 
     While it is shown ``selected`` (rows), ``hovered`` (a row or None) and ``pinned`` (rows, A first) follow what is
     done in the page, and ``chosen`` is the front of the selected rows. ``observe`` calls a function when one changes.
@@ -110,7 +110,7 @@ def widget(problem: Problem, front: Front, *, title: str | None = None, height: 
 
 @cache
 def _explorer() -> type[Any]:
-    """The widget's class, whose base is of the extra."""
+    """Return the widget's class, whose base is of the extra."""
     base: Any = library("anywidget", "hpop.view.widget", "notebook").AnyWidget
     traitlets = library("traitlets", "hpop.view.widget", "notebook")
 

@@ -33,7 +33,7 @@ from hpop.view.ride.rows import (
 
 @lean
 def _meets_part(part, dx, dy, view):
-    """Distance, m, at which a ray comes to a part of a person; FAR where it does not, or begins within."""
+    """Return distance, m, at which a ray comes to a part of a person; FAR where it does not, or begins within."""
     x, y = part[0] - view.x, part[1] - view.y
     aside = dx * y - dy * x
     reach = part[5] * part[5] - aside * aside
@@ -43,7 +43,7 @@ def _meets_part(part, dx, dy, view):
 
 @lean
 def _meets_plate(plate, dx, dy, view):
-    """Distance, m, at which a ray comes to a plate; FAR where it does not."""
+    """Return distance, m, at which a ray comes to a plate; FAR where it does not."""
     x, y = plate[0] - view.x, plate[1] - view.y
     against = dx * plate[3] + dy * plate[4]
     if abs(against) < FLATTEST:
@@ -262,7 +262,7 @@ def crossings(edges, x, y, directions, last, distance, edge, before):
 
 @lean
 def longest(last, before):
-    """The most meetings of one ray."""
+    """Return the most meetings of one ray."""
     most = 0
     for ray in range(len(last)):
         count, k = 0, last[ray]
@@ -283,7 +283,7 @@ def boxes(cells: BoolArray) -> IntArray:
 
 @kernel
 def _boxes(cells):
-    """Greedy: the first cell that is left, as far as its row goes on, then row by row; ``cells`` is used up."""
+    """Cover cells greedily: from the first one left along its row, then row by row; ``cells`` is used up."""
     rows, columns = cells.shape
     found = np.empty((64, 4), np.int64)
     count = 0

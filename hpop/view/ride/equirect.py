@@ -71,7 +71,7 @@ class CameraPose(NamedTuple):
 
 @checked_arguments
 def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int = WIDTH) -> Picture:
-    """What the viewer of a trajectory sees all round at a time, as an array (width/2, width, 3) of uint8, sRGB.
+    """Render a viewer's panorama at a time, as an array (width/2, width, 3) of uint8, sRGB.
 
     The camera is where the executed trajectory has it (:meth:`Trajectory.execution`); people are where they are
     predicted to be. Equirectangular: the middle of the picture, between columns width/2 - 1 and width/2, is ahead, its
@@ -112,7 +112,7 @@ def save_360(
 
 
 def png(picture: Picture) -> bytes:
-    """A picture all round as PNG, with the metadata by which viewers know it."""
+    """Return a picture all round as PNG, with the metadata by which viewers know it."""
     height, width = picture.shape[:2]
     told, buffer = PngInfo(), BytesIO()
     told.add_itxt("XML:com.adobe.xmp", XMP.format(width=width, height=height))
@@ -121,14 +121,14 @@ def png(picture: Picture) -> bytes:
 
 
 def executed(trajectory: Trajectory) -> Trajectory:
-    """What the robot does of a trajectory; QueryError for what is none."""
+    """Return the executed trajectory; raise QueryError for other values."""
     if not isinstance(trajectory, Trajectory):
         raise QueryError(f"expected a trajectory, such as front.knee().trajectory, got {shown(trajectory)}")
     return trajectory.execution()
 
 
 def checked_width(width: int) -> int:
-    """A width, or OptionError."""
+    """Return a width, or OptionError."""
     width = whole("width", width, LEAST_WIDTH, MOST_WIDTH, "pixels of a picture all round,")
     if width % 4:
         raise OptionError(f"width must be a multiple of 4, got {width}; {width - width % 4} is one")
@@ -137,14 +137,14 @@ def checked_width(width: int) -> int:
 
 @lru_cache(maxsize=2)
 def panorama(problem: Problem, width: int) -> Panorama:
-    """What draws a problem's world; that of the last one or two is kept."""
+    """Return the renderer of a problem's world; those of the last two worlds are kept."""
     from hpop.view.ride.panorama import Panorama  # with kernels: half a second that pictures of the plane do not need
 
     return Panorama(Scene.of(problem), width)
 
 
 def draw_at(drawn: Panorama, run: Trajectory, t: float) -> Picture:
-    """The picture at a time of an executed trajectory."""
+    """Return the picture at a time of an executed trajectory."""
     camera = camera_at(run, t)
     if camera.is_level:
         return drawn.draw(camera.position, camera.yaw, t)
@@ -152,7 +152,7 @@ def draw_at(drawn: Panorama, run: Trajectory, t: float) -> Picture:
 
 
 def camera_at(run: Trajectory, t: float) -> CameraPose:
-    """Where the camera is at a time of an executed trajectory: asked alone, so that it is the same whoever asks."""
+    """Return the camera's pose at a time of an executed trajectory; a time is evaluated alone, for equal results."""
     pose = run.model.pose("camera", run.at(np.array([t])))
 
     def column(vector: tuple[FloatArray | float, ...]) -> list[float]:
@@ -183,7 +183,7 @@ def mark_spherical(file: BinaryIO) -> None:
 
 
 def _last_box(file: BinaryIO) -> tuple[int, bytes]:
-    """Where the last box of a file begins, and the box."""
+    """Return where the last box of a file begins, and the box."""
     end, start = file.seek(0, 2), 0
     while True:
         file.seek(start)
@@ -197,7 +197,7 @@ def _last_box(file: BinaryIO) -> tuple[int, bytes]:
 
 
 def _with_added(box: bytes, path: tuple[bytes, ...], added: bytes) -> bytes:
-    """A box with more at the end of the sample entry to which a path of boxes leads."""
+    """Return a box with more at the end of the sample entry to which a path of boxes leads."""
     head = DESCRIPTIONS if box[4:8] == b"stsd" else 8
     kind = path[0] if path else SAMPLE_ENTRY
     parts = [box[:head]]
@@ -221,16 +221,16 @@ def _box(name: bytes, content: bytes) -> bytes:
 
 
 def _full_box(name: bytes, content: bytes) -> bytes:
-    """A box with version 0 and no flags."""
+    """Return a box with version 0 and no flags."""
     return _box(name, bytes(4) + content)
 
 
 def _stereo() -> bytes:
-    """One picture for both eyes."""
+    """Return one picture for both eyes."""
     return _full_box(b"st3d", bytes(1))
 
 
 def _spherical() -> bytes:
-    """Equirectangular, the whole sphere; yaw, pitch and roll 0."""
+    """Return the box of an equirectangular projection of the whole sphere; yaw, pitch and roll 0."""
     projection = _full_box(b"prhd", bytes(12)) + _full_box(b"equi", bytes(16))
     return _box(b"sv3d", _full_box(b"svhd", MADE_BY) + _box(b"proj", projection))

@@ -56,7 +56,7 @@ class Body(NamedTuple):
     triangles: IntArray
 
     def description(self, number: int, colour: Colour) -> dict[str, Any]:
-        """As JSON."""
+        """Return the JSON description."""
         return {
             "points": np.round(self.points, DIGITS).tolist(),
             "triangles": self.triangles.tolist(),
@@ -66,7 +66,7 @@ class Body(NamedTuple):
 
 
 def body_of(shape: Shape, pose: FloatArray | None = None) -> Body:
-    """The triangles of a shape, placed by a pose (4, 4), where one is given.
+    """Return the triangles of a shape, placed by a pose (4, 4), where one is given.
 
     >>> from hpop.world.geometry.solids import Box
     >>> len(body_of(Box((1.0, 2.0, 3.0))).triangles)
@@ -86,7 +86,7 @@ def body_of(shape: Shape, pose: FloatArray | None = None) -> Body:
 
 
 def tilted_solids(scene: Scene) -> list[dict[str, Any]]:
-    """As JSON, the solids of a scene of which its prisms are only the upright hull."""
+    """Return as JSON the solids of a scene whose prisms are only their upright hulls."""
     return [
         body_of(prism.solid.shape, prism.solid.pose).description(prism.number, prism.colour)
         for prism in scene.prisms
@@ -95,20 +95,20 @@ def tilted_solids(scene: Scene) -> list[dict[str, Any]]:
 
 
 def links_of(model: Model, states: States) -> list[dict[str, Any]]:
-    """As JSON, the shapes of a robot's links, each in its own frame; none of a robot that says of none."""
+    """Return as JSON the shapes of a robot's links, each in its own frame."""
     placed = model.bodies(states.take(slice(0, 1)))
     return [body_of(shape).description(0, LINKS[i % len(LINKS)]) for i, (shape, _) in enumerate(placed)]
 
 
 def link_poses(model: Model, states: States) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Where each link is in each of N states: positions (N, 3), m, and quaternions (N, 4), x, y, z, w."""
+    """Yield where each link is in each of N states: positions (N, 3), m, and quaternions (N, 4), x, y, z, w."""
     for _, matrices in model.bodies(states):
         links = np.broadcast_to(matrices, (states.size, 4, 4))
         yield links[:, :3, 3], on_one_side(quaternions_of(links[:, :3, :3]))
 
 
 def _on_sphere(radius: float) -> FloatArray:
-    """Points (DIRECTIONS, 3), m, spread evenly over a sphere, along a spiral."""
+    """Return points (DIRECTIONS, 3), m, spread evenly over a sphere, along a spiral."""
     k = np.arange(DIRECTIONS) + 0.5
     up = 1.0 - 2.0 * k / DIRECTIONS
     turned = math.pi * (1.0 + math.sqrt(5.0)) * k
@@ -129,7 +129,7 @@ MOST_PIECES = 1500
 
 
 def track(trajectory: Trajectory) -> dict[str, Any]:
-    """Where the camera is when the trajectory is executed, as JSON; the page takes what is between from neighbours."""
+    """Return the camera's poses during execution as JSON; the page interpolates between them."""
     seen = poses(trajectory, rate=RATE)
     links: list[FloatArray] = []
     turns: list[FloatArray] = []
@@ -147,7 +147,7 @@ def track(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> dict[str, Any] | None:
-    """How criteria arise while the trajectory is executed, as JSON; None where it stays at its start."""
+    """Return how criteria arise while the trajectory is executed, as JSON; None where it stays at its start."""
     run = trajectory.execution()
     if not len(run) or not criteria:
         return None
@@ -161,7 +161,7 @@ def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def packed(values: FloatArray, scale: float) -> dict[str, Any]:
-    """Columns of numbers (N, C) in whole steps, each differenced twice: of even motion most are 0.
+    """Return columns of numbers (N, C) in whole steps, each differenced twice: of even motion most are 0.
 
     >>> packed(np.array([[1.0], [2.0], [3.0]]), 0.5)
     {'scale': 0.5, 'columns': [[2, 0, 0]]}
@@ -214,12 +214,12 @@ def save_ride(
 
 
 def ride_page(problem: Problem, front: Front, *, rows: Sequence[int | str] = ("knee",), blind: bool = False) -> str:
-    """The text of the page that `save_ride` writes."""
+    """Return the text of the page that `save_ride` writes."""
     return single_page("ride.js", "A ride" if blind else "The ride", ride_payload(problem, front, rows, blind=blind))
 
 
 def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, blind: bool = False) -> dict[str, Any]:
-    """What the page is given, as JSON: `hpop-ride` version 1, read by web/src/ride/model.ts."""
+    """Return the payload of the page: JSON, `hpop-ride` version 1, read by web/src/ride/model.ts."""
     chosen = named_rows(front, rows)
     if not 1 <= len(chosen) <= len(NAMES):
         raise OptionError(f"a ride is along 1 to {len(NAMES)} trajectories of a front, got {len(chosen)}")
@@ -248,7 +248,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
 def _track(
     problem: Problem, front: Front, name: str, row: NamedRow, told: dict[str, Criterion], *, blind: bool
 ) -> dict[str, Any]:
-    """One trajectory; on a blind page nothing of it but how it moves."""
+    """Return one trajectory; on a blind page nothing of it but how it moves."""
     trajectory = row.point.trajectory
     columns = {column.name: column for column in quantities(front)}
     shown = [columns[printable(c)] for c in told]
@@ -262,11 +262,11 @@ def _track(
 
 
 def licence() -> str:
-    """That of three.js, parts of which are in the page: it goes where they go."""
+    """Return the licence of three.js, whose parts are in the page."""
     return resources.files("hpop.view").joinpath("web", "three_license.txt").read_text(encoding="utf-8")
 
 
 def _label(front: Front, row: NamedRow) -> str:
-    """The number of a row and what it is: "row 70: knee, least turns"."""
+    """Return the number of a row and what it is: "row 70: knee, least turns"."""
     names = [name for name, point in front.named().items() if point.index == row.number]
     return f"row {row.number}" + (f": {printable(', '.join(names))}" if names else "")

@@ -44,15 +44,15 @@ class Panorama:
     width: int
 
     def draw(self, position: FloatArray, yaw: float, t: float) -> Picture:
-        """What a level camera at a position (3,), m, sees, that looks to a yaw, rad, at a time, s."""
+        """Render the panorama of a level camera at a position (3,), m, yaw, rad, and time, s."""
         return self._drawn(position, yaw, t, per_column=RAYS, hard=False)[0]
 
     def numbers(self, position: FloatArray, yaw: float, t: float) -> NDArray[np.int32]:
-        """Which thing of the scene the middle of each pixel (H, W) sees, by its number; 0 for floor and sky."""
+        """Return which thing of the scene the middle of each pixel (H, W) sees, by its number; 0 for floor and sky."""
         return self._drawn(position, yaw, t, per_column=1, hard=True)[1]
 
     def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
-        """What a camera sees whose axes (3, 3), ahead, left and up in its columns, are not level.
+        """Render the panorama of a tilted camera with axes (3, 3), ahead, left and up in its columns.
 
         A level picture of twice the size is looked up pixel by pixel, so that hardly any sharpness is lost.
         """
@@ -128,7 +128,7 @@ class Panorama:
         return tiles.plates(self.scene.plates)
 
     def _things(self, x: float, y: float, t: float) -> Things:
-        """What there is at a time; plates without a facing are turned to the camera."""
+        """Return the things at a time; plates without a facing are turned to the camera."""
         parts: list[tuple[float, ...]] = []
         for figure in self.scene.figures:
             person, now = figure.person.likeliest, np.float64(t)
@@ -160,7 +160,7 @@ class Panorama:
 
 
 def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> tuple[Met, int]:
-    """Which rays meet which edges, and how often one ray does at most."""
+    """Return which rays meet which edges, and how often one ray does at most."""
     room, last = 8 * len(directions) + 64, np.empty(len(directions), np.int64)
     while True:
         met = Met(last, np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64))
@@ -176,7 +176,7 @@ def _rows_of(rows: list[tuple[float, ...]], columns: int) -> FloatArray:
 
 
 def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
-    """Unit vectors (N, 2) at so many steps of which ``count`` are a whole turn, rounded."""
+    """Return unit vectors (N, 2) at so many steps of which ``count`` are a whole turn, rounded."""
     angles = steps * (2.0 * math.pi / count)
     vectors: FloatArray = np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1) / STEP) * STEP
     return vectors
@@ -184,7 +184,7 @@ def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
 
 @cache
 def _slopes(rows: int) -> FloatArray:
-    """Tangents (H,) of the elevations of the middles of rows, rounded as shares of their size."""
+    """Return tangents (H,) of the elevations of the middles of rows, rounded as shares of their size."""
     elevations = (rows / 2 - np.arange(rows) - 0.5) * (math.pi / rows)
     mantissa, exponent = np.frexp(np.tan(elevations))
     slopes: FloatArray = np.ldexp(np.round(mantissa / STEP) * STEP, exponent)
@@ -193,7 +193,7 @@ def _slopes(rows: int) -> FloatArray:
 
 @cache
 def _sky(rows: int) -> FloatArray:
-    """Colours (H, 3) of rows from the horizon to overhead."""
+    """Return colours (H, 3) of rows from the horizon to overhead."""
     up = np.clip((rows / 2 - np.arange(rows) - 0.5) / (rows / 2), 0.0, 1.0)[:, None]
     horizon, zenith = np.array(surfaces.SKY_HORIZON, float), np.array(surfaces.SKY_ZENITH, float)
     sky: FloatArray = horizon + (zenith - horizon) * up * (2.0 - up)

@@ -30,7 +30,7 @@ STRETCHED = 3.0
 
 @lean
 def arctangent(x):
-    """Within 1e-9, from products and quotients alone."""
+    """Return the arctangent within 1e-9, from products and quotients alone."""
     away = abs(x)
     turned = 0.0
     if away > 2.414213562373095:
@@ -46,7 +46,7 @@ def arctangent(x):
 
 @lean
 def row_of(slope, view):
-    """Where a slope lies in the picture, in rows from its top."""
+    """Return where a slope lies in the picture, in rows from its top."""
     return 0.5 * len(view.slopes) - arctangent(slope) / view.pixel
 
 
@@ -63,7 +63,7 @@ def _lines(x, width, look):
 
 @lean
 def _texture(u, v, width, tile):
-    """The texture at (u, v), m, as pixels of a width show it; bilinear."""
+    """Return the texture at (u, v), m, as pixels of a width show it; bilinear."""
     level = 0
     while level < len(tile.widths) - 1 and tile.widths[level] < width:
         level += 1
@@ -107,7 +107,7 @@ def _add(row, share, red, green, blue, t, sheet, look):
 
 @lean
 def _rows(top, bottom, view):
-    """The rows that an interval touches: first, and beyond the last."""
+    """Return the rows that an interval touches: first, and beyond the last."""
     return max(math.floor(top), 0), min(math.ceil(bottom), len(view.slopes))
 
 
@@ -256,7 +256,7 @@ def draw_plate(t, p, dx, dy, sheet, view, things):
 
 @lean
 def _angle(x, y):
-    """Angle of a vector, rad, as `math.atan2` gives it."""
+    """Return angle of a vector, rad, as `math.atan2` gives it."""
     if abs(y) > abs(x):
         return math.copysign(0.5 * PI, y) - arctangent(x / y)
     if x == 0.0:

@@ -66,7 +66,7 @@ class Prism:
     solid: Solid | None = None
 
     def description(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the JSON description."""
         return {
             "rings": [ring.tolist() for ring in self.rings],
             "z": [self.low, self.high],
@@ -103,7 +103,7 @@ class Cells:
         return np.stack([x, y], axis=2)
 
     def description(self) -> dict[str, Any]:
-        """As JSON: boxes in cells, and how these lie in the world."""
+        """Return the JSON description: boxes in cells, and the cells' placement in the world."""
         return {
             "boxes": self.boxes.tolist(),
             "resolution": self.raster.resolution,
@@ -141,7 +141,7 @@ class Figure:
     parts: tuple[Part, ...]
 
     def description(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the JSON description."""
         person = self.person.likeliest
         return {
             "x": person.x,
@@ -169,7 +169,7 @@ class Plate:
     colour: Colour
 
     def description(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the JSON description."""
         mark = self.landmark
         return {
             "x": mark.x,
@@ -193,7 +193,7 @@ class Area:
     colour: Colour
 
     def description(self) -> dict[str, Any]:
-        """As JSON."""
+        """Return the JSON description."""
         return {
             "kind": self.zone.kind,
             "name": self.zone.name,
@@ -227,7 +227,7 @@ class Scene:
 
     @classmethod
     def of(cls, problem: Problem) -> Scene:
-        """What is to be seen in a problem's world, by its camera at its start."""
+        """Return the scene of a problem's world, for its camera at its start."""
         world = problem.world
         camera = problem.model.pose("camera", problem.model.space.state(problem.start))
         z = float(np.broadcast_to(camera.z, 1)[0])
@@ -255,7 +255,7 @@ class Scene:
         )
 
     def description(self) -> dict[str, Any]:
-        """JSON-able description, for a page that draws the same; no number in it is NaN or infinite.
+        """Return JSON-able description, for a page that draws the same; no number in it is NaN or infinite.
 
         Texts come from files: they are names, never markup.
         """
@@ -274,7 +274,7 @@ class Scene:
 
 
 def _prisms(world: World, storey: float) -> Iterator[Prism]:
-    """One for each obstacle, in their order; numbered later."""
+    """Yield one for each obstacle, in their order; numbered later."""
     for obstacle in world.obstacles:
         low, high = _ends(obstacle.heights, storey)
         is_wall = _looks_like_a_wall(obstacle, high)
@@ -285,7 +285,7 @@ def _prisms(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _border(world: World, storey: float) -> Iterator[Prism]:
-    """A wall round the extent where all beyond it is obstacle to the camera."""
+    """Yield a wall round the extent where all beyond it is obstacle to the camera."""
     if world.outside_is_obstacle:
         low, high = _ends((-math.inf, math.inf) if world.raster is None else world.raster.heights, storey)
         frame = shapely.buffer(world.extent, BORDER, join_style="mitre").difference(world.extent)
@@ -294,19 +294,19 @@ def _border(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
-    """Finite heights, m: what has no lower end stands on the floor, what has no upper one is a storey high."""
+    """Return finite heights, m: what has no lower end stands on the floor, what has no upper one is a storey high."""
     low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
     high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
     return low, high
 
 
 def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
-    """Whether it is called one, or has no name and is as high as one."""
+    """Return whether it is called one, or has no name and is as high as one."""
     return "wall" in obstacle.name.lower() if obstacle.name else high >= WALL_FROM
 
 
 def _colour_of(name: str) -> Colour:
-    """The same for the same name, in any run; the legs of a table that are numbered are alike."""
+    """Return the same for the same name, in any run; the legs of a table that are numbered are alike."""
     name = name.strip(" _-0123456789") or name
     return surfaces.THINGS[zlib.crc32(name.encode("utf-8", "replace")) % len(surfaces.THINGS)]
 
@@ -316,7 +316,7 @@ SHIRTS: tuple[Colour, ...] = ((176, 84, 72), (72, 120, 152), (108, 142, 84), (20
 
 
 def _figure(person: Person, number: int) -> Figure:
-    """1.73 m tall: the trunk has the person's radius, so that distances are judged by what one keeps away from."""
+    """Return a figure 1.73 m tall, whose trunk has the radius that robots keep away from."""
     shirt = SHIRTS[number % len(SHIRTS)]
     parts = (
         Part("cylinder", 0.55 * person.radius, 0.0, 0.92, TROUSERS, TROUSERS),
@@ -334,14 +334,14 @@ def _plate(mark: Landmark, number: int) -> Plate:
 
 
 def _hung(mark: Landmark) -> Landmark:
-    """A landmark where its plate is drawn."""
+    """Return a landmark where its plate is drawn."""
     if mark.facing is None:
         return mark
     return replace(mark, x=mark.x + BEFORE * math.cos(mark.facing), y=mark.y + BEFORE * math.sin(mark.facing))
 
 
 def _zones(world: World) -> Iterator[Zone]:
-    """Zones, and what is closed to the robot by a file of its own."""
+    """Yield zones, and what is closed to the robot by a file of its own."""
     yield from world.content.zones
     for part in shapely.get_parts(world.keep_out):
         if not part.is_empty:
@@ -354,7 +354,7 @@ def _polygons(geometry: BaseGeometry) -> tuple[tuple[FloatArray, ...], ...]:
 
 
 def _rings(polygon: Any) -> tuple[FloatArray, ...]:
-    """Corners of a polygon, rings not closed: counter-clockwise the outer one, clockwise the holes."""
+    """Return corners of a polygon, rings not closed: counter-clockwise the outer one, clockwise the holes."""
     turned = shapely.orient_polygons(polygon)
     return tuple(shapely.get_coordinates(ring)[:-1, :2] for ring in (turned.exterior, *turned.interiors))
 

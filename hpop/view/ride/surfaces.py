@@ -61,7 +61,7 @@ HAZE = 400.0
 
 
 def waves() -> FloatArray:
-    """The waves (WAVES, 4): whole numbers i, j of periods along both sides of the tile, amplitude, phase (rad).
+    """Return the waves (WAVES, 4): whole numbers i, j of periods along both sides of the tile, amplitude, phase (rad).
 
     The texture at (u, v), m, is the sum of ``a cos(2 pi (i u + j v) / PERIOD + phase)``; its mean square is 1.
     Directions follow the golden angle and wavelengths a geometric series, so that no direction is seen in it.
@@ -76,7 +76,7 @@ def waves() -> FloatArray:
 
 
 def description() -> dict[str, Any]:
-    """All of this, JSON-able, for whoever draws the same scene elsewhere."""
+    """Return all of this, JSON-able, for whoever draws the same scene elsewhere."""
     return {
         "period": PERIOD,
         "waves": [[int(i), int(j), float(a), float(phase)] for i, j, a, phase in waves()],

@@ -95,7 +95,7 @@ class Look(NamedTuple):
 
     @classmethod
     def of_surfaces(cls) -> Look:
-        """That of all pictures. Kernels are given it: values that they imported would stay in those that are kept."""
+        """Return the look of all pictures, an argument of kernels: cached kernels would keep imported values."""
         contrast, grid = surfaces.CONTRAST, surfaces.GRID
         return cls(
             floor=_rgb(surfaces.FLOOR),
@@ -181,7 +181,7 @@ class Room(NamedTuple):
 
     @classmethod
     def of(cls, rows: int, items: int, meetings: int) -> Room:
-        """Room for pictures of so many rows, items, and meetings of a ray."""
+        """Return room for pictures of so many rows, items, and meetings of a ray."""
         sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
         opened, order = np.empty(items, np.int64), np.empty(meetings, np.int64)
         return cls(sheet, np.zeros(items, np.bool_), opened, order, np.empty(meetings))
@@ -204,7 +204,7 @@ INK, FRAME, GOLD = (46, 44, 40), (92, 78, 62), (168, 134, 72)
 
 @cache
 def texture() -> Tile:
-    """The texture, each level as pixels of its width show it.
+    """Return the texture, each level as pixels of its width show it.
 
     A pixel sees a mean weighted by a bell curve whose standard deviation is half its width; of each wave it leaves
     exp(-(pi f w)² / 2), f being its frequency and w the width.
@@ -263,7 +263,7 @@ def _picture(plate: Plate) -> Image.Image:
 
 
 def _write(pen: ImageDraw.ImageDraw, text: str) -> None:
-    """A name, as large as it fits, in at most some lines."""
+    """Write a name as large as it fits, in a few lines at most."""
     width, height = PLATE_PIXELS
     font_file = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
     for size in range(80, 14, -4):
@@ -279,7 +279,7 @@ def _write(pen: ImageDraw.ImageDraw, text: str) -> None:
 
 
 def _paint(pen: ImageDraw.ImageDraw, number: int) -> None:
-    """A landscape: sky, sun, two ranges of hills, in hues that differ from one number to the next."""
+    """Paint a landscape: sky, sun, two ranges of hills, in hues that differ by number."""
     width, height = PLATE_PIXELS
     turn = number * 0.618034 % 1.0
     skies = ((196, 216, 232), (240, 214, 176), (206, 222, 204), (226, 206, 220))

@@ -82,7 +82,7 @@ class Clip:
         width: int = WIDTH,
         workers: int | None = None,
     ) -> Clip:
-        """What `save_video` makes, its arguments checked."""
+        """Check the arguments of `save_video` and return the clip."""
         trajectory, told = _chosen(problem, of, row)
         rate = Fraction(real("fps", fps, SLOWEST, FASTEST, "a number of frames a second")).limit_denominator(1001)
         several = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -101,7 +101,7 @@ class Clip:
         return [k * self.rate.denominator / self.rate.numerator for k in range(self.count)]
 
     def frames(self) -> Iterator[Picture]:
-        """Frames in order, drawn side by side; a few at a time, however long the video is."""
+        """Yield frames in order, drawn side by side; a few at a time, however long the video is."""
         drawn = panorama(self.problem, self.width)
         first, *others = self.times
         yield draw_at(drawn, self.run, first)  # kernels are compiled here, where Ctrl-C is obeyed meanwhile
@@ -123,7 +123,7 @@ class Clip:
                     frame.cancel()
 
     def described(self, file: str) -> dict[str, Any]:
-        """What lies beside the video: all that it takes to know what was seen, and when."""
+        """Return the description beside the video: what was seen, and when."""
         heights = [camera_at(self.run, t).position[2] for t in (0.0, 0.5 * self.run.duration, self.run.duration)]
         return {
             "schema": "hpop-360",
@@ -231,7 +231,7 @@ def save_frames(
 
 
 def _chosen(problem: Problem, of: Front | Trajectory, row: int | str | None) -> tuple[Trajectory, dict[str, Any]]:
-    """The trajectory, and what is told of it."""
+    """Return the trajectory, and what is told of it."""
     if not isinstance(of, Front):
         executed(of)
         if row is not None:
@@ -255,7 +255,7 @@ def _chosen(problem: Problem, of: Front | Trajectory, row: int | str | None) -> 
 
 
 def _encoder() -> Any:
-    """PyAV, or an error that says how to get it, or do without."""
+    """Return PyAV, or an error that says how to get it, or do without."""
     try:
         import av
     except ImportError as error:
@@ -308,14 +308,14 @@ def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
 
 
 def _json(told: dict[str, Any]) -> bytes:
-    """An object as JSON, a line for each key: it has thousands of times."""
+    """Return an object as JSON, a line for each key: it has thousands of times."""
     lines = (f" {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in told.items())
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
 
 
 @contextmanager
 def _written(target: Path) -> Iterator[None]:
-    """Errors of writing, as one message; nothing is left of what was begun."""
+    """Turn errors of writing into one message, and remove a partial file."""
     try:
         yield
     except OutputError:  # which is whole
