@@ -258,6 +258,25 @@ def _options(cls: type) -> set[str]:
     return {option.name for option in fields(cls)}
 
 
+def test_the_exit_codes_in_the_docs_are_those_of_the_errors_and_of_the_command_line():
+    from hpop import errors
+
+    classes = [cls for cls in vars(errors).values() if isinstance(cls, type) and issubclass(cls, errors.HpopError)]
+    listed = re.findall(r"^\| (\d+) \|", (ROOT / "docs/commands.md").read_text(), re.MULTILINE)
+    of_commands = {0, 2, 6, 130}  # done, wrong usage, no path, interrupted
+    assert sorted(map(int, listed)) == sorted({cls.exit_code for cls in classes} | of_commands)
+
+
+def test_files_that_contributing_names_are_there():
+    """NAME and GROUP stand for what is contributed: the folder of such a file is there."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    named = set(re.findall(r"`((?:hpop|tests|docs|examples)/[\w/.]+)`", text))
+    assert len(named) > 25
+    for name in named:
+        path = ROOT / re.split("GROUP|NAME", name)[0].rpartition("/")[0] if "NAME" in name else ROOT / name
+        assert path.exists(), name
+
+
 @pytest.mark.parametrize("file", ["README.md", *(str(p.relative_to(ROOT)) for p in (ROOT / "docs").glob("*.md"))])
 def test_links_between_documents_lead_somewhere(file):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", (ROOT / file).read_text()):
