@@ -16,7 +16,7 @@ from hpop.runtime.status import Budget
 from hpop.runtime.sweep import processes
 from hpop.scenario import load_scenario
 from hpop.search.machinery.approximation import ANYTHING, thinned
-from hpop.search.machinery.covered import least_covered
+from hpop.search.machinery.kernels import least_covered
 from hpop.world.content.content import Landmark, Person, Zone
 from tests.own_criteria import NEEDED
 

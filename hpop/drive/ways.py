@@ -31,7 +31,7 @@ from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
 from hpop.search import Graph, ParetoPaths, SearchStats
 from hpop.search.prepared import Prepared
-from hpop.search.prepared.known import known_paths
+from hpop.search.prepared.closings import known_paths
 from hpop.search.queries import costs_along
 from hpop.trajectories.trajectory import Trajectory
 

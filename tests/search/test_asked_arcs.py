@@ -7,7 +7,7 @@ import pytest
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.search import Graph
-from hpop.search.asked_arcs import BLOCKED, FREE, UNKNOWN, AskedArcs
+from hpop.search.lazy_paths import BLOCKED, FREE, UNKNOWN, AskedArcs
 
 
 class Doors:
@@ -74,7 +74,7 @@ def test_an_arc_that_paths_share_is_asked_about_once_and_blocks_them_all() -> No
 
 
 def test_what_is_late_has_asked_about_so_many_and_says_that_there_are_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hpop.search.asked_arcs.AT_ONCE", 2)
+    monkeypatch.setattr("hpop.search.lazy_paths.AT_ONCE", 2)
     doors = Doors(np.ones(5, np.bool_))
     asked = AskedArcs(line(5), doors)
     several = np.arange(5), np.ones(5, np.int64)

@@ -11,7 +11,7 @@ import pytest
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.status import Budget, Progress, Status
-from hpop.search import Graph, ParetoPaths, asked_arcs, pareto_paths
+from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search import lazy_paths as module
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
 
@@ -112,7 +112,7 @@ def test_limits_of_time_and_memory_are_told() -> None:
 def test_ctrl_c_while_arcs_are_looked_at_leaves_what_is_known_to_be_free(monkeypatch: pytest.MonkeyPatch) -> None:
     graph, doors = blocked_by_chance(17)
     exact = eager(graph, doors).costs
-    monkeypatch.setattr(asked_arcs, "AT_ONCE", 1)
+    monkeypatch.setattr(module, "AT_ONCE", 1)
     for after in (0, 5, 20, 60):
         left = after
 

@@ -17,7 +17,7 @@ from hpop.search import ParetoPaths
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.query import Query
-    from hpop.search.timed.paths import TimedPaths
+    from hpop.search.timed.graph import TimedPaths
     from hpop.trajectories.trajectory import Trajectory
 
 COARSE = 0.01  # of what a cost tells apart: rounding that is more is noted

@@ -33,7 +33,7 @@ from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths, supported_paths
-from hpop.search.asked_arcs import Free
+from hpop.search.lazy_paths import Free
 from hpop.search.queries import SearchStats, costs_along
 from hpop.search.supported.first_paths import first_paths
 

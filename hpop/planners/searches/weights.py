@@ -8,7 +8,7 @@ from typing import Any
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.search.supported.given_weights import checked_divisions, integer_weights
+from hpop.search.supported.weights import checked_divisions, integer_weights
 
 Weights = tuple[tuple[float, ...], ...]
 

@@ -32,14 +32,12 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.general.tables import build, trace
-from hpop.search.general.vector_sets import SET_COLUMNS, SIZE, enter, enter_all, is_covered, needs, weigh
+from hpop.search.general.tables import SET_COLUMNS, SIZE, build, enter, enter_all, is_covered, needs, trace, weigh
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.covered import least_covered
 from hpop.search.machinery.heap_search import HeapSearch
-from hpop.search.machinery.kernels import WORD_BITS, drop_first, push
+from hpop.search.machinery.kernels import WORD_BITS, drop_first, least_covered, push
 from hpop.search.machinery.labels import Nodes, check_solutions, enter_each, retrace
 from hpop.search.machinery.slices import (
     CLOSED,

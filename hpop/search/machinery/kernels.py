@@ -1,7 +1,4 @@
-"""What the kernels of searches share: whether they are compiled, and a 4-ary heap of keys of one or more words.
-
-Imported on first use only, because importing numba takes half a second.
-"""
+"""Kernels that searches share: compilation, a 4-ary heap of keys of one or more words, coverage and the proven gap."""
 
 from __future__ import annotations
 
@@ -11,9 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import is_kept, kernel, lean, numba
 from hpop.runtime.interrupts import interrupts_held
+
+# Imported on first use only, because importing numba takes half a second.
+
 
 WORD_BITS = 62  # of a key word: non-negative as int64
 
@@ -190,3 +190,61 @@ def repack(
         for j in range(len(old[0])):
             value = (keys[i * old[3] + old[0][j]] >> old[1][j]) & old[2][j]
             out[i * new[3] + new[0][j]] |= value << new[1][j]
+
+
+@lean
+def excess(one: FloatArray, least: FloatArray) -> float:
+    """By how much a vector (k,) exceeds an estimate (k,), relative to it, in the worst cost."""
+    worst = 0.0
+    for j in range(len(one)):
+        if least[j] > 0:
+            worst = max(worst, one[j] / least[j] - 1.0)
+        elif one[j] > 0:
+            return np.inf
+    return worst
+
+
+@lean
+def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
+    """Find the gap within which some vector of the front (n, k) covers each estimate (m, k); `most` or more is enough.
+
+    Neighbours in a queue are alike, so the vector that covered one estimate is asked first about the next one.
+    """
+    gap = 0.0
+    last = 0
+    for i in range(len(estimates)):
+        if excess(front[last], estimates[i]) <= gap:
+            continue
+        best = np.inf
+        for r in range(len(front)):
+            far = excess(front[r], estimates[i])
+            if far < best:
+                best = far
+                last = r
+                if best <= gap:
+                    break
+        gap = max(gap, best)
+        if gap >= most:
+            break
+    return gap
+
+
+def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
+    """As :func:`hpop.search.machinery.approximation.proven_gap`; where that is `most` or more, some gap of so much."""
+    if not len(estimates):
+        return 0.0
+    if not len(front):
+        return float("inf")
+    return float(largest_gap(front.astype(np.float64), np.ascontiguousarray(estimates, np.float64), most))
+
+
+@kernel
+def least_covered(cost: int, eps: float, tolerance: int) -> int:
+    """Find the least estimate that a cost covers: the smallest f >= 0 with f + floor(eps f) + tolerance >= cost."""
+    if cost <= tolerance:
+        return 0
+    rounding = 2 + (cost >> 50)  # of the quotient, with room to spare
+    f = max(np.int64(0), np.int64((cost - tolerance) / (1.0 + eps)) - rounding)
+    while f + np.int64(f * eps) + tolerance < cost:
+        f += 1
+    return int(f)

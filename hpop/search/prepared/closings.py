@@ -1,23 +1,29 @@
-"""Which arcs are closed, and what that means to the groups that turns make."""
+"""What a prepared graph knows before a query: closed arcs, known paths, and bounds on the remaining costs."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.text import shown
-from hpop.errors import GraphError
+from hpop.errors import GraphError, QueryError
+from hpop.runtime.compiled import lean
 from hpop.search.general.search import General
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.slices import Clock, Search
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
+from hpop.search.pareto_paths import Question
 from hpop.search.queries import UNLIMITED
 from hpop.search.staircase.search import Staircase
+from hpop.search.staircase.tables import H_FIRST, H_REST, TooWide, costs_by_turns
+from hpop.search.staircase.turn_hull import IntLanes, TurnHull, directions, turn_hull
 
 
 class Closings:
@@ -106,3 +112,129 @@ class Closings:
         elif isinstance(search, Staircase):
             still = self.turns > 0 if search.groups is self.whole else np.zeros(len(search.group_table), np.bool_)
             search.close(self.closed, still)
+
+
+class KnownPaths(NamedTuple):
+    """Costs (n, k) of paths, and the places of their arcs in the graph."""
+
+    costs: IntArray
+    paths: tuple[IntArray, ...]
+
+
+def known_paths(
+    graph: Graph, source: int, is_target: BoolArray, paths: Sequence[IntArray], closed: BoolArray
+) -> KnownPaths:
+    """Paths of which no arc is closed, and what they cost; QueryError for what leads from the source to no target."""
+    several = [np.asarray(path) for path in paths]
+    listed = [arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size) for arcs in several]
+    if not all(listed):
+        raise QueryError(f"known path {listed.index(False)} must list places of arcs, whole numbers; see suffixes")
+    sizes = np.array([path.size for path in several], np.int64)
+    ends = np.cumsum(sizes)
+    arcs = np.concatenate([np.zeros(0, np.int64), *several]).astype(np.int64)
+    row = np.repeat(np.arange(len(several)), sizes)
+    strange = row[(arcs < 0) | (arcs >= graph.arcs)]
+    if strange.size:
+        raise QueryError(f"known path {strange[0]} must list places of arcs, from 0 to {graph.arcs - 1}")
+    heads = graph.heads[arcs].astype(np.int64)
+    tails = np.append(source, heads)[:-1] if arcs.size else arcs
+    tails[(ends - sizes)[sizes > 0]] = source
+    leads = (graph.indptr[tails] <= arcs) & (arcs < graph.indptr[tails + 1])
+    last = np.full(len(several), source)
+    last[sizes > 0] = heads[ends[sizes > 0] - 1]
+    wrong = np.concatenate([row[~leads], np.flatnonzero(~is_target[last])])
+    if wrong.size:
+        raise QueryError(f"known path {wrong.min()} does not lead from node {source} to a target, arc by arc")
+    costs = np.zeros((len(several), graph.criteria), np.int64)
+    for j, aggregate in enumerate(graph.aggregates):
+        if arcs.size:
+            add = np.maximum if aggregate == "max" else np.add
+            costs[sizes > 0, j] = add.reduceat(graph.costs[arcs, j], (ends - sizes)[sizes > 0])
+    free = np.ones(len(several), np.bool_)
+    free[row[closed[arcs]]] = False
+    parts = np.split(arcs, ends[:-1]) if several else []
+    return KnownPaths(costs[free], tuple(part for part, kept in zip(parts, free, strict=True) if kept))
+
+
+@lean
+def least_way(
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    closed: BoolArray,
+    onward: NDArray[np.int32],
+    source: int,
+    arcs: IntArray,
+) -> int:
+    """Follow nodes onward (n,) from the source by the open arcs (n,) that cost least; returns how many these are."""
+    size = 0
+    u = np.int64(source)
+    while onward[u] >= 0:
+        best = np.int64(-1)
+        for a in range(indptr[u], indptr[u + 1]):
+            if heads[a] == onward[u] and not closed[a] and (best < 0 or costs[a, column] < costs[best, column]):
+                best = np.int64(a)
+        arcs[size] = best
+        size += 1
+        u = np.int64(onward[u])
+    return size
+
+
+# Both cost more than a small search, and neither depends on its source. They are made while all arcs are open, and are
+# true whatever is closed then: fewer ways are no better. The exact search takes bounds by turns (:mod:`.turn_bounds`),
+# the one within a precision joint bounds (:mod:`.turn_hull`). The latter tell by how much the rest of a way exceeds its
+# least costs, one by one: so they belong to the bounds with which they were made.
+
+
+ROOM = 200 * 2**20  # bytes for joint bounds, scratch included
+NEAR, FEW = 1.025, 0.02  # so many more turns help no more than so, from all but so few of the nodes
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """Bounds of the rest of the way, of the order of costs in which the search takes them.
+
+    h       (k, n)       least costs, one by one, while all arcs are open
+    layers  (n, LAYERS)  least rest with at most so many turns, the nodes in the order of the groups; None for none
+    hull                 joint bounds; None for none
+    """
+
+    h: IntArray
+    layers: NDArray[Any] | None = None
+    hull: TurnHull | None = None
+
+    @classmethod
+    def of(
+        cls,
+        graph: Graph,
+        source: int,
+        targets: IntArray,
+        order: tuple[int, ...],
+        h: IntArray,
+        groups: Groups,
+        clock: Clock,
+    ) -> Self:
+        """The bounds of a staircase search whose turns make groups and count by ones, from a source as far as any."""
+        first, index, rest = order
+        sums = [graph.aggregates[j] == "sum" for j in (first, rest)]
+        if groups.column != index or groups.step != 1 or not sums[1]:
+            return cls(h)
+        try:
+            search = Question(graph, source, targets).search("staircase", order, h, groups, clock, jointly=False)
+        except TooWide:
+            return cls(h)
+        assert isinstance(search, Staircase)
+        tables = search.nodes, search.start, search.arcs
+        layers = costs_by_turns(groups, rest, *tables, search.is_target, clock)
+        if not sums[0]:
+            return cls(h, layers)
+        weights = directions((int(search.nodes[:, H_FIRST].max()), int(search.nodes[:, H_REST].max())))
+        near = search.nodes[:, [H_FIRST, H_REST]] * weights[[0, 1], [0, 1]] * NEAR
+        near[h[0, groups.nodes] >= UNREACHABLE] = np.inf
+
+        def is_enough(now: IntLanes) -> bool:
+            return bool((now[:, :2] > near).any(axis=1).mean() <= FEW)
+
+        hull = turn_hull(groups, (first, rest), weights, *tables, search.is_target, is_enough, ROOM, clock)
+        return cls(h, layers, hull)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.runtime.compiled import lean
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.deadline import Deadline
+from hpop.search.machinery.slices import Deadline
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, MOST_STEPS, STEP_BITS, UP, IntLanes, Steps, TurnHull
 

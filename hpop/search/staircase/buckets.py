@@ -1,18 +1,33 @@
-"""A queue of labels by their first cost: chunks of entries a bucket; the lowest bucket is a heap by the rest.
-
-Nearly all labels wait long before they are looked at, and most of those that leave in succession tie in the first
-cost. So what waits is only appended to its bucket, 16 bytes an entry, and a bucket is put in order when it opens:
-that heap is small and stays in the processor's cache (Dial 1969; Barrett, Maristany and others use buckets on the
-first cost in NWMOA*, 2023). Entries leave in lexicographic order, as from one heap.
-"""
+"""Searches whose open labels wait in buckets of their first cost, with joint bounds or without."""
 
 from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import kernel, lean
+from hpop.search.graph import Graph
+from hpop.search.machinery.approximation import ANYTHING, Precision, thinned
+from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
+from hpop.search.machinery.kernels import least_covered
+from hpop.search.machinery.labels import Unsound, is_heap
+from hpop.search.machinery.slices import N_EXPANDED, N_FRONT, N_GENERATED, Clock, Search
+from hpop.search.machinery.turns import Groups, NoRoom
+from hpop.search.staircase.labels import Corners
+from hpop.search.staircase.tables import H_FIRST, H_REST
+from hpop.search.staircase.turn_hull import LANES, ROOM, IntLanes, JointBounds, TurnHull, directions, turn_hull
+
+# Nearly all labels wait long before they are looked at, and most of those that leave in succession tie in the first
+# cost. So what waits is only appended to its bucket, 16 bytes an entry, and a bucket is put in order when it opens:
+# that heap is small and stays in the processor's cache (Dial 1969; Barrett, Maristany and others use buckets on the
+# first cost in NWMOA*, 2023). Entries leave in lexicographic order, as from one heap.
+
 
 CHUNK = 32  # entries
 # State of the queue: bucket that is open, entries in its heap, first free chunk, how many are free, chunks ever used.
@@ -141,3 +156,209 @@ def fill(
     below[begin] = -1
     tops[which, 0] = begin + chunks - 1
     tops[which, 1] = counts - (chunks - 1) * CHUNK
+
+
+MOST_BUCKETS = 2**24  # that labels of a checkpoint may need
+
+
+class BucketSearch(Search):
+    """The queue of a search with three costs.
+
+    packing  (5,)  of keys: bits of the first cost within a bucket, bits of the last, where those of the first begin;
+                   the first cost's least bucket; the largest last cost
+    rise     (3,)  what an estimate may grow by in one expansion
+    """
+
+    packing: IntArray
+    rise: IntArray
+
+    def _make_queue(self, f: list[int], packing: IntArray) -> None:
+        """The queue with one label of estimate f (3,)."""
+        self.packing = packing
+        shift, bits, top = packing[:3].tolist()
+        buckets = 2 * ((int(self.rise[0]) >> shift) + 2)
+        self.queue = np.zeros(QUEUE, np.int64)
+        self.queue[[IN_HEAP, FREE]] = 1, -1
+        self.tops = np.full((buckets, 2), -1, np.int32)
+        chunks = max(64, 2 * self.fan)
+        self.below = np.zeros(chunks, np.int32)
+        self.entries = np.zeros((chunks * CHUNK, 2), np.int64)
+        self.keys, self.values = (np.zeros(max(1024, 2 * self.fan), np.int64) for _ in range(2))
+        self.keys[0] = ((f[0] & ((1 << shift) - 1)) << top) | (f[1] << bits) | f[2]
+
+    def estimates(self) -> IntArray:
+        """Estimates (m, 3) of the labels still open."""
+        shift, bits, top, origin, _ = self.packing.tolist()
+        entries, buckets = waiting(self.tops, self.below, self.entries)
+        key = np.concatenate([self.keys[: self.queue[IN_HEAP]], entries[:, 0]])
+        bucket = np.concatenate([np.full(self.queue[IN_HEAP], self.queue[OPEN]), buckets])
+        first = ((bucket + origin) << shift) | (key >> top)
+        return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
+
+    def opened(self) -> tuple[IntArray, IntArray]:
+        """The labels still open: in the heap, and in the buckets, the lowest first."""
+        entries, _ = waiting(self.tops, self.below, self.entries)
+        return self.values[: self.queue[IN_HEAP]], entries[:, 1]
+
+    def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
+        """Fill the heap and the buckets with labels, and their estimates."""
+        shift, bits, top, origin, _ = self.packing.tolist()
+        n = len(heap)
+        buckets = (costs[:, 0] >> shift) - origin
+        opened, later = int(buckets[0]) if n else 0, buckets[n:]
+        sound = (buckets[:n] == opened).all() and (np.diff(later, prepend=opened) >= 0).all()
+        if not sound or opened < 0 or (n > 0 and opened in later[:1]) or buckets.max(initial=0) > MOST_BUCKETS:
+            raise Unsound("its open labels are in no queue")
+        while buckets.max(initial=0) >= len(self.tops):
+            self._grow_buckets()
+        while len(self.values) < n:
+            self._grow_heap()
+        keys = ((costs[:, 0] & ((1 << shift) - 1)) << top) | (costs[:, 1] << bits) | costs[:, 2]
+        self.keys[:n], self.values[:n] = keys[:n], heap
+        if not clock.call(is_heap, self.keys, n, 1):
+            raise Unsound("its open labels are no heap")
+        used = -(-np.bincount(later) // CHUNK).sum()
+        while len(self.below) < used:
+            self._grow_chunks()
+        fill(self.tops, self.below, self.entries, later, np.stack([keys[n:], waiting], axis=1))
+        self.queue[[OPEN, IN_HEAP, FREE, N_FREE, USED]] = opened, n, -1, 0, used
+
+    def _grow_heap(self) -> None:
+        self.keys, self.values = (np.resize(a, 2 * len(a)) for a in (self.keys, self.values))
+
+    def _grow_chunks(self) -> None:
+        self.below.resize(2 * len(self.below), refcheck=False)
+        self.entries.resize((2 * len(self.entries), 2), refcheck=False)
+
+    def _grow_buckets(self) -> None:
+        self.tops = np.concatenate([self.tops, np.full_like(self.tops, -1)])
+
+
+# See :mod:`.turn_hull` and :mod:`.corners`.
+
+
+NEAR = 4  # the front on the ways found, and the bounds by turns, are as near as eps / NEAR
+THIN = 3  # and the part of it that is kept covers it within eps / THIN
+
+
+class JointSearch(BucketSearch):
+    """A staircase search that may take joint bounds of its first and its rest cost.
+
+    hull         the bounds that it took; None for none
+    cornered     size of the front that their corners are of
+    hull_paths   arcs of the solutions that no label led to
+    closed_arcs  (m,) of the graph, which no path takes; None for none
+    """
+
+    graph: Graph
+    source: int
+    precision: Precision
+    tolerance: IntArray
+    at_most: tuple[int, ...]
+    groups: Groups
+    order: tuple[int, int, int]
+    nodes: NDArray[Any]
+    start: IntArray
+    arcs: NDArray[Any]
+    is_target: NDArray[np.uint8]
+    looked_ahead: bool
+    hull: JointBounds | None = None
+    cornered: int = 0
+    hull_paths: tuple[IntArray, ...] = ()
+    closed_arcs: BoolArray | None = None
+
+    @abstractmethod
+    def _on(
+        self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
+    ) -> BucketSearch:
+        """The same search on a part of the graph."""
+
+    def _look_jointly(self, clock: Clock) -> bool:
+        """Take joint bounds, and solutions to begin with; False where there are none, or no room for them."""
+        limit = clock.budget.max_memory
+        room = ROOM if limit is None else limit - self.memory()
+        columns = (self.order[0], self.order[2])
+        weights = directions((int(self.nodes[:, H_FIRST].max()), int(self.nodes[:, H_REST].max())))
+        best = self.nodes[self.source, [H_FIRST, H_REST]]
+        enough = best * (1 + self.precision.eps / NEAR) + self.tolerance[[0, 2]] // NEAR
+        near = enough[0] * weights[0, 0], enough[1] * weights[1, 1]
+
+        def is_enough(now: IntLanes) -> bool:
+            return not (now[self.source, :2] > near).any()
+
+        tables = (self.nodes, self.start, self.arcs)
+        hull = turn_hull(self.groups, columns, weights, *tables, self.is_target, is_enough, room, clock)
+        if hull is None:
+            return False
+        self.take_joint_bounds(hull, *self.front_along(hull, clock), clock)
+        return True
+
+    def front_along(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """The front (n, 3) of the paths through the nodes that a hull's best ways pass, near enough, and their arcs."""
+        columns = (self.order[0], self.order[2])
+        passed = hull.passed(self.groups, columns, self.nodes, self.start, self.arcs, self.source, clock)
+        return self._front_on(passed, clock)
+
+    def take_joint_bounds(self, hull: TurnHull, costs: IntArray, paths: Sequence[IntArray], clock: Clock) -> None:
+        """Begin with solutions (n, 3) that are known, and follow only what a hull and these cannot tell to be covered.
+
+        costs  in the order of the search, rows in lexicographic order
+        paths  n  places of their arcs
+        """
+        self.looked_ahead = True
+        found = int(self.counters[N_FRONT])
+        rows = thinned(costs, self.front[:found], self.precision.eps / THIN, self.tolerance // THIN)
+        self.hull_paths = tuple(paths[row] for row in rows)
+        self.front = np.concatenate([self.front[:found], costs[rows], np.zeros((64, 3), np.int64)])
+        self.solutions = np.concatenate([self.solutions[:found], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
+        self.counters[N_FRONT] += len(rows)
+        ahead = self._covered(costs[rows])
+        ahead = ahead[ahead[:, 0].argsort()]
+        nothing = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
+        reached, scratch = np.zeros(1, np.int64), np.zeros((2, LANES), np.int32)
+        self._take_corners(JointBounds(hull.layers, hull.weights, *nothing, ahead, reached, scratch), clock)
+
+    def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
+        """The front (n, 3) of the paths through some nodes alone, near enough, and their arcs."""
+        nodes = np.sort(self.groups.nodes[passed])
+        part = self.graph.among(nodes)
+        if self.closed_arcs is not None:
+            free = part.without(self.closed_arcs[part.arc])
+            part = replace(free, arc=part.arc[free.arc])
+        source = int(np.searchsorted(nodes, self.groups.nodes[self.source]))
+        targets = np.flatnonzero(self.is_target[self.groups.place[nodes]])
+        memory = self.memory()
+        silent = clock.silent(int(self.counters[N_GENERATED]), memory)
+        try:
+            groups = Groups.of_column(part, self.order[1], silent) or Groups.none(part, silent)
+        except NoRoom:
+            return np.zeros((0, 3), np.int64), []
+        h, _, _ = lower_bounds(part, source, targets, silent, groups)
+        if not h.size or h[0, source] >= UNREACHABLE:  # no room, or steps are too coarse to tell ways apart
+            return np.zeros((0, 3), np.int64), []
+        near = Precision(self.precision.eps / NEAR, tuple(t // NEAR for t in self.precision.tolerance))
+        search = self._on(part, source, targets, h, groups, silent, near)
+        search.run(silent)
+        costs, labels, generated, expanded, _ = search.found()
+        self.counters[N_GENERATED] += generated
+        self.counters[N_EXPANDED] += expanded
+        hull_paths = [part.arc[path].astype(np.int64) for path in search.paths(labels, silent)]
+        clock.compiled += silent.compiled
+        clock.peak = max(clock.peak, memory + silent.peak)
+        return costs, hull_paths
+
+    def _covered(self, costs: IntArray) -> IntArray:
+        """The least estimates (n, 3) that costs cover."""
+        eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
+        table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
+        return np.array(table, np.int64).reshape(-1, 3)
+
+    def _take_corners(self, hull: JointBounds, clock: Clock) -> None:
+        """Tell the kernel what the front leaves uncovered, within what no solution may exceed."""
+        self.cornered = int(self.counters[N_FRONT])
+        covered = self._covered(self.front[: self.cornered])
+        if self.at_most:
+            beyond = np.diag([self.at_most[j] + 1 for j in self.order])
+            covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])
+        corners = Corners.of(covered, hull.weights, clock)
+        self.hull = hull._replace(corners=corners.values, last=corners.last)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.machinery.covered import least_covered
+from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.slices import (
     BUCKETS,
     CHUNKS,
@@ -30,7 +30,7 @@ from hpop.search.machinery.slices import (
 )
 from hpop.search.machinery.turns import TURNS
 from hpop.search.staircase.buckets import CHUNK, FREE, IN_HEAP, N_FREE, OPEN, USED, open_next, sift_down
-from hpop.search.staircase.corners import may_improve
+from hpop.search.staircase.labels import may_improve
 from hpop.search.staircase.tables import (
     BEGIN,
     BELOW,

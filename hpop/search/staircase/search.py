@@ -49,7 +49,7 @@ from hpop.search.machinery.slices import (
     Clock,
 )
 from hpop.search.machinery.turns import OFFSET, SIZE, Groups
-from hpop.search.staircase.joint_search import JointSearch
+from hpop.search.staircase.buckets import JointSearch
 from hpop.search.staircase.kernel import advance
 from hpop.search.staircase.labels import enter_all, enter_goal, retrace, weigh
 from hpop.search.staircase.tables import (
@@ -57,14 +57,15 @@ from hpop.search.staircase.tables import (
     BELOW,
     DEAREST,
     GROUP_COLUMNS,
+    LAYERS,
     NODE_COLUMNS,
     REST,
     TooWide,
+    costs_by_turns,
     fill_tables,
     trace,
     widen,
 )
-from hpop.search.staircase.turn_bounds import LAYERS, costs_by_turns
 
 STEPS = 64  # arcs a path for which there is room at first
 INDEX_BITS = 14

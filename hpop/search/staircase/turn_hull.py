@@ -26,8 +26,7 @@ from hpop.runtime.compiled import kernel, lean
 from hpop.runtime.interrupts import interrupts_held
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
-from hpop.search.staircase.tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, REST
-from hpop.search.staircase.turn_bounds import chain_order
+from hpop.search.staircase.tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, REST, chain_order
 
 LANES = 8  # 32 bytes: one vector register
 MOST_LAYERS = 64

@@ -18,7 +18,7 @@ from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.queries import ParetoPaths, SearchStats
-from hpop.search.supported.given_weights import simplex_lattice
+from hpop.search.supported.weights import simplex_lattice
 
 DIVISIONS = (2, 3)  # of the weights of whole costs, after each cost alone
 TIE = 1e-6  # weight of the others where one cost is minimised alone

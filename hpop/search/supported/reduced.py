@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.base.arrays import IntArray
-from hpop.search.supported.weight_cone import Vector
+from hpop.search.supported.weights import Vector
 
 NONE = np.zeros(0, np.int64)
 

@@ -17,12 +17,18 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.runtime.sweep import Sweep
-from hpop.search.asked_arcs import AskedArcs, Free
 from hpop.search.graph import Graph
+from hpop.search.lazy_paths import AskedArcs, Free
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
-from hpop.search.supported.given_weights import checked_divisions, integer_weights, simplex_lattice, smallest
 from hpop.search.supported.reduced import NONE, Reduced, Task, least_path, solve_weight
-from hpop.search.supported.weight_cone import Vector, WeightCone
+from hpop.search.supported.weights import (
+    Vector,
+    WeightCone,
+    checked_divisions,
+    integer_weights,
+    simplex_lattice,
+    smallest,
+)
 
 if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock

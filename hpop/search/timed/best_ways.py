@@ -1,12 +1,12 @@
-"""The ways that are best for a weight: followed, arc by arc and hold by hold, down a sweep of :mod:`.joint`."""
+"""Paths on a clock: the best for a weight, their costs, and holds gathered to fewer."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from hpop.base.arrays import IntArray
-from hpop.runtime.compiled import lean
-from hpop.search.timed.joint import FAR, Ahead, Sweep, depart, row_of, weigh_standing
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.runtime.compiled import kernel, lean
+from hpop.search.timed.joint import FAR, LANES, UNIT, Ahead, Sweep, depart, row_of, weigh_standing
 from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
 
 
@@ -141,3 +141,122 @@ def follow_all(
         sizes[i] = max(count, 0)
         used += sizes[i]
     return len(lanes)
+
+
+EVEN = 0.25  # what each cost has at least of a mixed weight, times the share of one among them all
+
+
+def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, IntArray]:
+    """Weights (LANES, k) of each summed cost alone, powers of two, then even mixtures; shifts (k,) of the former.
+
+    summed   columns of costs that add up
+    typical  (k,) what a whole way costs, about
+    """
+    k = len(typical)
+    weights, shift = np.zeros((LANES, k)), np.zeros(k, np.int64)
+    for lane, j in enumerate(summed):
+        shift[j] = max(0, int(np.ceil(np.log2(max(1.0, typical[j] / UNIT)))))
+        weights[lane, j] = 2.0 ** -shift[j]
+    mixed = mixtures(len(summed), LANES - len(summed))
+    weights[len(summed) :, summed] = _whole(mixed * UNIT / np.maximum(1.0, typical[summed]))
+    return weights, shift
+
+
+def mixed_weights(summed: IntArray, ranges: FloatArray, typical: FloatArray) -> FloatArray:
+    """Weights (LANES, k) that make ranges (k,) alike; none is larger than what makes a whole way UNIT."""
+    weights = np.zeros((LANES, len(ranges)))
+    one = mixtures(len(summed), LANES) / np.maximum(1.0, ranges[summed])
+    most = (one * np.maximum(1.0, typical[summed])).sum(axis=1)
+    weights[:, summed] = _whole(one * UNIT / most[:, None])
+    return weights
+
+
+def _whole(weights: FloatArray) -> FloatArray:
+    """Weights rounded to whole numbers where they are at least 1: sums of what they weigh are then exact."""
+    return np.asarray(np.where(weights >= 1, np.rint(weights), weights))
+
+
+def mixtures(k: int, count: int) -> FloatArray:
+    """Positive weights (count, k), sums 1: first the even one, then those that favour each cost, then spread ones.
+
+    >>> mixtures(2, 3).round(3).tolist()
+    [[0.5, 0.5], [0.875, 0.125], [0.125, 0.875]]
+    """
+    if k == 1:
+        return np.ones((count, 1))
+    even = np.full((1, k), 1 / k)
+    favour = (1 - EVEN) * np.eye(k) + EVEN / k
+    generator = np.random.default_rng(0)  # any spread will do, the same each time
+    spread = generator.dirichlet(np.full(k, 0.7), max(0, count - k - 1))
+    return np.concatenate([even, favour, (1 - EVEN / 5) * spread + EVEN / 5 / k])[:count]
+
+
+@lean
+def cost_of_walk(tables: Tables, source: int, begin: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> int:
+    """Write what a walk costs that leaves a node at a tick and takes arcs (s,) at ticks (s,), holds between them.
+
+    It is written into total (k,).
+
+    Returns the node where it ends; -1 if it is none of this graph, or holds so long after the horizon that no search
+    would. The numbers may be any.
+    """
+    for j in range(len(total)):
+        total[j] = 0
+    v, t, last = np.int64(source), np.int64(begin), tables.since.shape[1] - 1
+    for i in range(len(arcs)):
+        a, leave = arcs[i], leaves[i]
+        if not 0 <= a < len(tables.heads) or not tables.start[v] <= a < tables.start[v + 1]:
+            return -1
+        p = np.int64(tables.place[v])
+        held = leave - t
+        if held != 0 and (tables.hold == 0 or held < tables.hold or free_since(tables, p, leave) > t):
+            return -1
+        if held != 0 and leave > last + tables.hold:  # a hold that no search makes
+            return -1
+        if not is_open(tables, a, p, leave):
+            return -1
+        for j in range(len(total)):
+            more = arc_cost(tables, a, p, j, leave)
+            if tables.is_max[j]:
+                total[j] = max(total[j], more, worst_rate(tables, p, j, t, leave))
+            else:
+                total[j] += more + omega_at(tables, p, j, leave) - omega_at(tables, p, j, t)
+        v, t = np.int64(tables.heads[a]), leave + np.int64(tables.durations[a])
+    return int(v)
+
+
+# A search keeps one path of each cost vector, whichever comes first: where waiting costs the same at several places, it
+# may stop at each of them for a while. So of each path that is found pairs of holds are tried as one, at the place of
+# the first or of the second; what lies between is then left for later or earlier, and all of it is costed anew. The
+# path that remains costs the same, and no two of its holds could be one.
+
+
+@kernel
+def gather_holds(tables: Tables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
+    """Make two holds one while the path costs the same (k,); leaves (s,) are changed; returns how many are left."""
+    total = np.empty(len(costs), np.int64)
+    tried = leaves.copy()
+    waits = np.zeros(len(arcs), np.int64)
+    again = True
+    while again:
+        again = False
+        ready = np.int64(begin)
+        for i in range(len(arcs)):
+            waits[i] = leaves[i] - ready
+            ready = leaves[i] + np.int64(tables.durations[arcs[i]])
+        for i in range(len(arcs)):
+            for j in range(i + 1, len(arcs) if waits[i] > 0 else 0):
+                if waits[j] == 0:
+                    continue
+                for later in (waits[j], -waits[i]):  # all at the first place, or all at the second
+                    for between in range(len(arcs)):
+                        tried[between] = leaves[between] + (later if i <= between < j else 0)
+                    if cost_of_walk(tables, source, begin, arcs, tried, total) >= 0 and (total == costs).all():
+                        leaves[:] = tried
+                        again = True
+                        break
+                if again:
+                    break
+            if again:
+                break
+    return int((waits > 0).sum())

@@ -18,13 +18,11 @@ from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
-from hpop.search.timed.best_ways import follow_all
-from hpop.search.timed.calm import NOTHING
+from hpop.search.timed.best_ways import follow_all, lone_weights, mixed_weights
+from hpop.search.timed.calm import NOTHING, Ways, reversed_graph
 from hpop.search.timed.graph import MAX_TICKS, TimedGraph
 from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, price_arcs, sweep
-from hpop.search.timed.rest import Ways, reversed_graph
 from hpop.search.timed.tables import NEVER, Tables
-from hpop.search.timed.weights import lone_weights, mixed_weights
 
 AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
 MANY = 250_000  # states in between: fewer are swept at once

@@ -1,29 +1,44 @@
-"""When nothing changes any more: for whom, and what waiting may still bring.
-
-L(v) is the latest tick at which v may be left so that an arc on some way on still differs from what it is from H on.
-Whoever leaves v later, at whatever tick, has the same ways on at the same costs, and has no use for holds: it is calm.
-L(v) = max(last change of an arc that leaves v, max over arcs (v, u) of L(u) - d).
-
-Proof: let a way leave v at t > L(v). Its first arc is left for later than that arc's last change; its head u is
-reached at t + d > L(u). So by induction each arc of it is as at H, at any shift; and to leave out its holds, which cost
-no less than nothing, makes all that follows only earlier, yet still later than its L.
-
-Waiting for an arc (v, u) has a use only if the arc gets better: if at some tick it opens, or costs less than it did a
-tick before (in what has to be paid until it would have been reached by waiting at u instead: its cost, plus what
-standing at v costs, less what standing at u costs), or nobody may stand at u. Where the last such tick is past, whoever
-waits at v does no better than whoever goes and waits at u.
-"""
+"""What is known before a search on a clock: remaining costs, uses of holds, and when nothing changes any more."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.machinery.bounds import enter, leave
-from hpop.search.timed.graph import RATE, RATE_BITS
-from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
+from hpop.runtime.status import Status
+from hpop.search.graph import Graph
+from hpop.search.machinery.bounds import UNREACHABLE, enter, leave, lower_bounds, reverse
+from hpop.search.machinery.slices import Clock
+from hpop.search.timed.graph import RATE, RATE_BITS, TimedGraph
+from hpop.search.timed.tables import (
+    PLAIN,
+    STAYS,
+    Tables,
+    arc_cost,
+    free_since,
+    is_open,
+    omega_at,
+    one_stay_suffices,
+    worst_rate,
+)
+
+# L(v) is the latest tick at which v may be left so that an arc on some way on still differs from what it is from H on.
+# Whoever leaves v later, at whatever tick, has the same ways on at the same costs, and has no use for holds: it is
+# calm. L(v) = max(last change of an arc that leaves v, max over arcs (v, u) of L(u) - d).
+#
+# Proof: let a way leave v at t > L(v). Its first arc is left for later than that arc's last change; its head u is
+# reached at t + d > L(u). So by induction each arc of it is as at H, at any shift; and to leave out its holds, which
+# cost no less than nothing, makes all that follows only earlier, yet still later than its L.
+#
+# Waiting for an arc (v, u) has a use only if the arc gets better: if at some tick it opens, or costs less than it did a
+# tick before (in what has to be paid until it would have been reached by waiting at u instead: its cost, plus what
+# standing at v costs, less what standing at u costs), or nobody may stand at u. Where the last such tick is past,
+# whoever waits at v does no better than whoever goes and waits at u.
+
 
 NOTHING = -1  # calm from tick 0 on
 
@@ -178,3 +193,138 @@ def gains(tables: Tables, a: int, p: int, early: int, late: int) -> bool:
         if now > then:
             return True
     return False
+
+
+# The latter is found out of a node, or a place, when a label first comes to it: to most of them none ever does.
+
+
+UNKNOWN = -2  # nobody has asked yet
+NEVER_OF_USE = -1
+
+
+class Rest(NamedTuple):
+    """What is known of the way that is left from each node.
+
+    least   (k, n)  least costs, at whatever tick
+    ticks   (n,)    fewest ticks
+    earliest (n,)   the tick at which a node may be reached
+    calm    (n,)    L of :mod:`.calm`
+    leads, whole, settled   as that takes them
+    gain    (m,)    the last tick at which waiting for an arc gains anything, if it is known of its tail
+    until   (n,)    the last tick at which waiting at a node may have a use, or UNKNOWN
+    one_stay (P,)   whether no use is in arcs that stay one after another (:mod:`.stays`), or UNKNOWN
+    nodes, first    nodes that anybody has to come to, by their place: those of place p from first[p] to first[p + 1]
+    """
+
+    least: IntArray
+    ticks: IntArray
+    earliest: IntArray
+    calm: NDArray[np.int32]
+    leads: NDArray[np.uint8]
+    whole: BoolArray
+    settled: NDArray[np.int32]
+    gain: NDArray[np.int32]
+    until: IntArray
+    one_stay: NDArray[np.int8]
+    nodes: IntArray
+    first: IntArray
+
+
+@lean
+def wait_until(tables: Tables, rest: Rest, v: int) -> int:
+    """The last tick at which waiting at a node may have a use; NEVER_OF_USE where it never has."""
+    if rest.until[v] == UNKNOWN:
+        latest = last_gains(tables, rest.leads, rest.calm, rest.earliest, rest.whole, rest.settled, v, rest.gain)
+        hold = np.int64(tables.hold)
+        rest.until[v] = min(latest + 2 * hold, rest.calm[v] + hold) if latest > 0 else NEVER_OF_USE
+    return int(rest.until[v])
+
+
+@lean
+def needs_one_stay(tables: Tables, rest: Rest, p: int) -> bool:
+    """Whether at a place no use is in arcs that stay one after another."""
+    if rest.one_stay[p] == UNKNOWN:
+        rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
+    return bool(rest.one_stay[p] != 0)
+
+
+class Ways(NamedTuple):
+    """What is known of the ways through each node, before any search; see :class:`.Rest`.
+
+    through  (k, n)  least costs of a way from the source to a target, at whatever tick
+    leads    (n,)    whether a target may be reached
+    whole, settled   of :func:`.settle`
+    """
+
+    least: IntArray
+    through: IntArray
+    ticks: IntArray
+    earliest: IntArray
+    calm: NDArray[np.int32]
+    leads: NDArray[np.uint8]
+    whole: BoolArray
+    settled: NDArray[np.int32]
+
+
+def ways_through(
+    graph: TimedGraph, tables: Tables, source: int, targets: IntArray, clock: Clock
+) -> tuple[Ways | None, Status | None]:
+    """What is known of the ways, or the limit that was passed."""
+    static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
+    cheapest = _cheapest(graph)
+    least, _, status = lower_bounds(cheapest, source, targets, clock)
+    if status is not None:
+        return None, status
+    spent, _, status = lower_bounds(reversed_graph(cheapest), 0, np.array([source]), clock)
+    if status is not None:
+        return None, status
+    ticks = graph.durations.astype(np.int64)[:, None]
+    onward = Graph.from_csr(static.indptr, static.heads, ticks)
+    needed, _, status = lower_bounds(onward, source, targets, clock)
+    if status is not None:
+        return None, status
+    earliest, _, status = lower_bounds(reversed_graph(onward), 0, np.array([source]), clock)
+    if status is not None:
+        return None, status
+    leads = (needed[0] < UNREACHABLE).astype(np.uint8)
+    calm = np.empty(n, np.int32)
+    whole, settled = np.empty(graph.places, np.bool_), np.empty(graph.places, np.int32)
+    clock.call(settle, tables, whole, settled)
+    clock.call(last_changes, tables, leads, settled, calm)
+    begin, entering, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((1, m), np.int64)
+    clock.call(reverse, static.indptr, static.heads, np.arange(m, dtype=np.int32), ticks, begin, entering, weights)
+    piles = np.full(graph.horizon + 1, -1), np.empty(n, np.int32), np.empty(n, np.int32)
+    clock.call(spread_back, begin[:-1], entering, weights[0], calm, *piles)
+    is_max = np.array([aggregate == "max" for aggregate in static.aggregates])[:, None]
+    worst = np.maximum(spent, least)
+    through = np.where(is_max | (worst >= UNREACHABLE), worst, spent + least)
+    return Ways(least, through, needed[0], earliest[0], calm, leads, whole, settled), None
+
+
+def rest_of_way(graph: TimedGraph, ways: Ways, needed: BoolArray) -> Rest:
+    """What is known of the rest of the way from the nodes (n,) that anybody has to come to."""
+    n, nodes = graph.graph.nodes, np.flatnonzero(needed)
+    nodes = nodes[np.argsort(graph.place[nodes], kind="stable")]
+    return Rest(
+        ways.least, ways.ticks, ways.earliest, np.where(needed, ways.calm, np.int32(NOTHING)),
+        ways.leads, ways.whole, ways.settled,
+        np.zeros(graph.graph.arcs, np.int32), np.full(n, UNKNOWN), np.full(graph.places, UNKNOWN, np.int8),
+        nodes, np.searchsorted(graph.place[nodes], np.arange(graph.places + 1)),
+    )  # fmt: skip
+
+
+def reversed_graph(graph: Graph) -> Graph:
+    """The graph with all arcs the other way round."""
+    tails = np.repeat(np.arange(graph.nodes, dtype=np.int32), np.diff(graph.indptr))
+    return Graph.from_arcs(graph.nodes, graph.heads, tails, graph.costs, aggregates=graph.aggregates)
+
+
+def _cheapest(graph: TimedGraph) -> Graph:
+    """The graph of what arcs cost when they cost least; those that are never open are left out."""
+    costs = graph.graph.costs.copy()
+    for j, table in graph.costs.items():
+        costs[graph.timed, j] = table.min(axis=1)
+    never: NDArray[Any] = np.zeros(graph.graph.arcs, np.bool_)
+    never[graph.timed] = graph.blocked.all(axis=1)
+    part = Graph.from_csr(graph.graph.indptr, graph.graph.heads, costs, aggregates=graph.graph.aggregates)
+    return part.without(never) if never.any() else part

@@ -33,8 +33,7 @@ from hpop.search.machinery.slices import (
     ROWS,
     SLICE,
 )
-from hpop.search.timed.calm import gains
-from hpop.search.timed.corners import may_improve
+from hpop.search.timed.calm import Rest, gains, needs_one_stay, wait_until
 from hpop.search.timed.joint import Joint, row_of
 from hpop.search.timed.sets import (
     BEGIN,
@@ -51,9 +50,8 @@ from hpop.search.timed.sets import (
     make_room,
     refresh,
 )
-from hpop.search.timed.solutions import Goal, is_covered, solve
+from hpop.search.timed.solutions import Goal, is_covered, may_improve, solve
 from hpop.search.timed.tables import STAYS, Tables, arc_cost, is_open, omega_at
-from hpop.search.timed.uses import Rest, needs_one_stay, wait_until
 
 # Where the search is: the tick, what is done at it, the first label closed at it, which label or node comes next, how
 # many nodes wait, the first free row of the queue and how many rows were ever used, and solutions ever found.

@@ -21,19 +21,16 @@ from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.deadline import Deadline
-from hpop.search.machinery.gap import proven_gap
-from hpop.search.machinery.slices import Clock
+from hpop.search.machinery.kernels import proven_gap
+from hpop.search.machinery.slices import Clock, Deadline
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
+from hpop.search.timed.best_ways import cost_of_walk, gather_holds
 from hpop.search.timed.bounds import JointBounds, Seed
-from hpop.search.timed.gathered import gather_holds
-from hpop.search.timed.graph import TimedGraph
+from hpop.search.timed.calm import rest_of_way, ways_through
+from hpop.search.timed.graph import TimedGraph, TimedPaths
 from hpop.search.timed.joint import LANES, row_of
-from hpop.search.timed.paths import TimedPaths
-from hpop.search.timed.rest import rest_of_way, ways_through
 from hpop.search.timed.search import TimedSearch
 from hpop.search.timed.tables import Tables
-from hpop.search.timed.walks import cost_of_walk
 
 METHOD = "timed"
 FIRST, SECOND = 0.35, 0.95  # of all limits: in between comes a search within a precision

@@ -28,7 +28,7 @@ from hpop.search.machinery.slices import (
     Clock,
 )
 from hpop.search.timed.bounds import JointBounds, Seed
-from hpop.search.timed.corners import MOST_CORNERS, cut_corners, weighed_corners
+from hpop.search.timed.calm import Rest
 from hpop.search.timed.graph import TimedGraph
 from hpop.search.timed.joint import LANES, Joint
 from hpop.search.timed.kernel import (
@@ -49,9 +49,8 @@ from hpop.search.timed.kernel import (
     under_way,
 )
 from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, waiting
-from hpop.search.timed.solutions import Goal, is_covered, solve
+from hpop.search.timed.solutions import MOST_CORNERS, Goal, cut_corners, is_covered, solve, weighed_corners
 from hpop.search.timed.tables import NEVER, Tables
-from hpop.search.timed.uses import Rest
 
 WAYS = 32  # that are followed after each slice of work
 BLOCK = 1 << 16  # labels whose estimates are made at once

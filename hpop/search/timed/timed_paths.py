@@ -14,19 +14,25 @@ from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
 from hpop.runtime.status import Budget, ProgressCallback, Status
-from hpop.search.demands import asked_in_words, bounds_of, precision_of
 from hpop.search.machinery.approximation import ANYTHING, Precision
-from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
-from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.paths import TimedPaths
+from hpop.search.queries import (
+    UNLIMITED,
+    SearchStats,
+    asked_in_words,
+    bounds_of,
+    checked_node,
+    checked_targets,
+    precision_of,
+)
+from hpop.search.timed.graph import TimedGraph, TimedPaths
 
 if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec
     from hpop.search.machinery.slices import Clock
     from hpop.search.timed.bounds import Seed
-    from hpop.search.timed.kept import KeptSolutions
-    from hpop.search.timed.rest import Ways
+    from hpop.search.timed.calm import Ways
     from hpop.search.timed.search import TimedSearch
+    from hpop.search.timed.solutions import KeptSolutions
     from hpop.search.timed.tables import Tables
 
 METHOD = "timed"
@@ -80,7 +86,7 @@ def timed_paths(
     static = graph.graph
     start, targets = checked_node(static, source, "source"), checked_targets(static, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
-    from hpop.search.timed.kept import KeptSolutions
+    from hpop.search.timed.solutions import KeptSolutions
 
     precision, bounds = precision_of(static, eps, tolerance), bounds_of(static, at_most)
     asked = (start, targets, float(precision.eps), precision.of(range(static.criteria)), np.array(bounds, np.int64))
@@ -123,7 +129,7 @@ class _TimedRun:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
         from hpop.search.timed.bounds import JointBounds
-        from hpop.search.timed.rest import rest_of_way, ways_through
+        from hpop.search.timed.calm import rest_of_way, ways_through
         from hpop.search.timed.search import TimedSearch
         from hpop.search.timed.tables import Tables, own_bytes
 
@@ -192,8 +198,8 @@ class _TimedRun:
         end = clock.seconds()
         gap = self.precision.eps if status.is_final else self.proven
         if self.tables is not None and self.ways is not None:
-            from hpop.search.machinery.gap import proven_gap  # numba: on first use
-            from hpop.search.timed.gathered import gather_holds
+            from hpop.search.machinery.kernels import proven_gap  # numba: on first use
+            from hpop.search.timed.best_ways import gather_holds
 
             if self.search is not None:
                 costs, paths = self.search.found()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.search.general.vector_sets import PIECE, ROOM, SET_COLUMNS, SIZE, START, enter, is_covered, needs
+from hpop.search.general.tables import PIECE, ROOM, SET_COLUMNS, SIZE, START, enter, is_covered, needs
 
 
 def members(sets, pool, s, k):

@@ -11,7 +11,7 @@ from hpop.errors import OptionError
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.machinery.approximation import proven_gap
-from hpop.search.machinery.covered import least_covered
+from hpop.search.machinery.kernels import least_covered
 
 
 def covered(exact: np.ndarray, found: np.ndarray, eps: float, tolerance: np.ndarray) -> bool:

@@ -19,7 +19,7 @@ from hpop.runtime.status import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, capped_mean_paths, pareto_paths
 from hpop.search.machinery import slices as in_slices
 from hpop.search.staircase.search import Staircase
-from hpop.search.staircase.turn_bounds import LAYERS
+from hpop.search.staircase.tables import LAYERS
 
 
 def widening(steps: int = 60, dear: int = 2**26) -> Graph:

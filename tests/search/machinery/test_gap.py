@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hpop.search.machinery import approximation
-from hpop.search.machinery.gap import proven_gap
+from hpop.search.machinery.kernels import proven_gap
 
 
 @pytest.mark.seeds(20, of=300)

@@ -10,7 +10,7 @@ import pytest
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, Prepared, pareto_paths
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.deadline import Deadline
+from hpop.search.machinery.slices import Deadline
 from hpop.search.prepared import prepared as prepared_graph
 from hpop.search.staircase.turn_hull import STEP_BITS
 from tests.search.prepared.test_prepared import an_event, any_graph

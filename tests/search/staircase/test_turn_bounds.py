@@ -13,7 +13,7 @@ from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.staircase import search as staircase
 from hpop.search.staircase.search import Staircase
-from hpop.search.staircase.turn_bounds import LAYERS
+from hpop.search.staircase.tables import LAYERS
 
 
 def least_rest(graph: Graph, target: int, most: int) -> np.ndarray:

@@ -17,7 +17,7 @@ from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.staircase import search as staircase
-from hpop.search.staircase.corners import Corners, may_improve
+from hpop.search.staircase.labels import Corners, may_improve
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import H_FIRST, H_REST
 from hpop.search.staircase.turn_hull import LANES, STEP_BITS, TurnHull, directions, turn_hull

@@ -6,8 +6,8 @@ from hpop.search import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.queries import UNLIMITED
 from hpop.search.timed.bounds import JointBounds
+from hpop.search.timed.calm import ways_through
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.rest import ways_through
 from hpop.search.timed.tables import Tables
 
 ARCS = [(0, 1, 0, 1), (0, 2, 0, 1), (1, 0, 0, 1), (1, 2, 0, 1), (1, 3, 5, 1), (2, 0, 0, 1), (2, 1, 0, 1), (2, 3, 1, 10)]

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.search.timed.corners import cut_corners
+from hpop.search.timed.solutions import cut_corners
 
 MOST = 4
 

@@ -11,7 +11,7 @@ import pytest
 from hpop.runtime.status import Budget, Status
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
 from hpop.search.timed import TimedGraph, timed_paths
-from hpop.search.timed.kept import ARCS, LEAVES
+from hpop.search.timed.solutions import ARCS, LEAVES
 from tests.search.timed.instances import TimedQuery, timed_lattice
 from tests.search.timed.semantics import check_timed_walks
 

@@ -18,9 +18,8 @@ from hpop.base.options import LEAST
 from hpop.motions import HOLD, States
 from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.timed.graph import Timed
-from hpop.search.timed.graph import RATE_BITS
-from hpop.search.timed.paths import HOLD as HELD
-from hpop.search.timed.paths import Steps
+from hpop.search.timed.graph import HOLD as HELD
+from hpop.search.timed.graph import RATE_BITS, Steps
 from hpop.trajectories.trajectory import Trajectory
 
 ARC, STOOD = 1, 2  # counts: an arc's cost is rounded, and what it is compared with; standing is a difference of such

@@ -27,7 +27,7 @@ from hpop.planners.spending import Limits
 from hpop.runtime.limits import within
 from hpop.runtime.status import Budget, Status
 from hpop.search import pareto_paths
-from hpop.search.timed.paths import TimedPaths
+from hpop.search.timed.graph import TimedPaths
 from hpop.search.timed.timed_paths import timed_paths
 from hpop.trajectories.contacts import contact
 from hpop.world.content.people import Person

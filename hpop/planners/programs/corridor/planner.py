@@ -31,7 +31,7 @@ from hpop.planners.searches.weights import Weights, asked_weights, check_count
 from hpop.runtime.limits import LimitPassed
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
-from hpop.search.supported.given_weights import checked_divisions, simplex_lattice
+from hpop.search.supported.weights import checked_divisions, simplex_lattice
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem

@@ -1,0 +1,138 @@
+"""Weights of costs, given or worth testing next, as whole numbers in the same proportions."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from math import gcd
+from typing import Any
+
+from hpop.base.options import real, whole
+from hpop.base.text import shown
+from hpop.errors import OptionError
+
+# A valid inequality w . y >= b of the polyhedron conv(Y) + R^k_>= is a point (w, b) of the cone
+#
+#     { (w, b) : w_j >= 0 for all j,  w . y - b >= 0 for all y in Y },
+#
+# and its facets are the cone's extreme rays. The cone of one point is simplicial, so it is known; each further point
+# cuts it with a half-space, and the double description method (Motzkin, Raiffa, Thompson and Thrall 1953; Fukuda and
+# Prodon 1996) updates the rays: those on the wrong side go, and each adjacent pair across the cut gives a new one.
+# Fewer points than dimensions, points in a plane and weights of zero need no special care, as they would in a convex
+# hull in floating point. The facets are the weights of the outer-approximation algorithms of Ehrgott, Loehne and Shao
+# (2012) and Boekler and Mutzel (2015); for two costs they are the dichotomy of Aneja and Nair (1979).
+
+
+Vector = tuple[int, ...]
+
+
+class WeightCone:
+    """Facets of conv(Y) + R^k_>= for a growing set of integer points Y.
+
+    >>> cone = WeightCone((0, 4))
+    >>> cone.add((4, 0))
+    >>> sorted(cone.facets())
+    [((0, 1), 0), ((1, 0), 0), ((1, 1), 4)]
+    """
+
+    def __init__(self, first: Sequence[int]) -> None:
+        k = len(first)
+        self._count = k + 1  # half-spaces so far: the k signs, then the points
+        point = 1 << k
+        signs = point - 1
+        self._rays: dict[Vector, int] = {}  # (w, b) -> the half-spaces on whose border it lies, a bit each
+        for j in range(k):
+            unit = [0] * k
+            unit[j] = 1
+            self._rays[(*unit, int(first[j]))] = (signs & ~(1 << j)) | point
+        self._rays[(*[0] * k, -1)] = signs
+
+    def facets(self) -> list[tuple[Vector, int]]:
+        """Weights w, not all zero, and right-hand sides b, in an order that depends on the points alone."""
+        return [(ray[:-1], ray[-1]) for ray in self._rays if any(ray[:-1])]
+
+    def add(self, point: Sequence[int]) -> None:
+        """Cut the cone with the half-space of a point."""
+        y = [int(value) for value in point]
+        k = len(y)
+        bit = 1 << self._count
+        self._count += 1
+        value = {ray: sum(w * c for w, c in zip(ray, y, strict=False)) - ray[-1] for ray in self._rays}
+        kept = {ray: zero | bit if value[ray] == 0 else zero for ray, zero in self._rays.items() if value[ray] >= 0}
+        if len(kept) < len(self._rays):
+            above = [(ray, zero) for ray, zero in self._rays.items() if value[ray] > 0]
+            for low, low_zero in self._rays.items():
+                if value[low] >= 0:
+                    continue
+                for high, high_zero in above:
+                    shared = low_zero & high_zero
+                    if shared.bit_count() >= k - 1 and self._adjacent(shared, low, high):
+                        kept[_between(high, value[high], low, value[low])] = shared | bit
+        self._rays = kept
+
+    def _adjacent(self, shared: int, low: Vector, high: Vector) -> bool:
+        """Two rays span a face of dimension two: no other lies on all the borders that they share."""
+        return all(zero & shared != shared or ray is low or ray is high for ray, zero in self._rays.items())
+
+
+def _between(high: Vector, above: int, low: Vector, below: int) -> Vector:
+    """The ray where the plane spanned by two rays meets the cut."""
+    ray = [above * a - below * b for a, b in zip(low, high, strict=True)]
+    divisor = gcd(*ray)
+    return tuple(value // divisor for value in ray)
+
+
+FINEST = 10**6  # denominators of given weights
+MAX_WEIGHTS = 100_000
+
+
+def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
+    """All vectors of k non-negative integers that sum to ``divisions``, in lexicographic order.
+
+    >>> list(simplex_lattice(2, 2))
+    [(0, 2), (1, 1), (2, 0)]
+    """
+    if k == 1:
+        yield (divisions,)
+        return
+    for first in range(divisions + 1):
+        for rest in simplex_lattice(divisions - first, k - 1):
+            yield (first, *rest)
+
+
+def checked_divisions(given: Any, k: int = 1) -> int:
+    """Return the divisions of a simplex lattice of k weights; OptionError unless it can have that many."""
+    divisions = whole("divisions", given, 1, kind="a whole number of steps from weight 0 to weight 1,")
+    count = math.comb(divisions + k - 1, k - 1)
+    if count > MAX_WEIGHTS:
+        raise OptionError(
+            f"{divisions} divisions of {k} weights make {count:,} weights, more than {MAX_WEIGHTS:,}; take fewer, or "
+            "leave them out: then weights are chosen where they find something"
+        )
+    return divisions
+
+
+def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
+    """Whole numbers in the proportions of weights; k says how many there must be.
+
+    >>> integer_weights([0.1, 0.25, 0])
+    (2, 5, 0)
+    """
+    try:
+        values = [real("a weight", w, 0, sys.float_info.max) for w in weights]
+    except TypeError:
+        raise OptionError(f"weights are lists of numbers, one a cost, got {shown(weights)}") from None
+    if k is not None and len(values) != k:
+        raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
+    if not any(values):
+        raise OptionError("weights are all zero: one of them must be above")
+    fractions = [Fraction(w / max(values)).limit_denominator(FINEST) for w in values]
+    return smallest([int(f * math.lcm(*(g.denominator for g in fractions))) for f in fractions])
+
+
+def smallest(vector: Sequence[int]) -> Vector:
+    """The least whole numbers in the same proportions."""
+    divisor = math.gcd(*vector)
+    return tuple(v // divisor for v in vector)
