@@ -26,8 +26,8 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume
 from hpop.planners import EpsilonConstraint, Lattice
 from hpop.planners.judgement import is_free
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
+from hpop.planners.programs.polyline import Polyline
 from hpop.runtime.sweep import processes
 
 ROOT = Path(__file__).parents[1]

@@ -20,9 +20,9 @@ import numpy as np
 import hpop
 from hpop.frontier import hypervolume
 from hpop.planners import Lattice, WeightedSumCorridor
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.corridor.corridor import corridors
 from hpop.planners.programs.corridor.program import CorridorProgram
+from hpop.planners.programs.polyline import Polyline
 from hpop.runtime.sweep import processes
 
 ROOT = Path(__file__).parents[1]

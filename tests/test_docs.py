@@ -226,7 +226,7 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     from hpop.base.registry import criteria
     from hpop.criteria.base import make_criterion
     from hpop.errors import CriterionError
-    from hpop.planners.programs.spline.pieces import Pieces
+    from hpop.planners.programs.spline.knots import Pieces
     from hpop.scenario import load_scenario
     from hpop.world.content.content import Landmark
 

@@ -161,7 +161,7 @@ def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
 def hinge(x: Column) -> Column:
     """Return max(x, 0), of what a cost rises with; on symbols without a kink.
 
-    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.hinges`).
+    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.nlp`).
     Elsewhere it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with
     s = x/w it is w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
 

@@ -22,8 +22,7 @@ from hpop.errors import CoversRobot, DriveError, MapError, did_you_mean
 from hpop.models.base import PlanarModel
 from hpop.models.collision.leaving import Leaving, alone
 from hpop.motions import Collision, Model, States
-from hpop.planners.graphs.arcs import MOVE
-from hpop.planners.graphs.chains import Chains
+from hpop.planners.graphs.arcs import MOVE, Chains
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.world import World
 from hpop.world.content.content import Zone

@@ -17,19 +17,14 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
-from hpop.drive.adaptation import NOTICE, PATIENCE, adapted
-from hpop.drive.change import Change, written
 from hpop.drive.closings import Closing, refuse_covered
-from hpop.drive.cuts import Cut, closed_ways, cut_of
-from hpop.drive.departures import same_side
-from hpop.drive.moment import Moment, Stretch, past, stopped
+from hpop.drive.moment import Moment, Stretch, front_of_rest, past, stopped
 from hpop.drive.network import Found, Network
-from hpop.drive.options import Commit, Compared, Later, Option, Options
-from hpop.drive.plan import SAME, Plan, between, held, joined, motion_ends, part, until
-from hpop.drive.rest import front_of_rest
+from hpop.drive.options import Commit, Compared, Later, Option, Options, same_side
+from hpop.drive.plan import SAME, Cut, Plan, between, closed_ways, cut_of, held, joined, motion_ends, part, until
+from hpop.drive.storage import Change, Telling, deadline_of, written
 from hpop.drive.surroundings import Surroundings
-from hpop.drive.telling import Telling, deadline_of
-from hpop.drive.wishes import Wish, wished
+from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
 from hpop.motions import States

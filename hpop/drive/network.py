@@ -4,26 +4,24 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
-from hpop.drive.aside import Aside
-from hpop.drive.known import Known
 from hpop.drive.options import Commit
-from hpop.drive.rechecked import clear_ways, rechecked, rests_from
 from hpop.drive.surroundings import Surroundings
-from hpop.drive.timed_ways import TimedPlan, TimedWays
-from hpop.drive.ways import Ways
+from hpop.drive.timed_ways import TimedPlan, TimedWays, clear_ways, rechecked, rests_from
+from hpop.drive.ways import Known, Ways
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.clock import GOLDEN, TimeOptions
-from hpop.planners.graphs.timed.reading import reading_time
+from hpop.planners.graphs.timed.presence import reading_time
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import CORES, Spending
 from hpop.runtime.status import Status
@@ -32,6 +30,46 @@ from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+T = TypeVar("T")
+
+
+class Aside:
+    """Tasks in another thread, one after another. What waits is canceled where something later is asked for.
+
+    The thread ends with its last task, and with the process, whatever it does then.
+    """
+
+    def __init__(self) -> None:
+        """With nothing to do."""
+        self._lock, self._busy = Lock(), False
+        self._next: tuple[Future[Any], Callable[[], Any]] | None = None
+
+    def begin(self, task: Callable[[], T]) -> Future[T]:
+        """Begin a task as soon as the one that is under way is done."""
+        future: Future[T] = Future()
+        with self._lock:
+            if self._next is not None:
+                self._next[0].cancel()
+            self._next = future, task
+            if not self._busy:
+                self._busy = True
+                Thread(target=self._work, name="hpop drive", daemon=True).start()
+        return future
+
+    def _work(self) -> None:
+        while True:
+            with self._lock:
+                if self._next is None:
+                    self._busy = False
+                    return
+                future, task = self._next
+                self._next = None
+            if future.set_running_or_notify_cancel():
+                try:
+                    future.set_result(task())
+                except BaseException as error:  # whoever asks for the result hears of it
+                    future.set_exception(error)
 
 
 LOOK = (

@@ -1,27 +1,42 @@
-"""A drive by a script: what happens when, and what the robot does about it.
-
-The clock is told, so a drive of minutes is over as soon as its options are found. After each event the options are
-asked for, and what nobody chose is left to the robot (:meth:`hpop.drive.Execution.adapt`).
-"""
+"""Ways into a drive: from a point of a front, from its record, and by a script."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
+
+from shapely.errors import ShapelyError
+from shapely.geometry import shape
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real
+from hpop.base.registry import planners
+from hpop.base.scalars import is_whole
 from hpop.base.text import shown
-from hpop.drive.change import Change
 from hpop.drive.closings import Closing
 from hpop.drive.execution import DEADLINE, Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
-from hpop.errors import CoversRobot, DriveError, OptionError
+from hpop.drive.storage import Change, read
+from hpop.drive.wishes import NOTICE, PATIENCE
+from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError, did_you_mean
+from hpop.frontier.choices import Preferring
+from hpop.frontier.strict_json import plain
+from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.planners.needs import refuse_unsupported
+from hpop.problems.front import Front, Point, question_of
 from hpop.problems.named_rows import named_rows
+from hpop.problems.problem import Problem
+from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
+from hpop.world.content.people import person_from
+
+# The clock is told, so a drive of minutes is over as soon as its options are found. After each event the options are
+# asked for, and what nobody chose is left to the robot (:meth:`hpop.drive.Execution.adapt`).
+
 
 WORLD = ("close", "open", "people", "stop")
 ASKED = ("wish", "take")
@@ -157,3 +172,138 @@ def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | 
         return None, f"no option {shown(event.value)}: " + (f"they are numbered 0 to {last:,}" if last else "0 is all")
     option: Option = options[row.number]
     return option, str(row)
+
+
+# A search that a deadline cut short would not be: what it found is in the record, and is told again as well.
+
+
+@checked_arguments
+def load(path: str | os.PathLike[str]) -> Execution:
+    """The drive that :meth:`hpop.drive.Execution.save` wrote, told again all that it was told.
+
+    Raises DriveError for a file that is none of a drive, OSError for one that cannot be read.
+    """
+    stored = read(path)
+    try:
+        problem = Problem.from_description(stored["problem"])
+        choice, *ways = MotionTable.from_description(problem.model, stored["ways"]).trajectories()
+        drive = Execution(
+            problem,
+            ways,
+            choice,
+            make_planner(stored["planner"]),
+            begin=stored["begin"],
+            patience=stored["patience"],
+            notice=stored["notice"],
+        )
+        for event in stored["events"]:
+            tell(drive, event)
+    except HpopError as error:
+        raise DriveError(f"{path}: {error!s:.600}") from error
+    except (TypeError, ValueError, OverflowError, LookupError, AttributeError, ShapelyError) as error:
+        raise DriveError(f"{path}: not the record of a drive: {shown(error)}; save the drive again") from None
+    return drive
+
+
+def tell(drive: Execution, event: Mapping[str, Any]) -> None:
+    """Tell a drive one event of a record; raises DriveError for one that makes no sense."""
+    kind, now = event["event"], event["now"]
+    if kind == "seen":
+        drive.at(now, event["state"])
+    elif kind == "options":
+        drive.options_again(now, event["deadline"], event["answer"])
+    elif kind == "wish":
+        drive.wish(event["wish"], **event["shares"])
+    elif kind == "take":
+        rest = event["rest"]
+        way = None if rest is None else Trajectory.from_description(drive.problem.model, rest)
+        drive.take_again(event, way)
+    elif kind in ("close", "open"):
+        area = event["area"]
+        told: dict[str, Any] = {kind: area if isinstance(area, str) else shape(area)}
+        drive.world(now, **told, name=event["name"])
+    elif kind == "people":
+        drive.world(now, people=[person_from(person) for person in event["people"]], groups=event["groups"])
+    elif kind == "stop":
+        drive.world(now, stop=event["person"])
+    else:
+        raise DriveError(f"a drive has no event {shown(kind)}")
+
+
+OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
+
+
+@checked_arguments
+def follow(
+    problem: Problem,
+    front: Front,
+    choice: Point | int | str | Preferring,
+    *,
+    planner: PlannerSpec | None = None,
+    begin: float = 0.0,
+    patience: float = PATIENCE,
+    notice: float = NOTICE,
+) -> Execution:
+    """Drive one of a front's plans: where the robot is, and what may be chosen instead on the way.
+
+    Parameters
+    ----------
+    problem : what the front answers
+    choice : a point of the front, its row, or a name it goes by, such as "knee" (:meth:`hpop.Front.named`); or a
+        person (:class:`hpop.study.Preference`): then what the person prefers, on the way as well, where the robot
+        chooses by itself
+    planner : whose graph other ways are looked for on; else the planner that found the choice, with its options
+    begin : s, when the robot leaves, on the clock by which everything is told
+    patience, notice : see :class:`hpop.drive.Execution`
+
+    Raises QueryError where the front is of another problem, DriveError for what is no point of it, for a plan that is
+    not made of turns, straight moves and holds, and where no graph is known to look for others on; UnsupportedModel
+    for a planner whose graph the robot cannot drive.
+    """
+    if not isinstance(problem, Problem):
+        raise DriveError(f"follow an answer to an hpop.Problem, got {shown(problem)}")
+    if not isinstance(front, Front):
+        raise DriveError(f"follow a point of a front of trajectories, an hpop.Front, got {shown(front)}")
+    if front.problem is not None and question_of(front.problem) != question_of(plain(problem.describe())):
+        raise QueryError(
+            "the front answers another problem than the one given; hpop.Problem.from_description(front.problem) is its "
+            "own"
+        )
+    preference = choice if isinstance(choice, Preferring) else None
+    point = _point(front, choice) if preference is None else front.select(preference=preference)
+    made = _planner_of(point.provenance) if planner is None else make_planner(planner)
+    refuse_unsupported(made, problem.model)
+    given: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
+    return Execution(problem, front.trajectories, point.item, made, **given)
+
+
+def _point(front: Front, choice: Any) -> Point:
+    """The point that is chosen."""
+    if isinstance(choice, str):
+        named = front.named()
+        if choice not in named:
+            raise DriveError(
+                f"no point of the front is called {shown(choice)}.{did_you_mean(choice, named)} Known: "
+                f"{', '.join(named)}"
+            )
+        return named[choice]
+    if isinstance(choice, Point):
+        if not any(item is choice.item for item in front.items):
+            raise DriveError("the choice is a point of another front")
+        return choice
+    if is_whole(choice) and -len(front) <= choice < len(front):
+        return front[int(choice)]
+    raise DriveError(f"the choice is a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")
+
+
+def _planner_of(origin: Mapping[str, Any]) -> Planner:
+    """The planner that found a point, with the options that make its graph and those of time; no other options."""
+    name = origin.get("planner")
+    options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
+    if not options:
+        raise DriveError(
+            f"{shown(name)} has no graph on which other ways can be looked for; plan with lattice or roadmap, or in "
+            "Python give one of them, planner='lattice'"
+        )
+    given = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
+    return make_planner({cast(str, name): given})

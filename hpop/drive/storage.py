@@ -1,19 +1,30 @@
-"""A drive as a file: what was asked, the plans that were known, and what was told."""
+"""What a drive is told and what changes make of it, as a record and as a file."""
 
 from __future__ import annotations
 
+import json
 import os
-from dataclasses import fields
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from shapely.geometry import mapping
+
 from hpop.base.files import read_regular, replacing
+from hpop.base.options import MOST, real
 from hpop.base.text import shown
+from hpop.drive.closings import polygon_of
+from hpop.drive.plan import SAME
 from hpop.errors import DriveError
+from hpop.frontier import strict_json
 from hpop.frontier.storage import checked_path
 from hpop.frontier.strict_json import parse, pieces, plain
 from hpop.planners.base import Planner
 from hpop.problems.front import found_from_file, seen_from_file
 from hpop.trajectories.motion_table import MotionTable
+from hpop.world import Person
+from hpop.world.content.people import described_person
 
 if TYPE_CHECKING:
     from hpop.drive.execution import Execution
@@ -67,3 +78,83 @@ def _described(planner: Planner) -> dict[str, dict[str, Any]]:
     given = {field.name: getattr(planner, field.name) for field in known}
     changed = {field.name: given[field.name] for field in known if given[field.name] != field.default}
     return {planner.name: plain(changed)}
+
+
+class Telling:
+    """The record of what was told from a beginning on.
+
+    begin   s, when the robot leaves
+    record  what was told, as JSON
+    """
+
+    def __init__(self, begin: float) -> None:
+        """Begin, with nothing told."""
+        self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
+        self.record: list[dict[str, Any]] = []
+        self._last = -np.inf  # s, when it was last told anything
+
+    def _time(self, now: float) -> float:
+        return float(real("now", now, -MOST, MOST, "a time in s", error=DriveError))
+
+    def _in_order(self, now: float) -> float:
+        """A time at which something is told or asked; DriveError where something was told later."""
+        now = self._time(now)
+        if now < self._last - SAME:
+            raise DriveError(f"it was {self._last:.3f} s already, now it is {now:.3f} s: tell events in order of time")
+        return max(now, self._last)
+
+    def _told(self, now: float) -> float:
+        """The same, and that it is told now."""
+        self._last = self._in_order(now)
+        return self._last
+
+    def _now(self) -> float:
+        """When it was last told anything, s."""
+        return max(self._last, self.begin)
+
+    def _note(self, event: str, now: float, **what: Any) -> None:
+        """Write into the record."""
+        told = json.dumps({"event": event, "now": now, **what}, allow_nan=False, default=strict_json.of_numpy)
+        self.record.append(json.loads(told))
+
+
+def deadline_of(seconds: float) -> float:
+    """A deadline, s; DriveError for what is none."""
+    return float(real("deadline", seconds, 0, MOST, "a time in s", error=DriveError))
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a change of the world makes of a drive.
+
+    now         s, of the drive
+    safe_until  s, of the drive, until when the present plan may be driven; None for all the way
+    stops_at    s, of the drive, when the robot stands if nothing else is taken; None where it arrives
+    brakes      whether it cannot come to where it might take another way
+    invalid     of the last options, by number, those that are closed now, or whose beginning is not driven to any more
+    notes       what was made of that: people within obstacles, predictions that were cut, whom the robot touches
+    """
+
+    now: float
+    safe_until: float | None
+    stops_at: float | None
+    brakes: bool
+    invalid: tuple[int, ...]
+    notes: tuple[str, ...] = ()
+
+
+def written(
+    close: Any,
+    open_: Any,
+    people: Iterable[Person] | None,
+    groups: Iterable[Iterable[int]],
+    stop: Any,
+    name: str,
+) -> dict[str, Any]:
+    """What a change was told by, as JSON."""
+    if close is not None or open_ is not None:
+        area = open_ if close is None else close
+        return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}
+    if people is not None:
+        return {"people": [described_person(person) for person in people], "groups": [list(group) for group in groups]}
+    return {"person": stop.name if isinstance(stop, Person) else stop}

@@ -11,7 +11,7 @@ from hpop.base.lazy import homes_of, on_first_use
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 
 if TYPE_CHECKING:
-    from hpop.planners.any_angle import AnyAngle as AnyAngle
+    from hpop.planners.lattice import AnyAngle as AnyAngle
     from hpop.planners.lattice import Lattice as Lattice
     from hpop.planners.programs.corridor.planner import WeightedSumCorridor as WeightedSumCorridor
     from hpop.planners.programs.epsilon_constraint.planner import EpsilonConstraint as EpsilonConstraint

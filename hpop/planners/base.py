@@ -7,7 +7,8 @@ import inspect
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol, TypeGuard, TypeVar, cast, overload
 
 import numpy as np
 
@@ -17,14 +18,46 @@ from hpop.base.registry import completed, made, planners
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
-from hpop.planners.deferred import Deferred
-from hpop.planners.objectives import edge_objectives as edge_objectives  # public by this name too
+from hpop.planners.objectives import edge_objectives as edge_objectives
 from hpop.runtime.status import ProgressCallback, Status
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import GraphFamily
     from hpop.problems.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Deferred(Sequence[Trajectory]):
+    """Trajectories of which all are made together once one is read, or some alone.
+
+    number  of them
+    make    the trajectories of some rows
+    """
+
+    number: int
+    make: Callable[[IntArray], tuple[Trajectory, ...]]
+
+    def __len__(self) -> int:
+        return self.number
+
+    @overload
+    def __getitem__(self, index: int) -> Trajectory: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Trajectory, ...]: ...
+    def __getitem__(self, index: int | slice) -> Trajectory | tuple[Trajectory, ...]:
+        return self._all[index]
+
+    def take(self, rows: IntArray) -> tuple[Trajectory, ...]:
+        """Those of some rows, made without the others."""
+        if "_all" in vars(self):  # made already
+            return tuple(self._all[i] for i in rows.tolist())
+        return self.make(rows)
+
+    @cached_property
+    def _all(self) -> tuple[Trajectory, ...]:
+        return self.make(np.arange(self.number))
+
 
 T = TypeVar("T", bound=type)
 

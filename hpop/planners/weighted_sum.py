@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hpop.base.scalars import set_python_values
+from hpop.base.text import shown
+from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble, looked_at
@@ -17,13 +20,40 @@ from hpop.planners.graphs.lattice.family import LatticeGraph
 from hpop.planners.graphs.query import Query, built_query, refuse_unanswerable
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.searches.exact import QUICK, SHARE
-from hpop.planners.searches.weights import Weights, asked_weights, check_count
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search import supported_paths
+from hpop.search.supported.weights import checked_divisions, integer_weights
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+Weights = tuple[tuple[float, ...], ...]
+
+
+def asked_weights(divisions: int | None, weights: Any) -> Weights | None:
+    """Rows of weights as they are kept; raises OptionError for what makes no sense whatever the costs are."""
+    if divisions is not None:
+        divisions = checked_divisions(divisions)
+    if weights is None:
+        return None
+    if divisions is not None:
+        raise OptionError(f"give divisions or weights, not both; got {shown(divisions)} and {shown(weights)}")
+    if not isinstance(weights, list | tuple) or not weights:
+        raise OptionError(f"weights is a list of lists of numbers, one number a cost, got {shown(weights)}")
+    for row in weights:
+        integer_weights(row)
+    return tuple(tuple(float(w) for w in row) for row in weights)
+
+
+def check_count(weights: Weights | None, criteria: Sequence[Criterion]) -> None:
+    """Raise OptionError where a row has not one weight for each of the criteria."""
+    for row in weights or ():
+        if len(row) != len(criteria):
+            names = ", ".join(criterion.name for criterion in criteria)
+            raise OptionError(
+                f"weights has one number for each of {names}, in this order; got {len(row)} numbers: {list(row)}"
+            )
 
 
 @planner("weighted-sum")

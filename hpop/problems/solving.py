@@ -25,9 +25,8 @@ from hpop.frontier.union import JOINT
 from hpop.goals import Goal
 from hpop.motions import Model, States
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
-from hpop.planners.goals import check_goal
-from hpop.planners.in_time import evaluable_in_time
-from hpop.planners.needs import refuse_unsupported
+from hpop.planners.judgement import evaluable_in_time
+from hpop.planners.needs import check_goal, refuse_unsupported
 from hpop.planners.spending import Limited, Spending
 from hpop.problems.front import Front
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status, log

@@ -18,8 +18,8 @@ from hpop.base.options import Degrees
 from hpop.base.registry import make_model
 from hpop.base.text import argument, shown
 from hpop.errors import NOTE, MapError, OptionError, QueryError
+from hpop.planners.needs import elsewhere
 from hpop.planners.programs.free_map import FreeMap
-from hpop.planners.usable import elsewhere
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status, why_none
 from hpop.scenario.json_schema import LINE

@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from hpop.motions import States
+from hpop.planners.needs import elsewhere, nearest_free
 from hpop.planners.programs.free_map import FreeMap
-from hpop.planners.usable import elsewhere, nearest_free
 from hpop.problems.problem import Problem
 from hpop.view.content import draw_content
 from hpop.view.ground import View, outline, view_of

@@ -14,8 +14,8 @@ from hpop.drive.plan import between
 from hpop.planners import Lattice
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TICK
-from hpop.planners.graphs.timed.graph import LaidOut
-from hpop.planners.graphs.timed.reading import reading_time
+from hpop.planners.graphs.timed.plans import LaidOut
+from hpop.planners.graphs.timed.presence import reading_time
 from hpop.runtime.status import Status
 from hpop.search.timed import timed_paths
 from hpop.trajectories.contacts import contact

@@ -8,9 +8,8 @@ import shapely
 
 import hpop
 from hpop.drive.closings import Closing
-from hpop.drive.cuts import cut_of
-from hpop.drive.plan import Plan, between, held, joined
-from hpop.drive.rechecked import clear_ways
+from hpop.drive.plan import Plan, between, cut_of, held, joined
+from hpop.drive.timed_ways import clear_ways
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person

@@ -14,7 +14,7 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.errors import CriterionError, ModelError, OptionError
 from hpop.models.driven import driven
 from hpop.motions import HOLD, Hold, States, laws_of
-from hpop.planners.polylines.warm_starts import known_trajectories
+from hpop.planners.programs.warm_starts import known_trajectories
 from hpop.problems.front import Front
 from hpop.problems.verify import collision_free, verify
 from hpop.testing import check_criterion, check_model

@@ -11,9 +11,8 @@ import shapely
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
-from hpop.planners.any_angle import AnyAngle
 from hpop.planners.judgement import is_free, judge
-from hpop.planners.lattice import Lattice
+from hpop.planners.lattice import AnyAngle, Lattice
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.runtime.status import Status

@@ -8,7 +8,7 @@ import pytest
 import hpop
 from hpop.criteria.base import make_criterion
 from hpop.planners.base import Candidates
-from hpop.planners.in_time import FEW, evaluable_in_time
+from hpop.planners.judgement import FEW, evaluable_in_time
 from hpop.runtime.status import Status
 
 ROBOT = hpop.DifferentialDrive(radius=0.3)

@@ -10,7 +10,7 @@ import shapely
 
 import hpop
 from hpop.errors import QueryError
-from hpop.planners.usable import elsewhere, nearest_free
+from hpop.planners.needs import elsewhere, nearest_free
 
 BLOCK = hpop.World.from_polygons([shapely.box(4, 2, 6, 4)], extent=shapely.box(0, 0, 10, 6))
 ROBOT = hpop.DifferentialDrive(radius=0.3)

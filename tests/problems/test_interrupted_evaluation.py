@@ -13,7 +13,7 @@ from click.testing import CliRunner, Result
 import hpop.view
 from hpop.cli import main, results
 from hpop.cli.beside import PicturesBeside
-from hpop.planners.deferred import Deferred
+from hpop.planners.base import Deferred
 from hpop.planners.lattice import Lattice
 from hpop.problems import solving
 from hpop.problems.front import Front

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.planners.base import Candidates
-from hpop.planners.deferred import Deferred
+from hpop.planners.base import Candidates, Deferred
 from hpop.runtime.status import Status
 from hpop.search import ParetoPaths
 

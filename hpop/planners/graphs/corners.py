@@ -17,14 +17,12 @@ from hpop.base.scalars import set_python_values
 from hpop.goals import checked_goal
 from hpop.motions import HOLD, Motions, States
 from hpop.planners.base import Candidates, Planner, joined, make_planner
-from hpop.planners.goals import goals_of, start_of
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, graph_family
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, Ends
 from hpop.planners.graphs.lattice.family import LatticeGraph
-from hpop.planners.graphs.roadmap.headings import StateRoadmap
-from hpop.planners.graphs.roadmap.positions import SAME, checked_ends, pairs
-from hpop.planners.in_time import evaluable_in_time
-from hpop.planners.needs import in_plane
+from hpop.planners.graphs.roadmap.headings import SAME, StateRoadmap, checked_ends, pairs
+from hpop.planners.judgement import evaluable_in_time
+from hpop.planners.needs import goals_of, in_plane, start_of
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status

@@ -18,13 +18,11 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
-from hpop.planners.graphs.arcs import MOVE
-from hpop.planners.graphs.chains import Chains
+from hpop.planners.graphs.arcs import MOVE, Chains
 from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # by this name too
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.graphs.stretches import Stretches
-from hpop.planners.graphs.trajectory_graph import N, TrajectoryGraph
-from hpop.planners.usable import elsewhere
+from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph
+from hpop.planners.needs import elsewhere
 from hpop.search import Graph
 from hpop.search.graph import inserted
 

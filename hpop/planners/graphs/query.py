@@ -16,6 +16,7 @@ from hpop.base.options import MOST, MOST_COUNTED, amounts
 from hpop.errors import CriterionError, OptionError, did_you_mean
 from hpop.frontier import is_nondominated
 from hpop.planners.base import Candidates
+from hpop.planners.graphs.arcs import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.assemble import (
     ROUNDED,
     Plans,
@@ -26,7 +27,6 @@ from hpop.planners.graphs.assemble import (
     plans_of,
     search_stats,
 )
-from hpop.planners.graphs.ties import TIE_TURNS, summed, tie_broken
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives

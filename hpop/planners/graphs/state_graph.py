@@ -20,8 +20,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
-from hpop.planners.graphs.stretches import Stretches
-from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
+from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import quantised
 from hpop.search import Graph
 

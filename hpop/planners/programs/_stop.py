@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import casadi
 
 if TYPE_CHECKING:
-    from hpop.planners.programs.deadline import Deadline
+    from hpop.planners.programs.outcome import Deadline
 
 
 class Stop(casadi.Callback):

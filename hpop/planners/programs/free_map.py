@@ -12,7 +12,7 @@ from scipy import ndimage, sparse
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions import Model, States
-from hpop.planners.usable import HEADINGS
+from hpop.planners.needs import HEADINGS
 
 if TYPE_CHECKING:
     from hpop.world import World

@@ -18,8 +18,7 @@ from hpop.planners.base import Candidates, Planner, joined, planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph
 from hpop.planners.graphs.query import Query, built_query, refuse_too_many, tolerance_counts
 from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
-from hpop.planners.in_time import evaluable_in_time
-from hpop.planners.judgement import trusted
+from hpop.planners.judgement import evaluable_in_time, trusted
 from hpop.planners.needs import people_move, refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives

@@ -20,14 +20,18 @@ from hpop.runtime.sweep import Sweep
 from hpop.search.graph import Graph
 from hpop.search.lazy_paths import AskedArcs, Free
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
-from hpop.search.supported.reduced import NONE, Reduced, Task, least_path, solve_weight
 from hpop.search.supported.weights import (
+    NONE,
+    Reduced,
+    Task,
     Vector,
     WeightCone,
     checked_divisions,
     integer_weights,
+    least_path,
     simplex_lattice,
     smallest,
+    solve_weight,
 )
 
 if TYPE_CHECKING:

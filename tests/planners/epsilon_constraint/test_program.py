@@ -11,10 +11,9 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions.symbolic import lift
-from hpop.planners.polylines.polyline import Polyline, PolylineStructure
 from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
-from hpop.planners.programs.hinges import unhinged
-from hpop.planners.programs.nlp import SparseField
+from hpop.planners.programs.nlp import SparseField, unhinged
+from hpop.planners.programs.polyline import Polyline, PolylineStructure
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World

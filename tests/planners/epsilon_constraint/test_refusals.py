@@ -10,7 +10,7 @@ import shapely
 from hpop.errors import HpopWarning, OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice, make_planner
-from hpop.planners.programs.epsilon_constraint.least_length import least_length
+from hpop.planners.programs.epsilon_constraint.grid import least_length
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status
 from hpop.world import World

@@ -407,7 +407,7 @@ def test_trajectories_made_together_are_those_made_one_by_one():
 def test_all_motions_of_a_law_are_checked_at_once(monkeypatch):
     checks = []
     monkeypatch.setattr(
-        "hpop.planners.graphs.stretches.refuse_impossible", lambda *motions: checks.append(motions[-1].size)
+        "hpop.planners.graphs.trajectory_graph.refuse_impossible", lambda *motions: checks.append(motions[-1].size)
     )
     problem = Problem(WORLD, ROUND, (1.0, 1.0, 0.3), (3.33, 2.47, 1.0), ["length", "turns", "exposure"])
     found = Lattice(step=0.4).solve(problem)

@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 import hpop
+from hpop.planners.graphs.arcs import COPIED, TIE_TURNS, tie_broken
 from hpop.planners.graphs.query import Query
-from hpop.planners.graphs.ties import COPIED, TIE_TURNS, tie_broken
 from hpop.planners.lattice import Lattice
 from hpop.planners.spending import Exhausted, Spending
 from hpop.runtime.status import Budget

@@ -9,7 +9,7 @@ import shapely
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
 from hpop.planners.judgement import judge
-from hpop.planners.polylines.straightened import DEVIATIONS, straightened
+from hpop.planners.programs.polyline import DEVIATIONS, straightened
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World

@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.errors import OptionError
 from hpop.planners import RRT, EpsilonConstraint, Lattice, Roadmap, Smoothing, WeightedSumCorridor
-from hpop.planners.polylines.warm_starts import warm_planner
+from hpop.planners.programs.warm_starts import warm_planner
 from hpop.runtime.status import Status
 
 STARTING = [EpsilonConstraint, Smoothing, WeightedSumCorridor]

@@ -19,8 +19,7 @@ from hpop.planners.graphs.query import built_query
 from hpop.planners.graphs.roadmap import guides as seeking
 from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides, length, shortened
-from hpop.planners.graphs.roadmap.links import farther
-from hpop.planners.graphs.roadmap.samples import informed
+from hpop.planners.graphs.roadmap.links import farther, informed
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Spending
 from hpop.problems.verify import verify

@@ -15,9 +15,8 @@ from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.judgement import judge
-from hpop.planners.rrt.close import close
-from hpop.planners.rrt.query import Base, Query, WheelLimits
-from hpop.planners.rrt.run import TreeRun
+from hpop.planners.rrt.planner import TreeRun
+from hpop.planners.rrt.query import Base, Query, WheelLimits, close
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
@@ -280,7 +279,7 @@ def test_a_tree_that_still_grows_when_time_is_up_is_dropped(monkeypatch):
     wall = World.from_polygons([shapely.box(2.6, 0, 3.0, 5)], extent=shapely.box(0, 0, 6, 5))
     problem = Problem(wall, ROBOT, (1, 1, 0), (5, 1, 0), ["length"])
     clock = count(1e9)
-    monkeypatch.setattr("hpop.planners.rrt.run.time", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.planners.rrt.planner.time", lambda: float(next(clock)))
     monkeypatch.setattr("hpop.planners.rrt.planner.time", lambda: 1e9)
     candidates = RRT(runs=2, max_extensions=100_000, time_limit=50.0).solve(problem)
     assert next(clock) < 1e9 + 120

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
-from hpop.planners.programs.smoothing.feasible import KEPT, made_feasible
+from hpop.planners.programs.smoothing.interval import KEPT, made_feasible
 
 FREE = np.full(2, -np.inf), np.full(2, np.inf)
 UNIT = np.ones(1), np.ones(1)

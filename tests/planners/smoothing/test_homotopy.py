@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.planners.programs.smoothing.homotopy import holes, homotopic, word
+from hpop.planners.programs.polyline import holes, homotopic, word
 from hpop.world import World
 
 ROOM = shapely.box(0, 0, 10, 10)

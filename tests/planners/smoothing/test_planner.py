@@ -19,16 +19,15 @@ from hpop.models import DifferentialDrive
 from hpop.models.driven import Drive, ahead
 from hpop.motions import States
 from hpop.planners import judgement
-from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.programs.smoothing import guess as driven_guess
+from hpop.planners.programs.polyline import Polyline
 from hpop.planners.programs.smoothing import job as smoothing_job
+from hpop.planners.programs.smoothing import phases as driven_guess
 from hpop.planners.programs.smoothing import program as driven_program
 from hpop.planners.programs.smoothing.interval import Forward
 from hpop.planners.programs.smoothing.job import SmoothingJob
-from hpop.planners.programs.smoothing.phases import Phases
+from hpop.planners.programs.smoothing.phases import FLAT, Phases
 from hpop.planners.programs.smoothing.planner import Smoothing
 from hpop.planners.programs.smoothing.program import DrivenProgram
-from hpop.planners.programs.smoothing.solvers import FLAT
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory

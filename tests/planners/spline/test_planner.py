@@ -15,8 +15,7 @@ from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.planners.base import make_planner
 from hpop.planners.programs.spline.job import FRACTIONS, Deadline, SplineJob
-from hpop.planners.programs.spline.knots import Knots
-from hpop.planners.programs.spline.pieces import Pieces
+from hpop.planners.programs.spline.knots import Knots, Pieces
 from hpop.planners.programs.spline.step import Aim, Steps
 from hpop.planners.spending import Spending
 from hpop.runtime.status import Status

@@ -7,7 +7,7 @@ import shapely
 from hpop.criteria.costs import trajectory_costs
 from hpop.planners.graphs.timed.clock import Clock
 from hpop.planners.graphs.timed.legs import TimedArcs
-from hpop.planners.graphs.timed.reading import reading_time
+from hpop.planners.graphs.timed.presence import reading_time
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
 from hpop.problems.problem import Problem

@@ -13,9 +13,9 @@ from hpop.criteria.base import make_criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.corridor.corridor import HalfPlanes, Region, clear_of, corridors, spaces
 from hpop.planners.programs.corridor.program import CorridorProgram
+from hpop.planners.programs.polyline import Polyline
 from hpop.problems.problem import Problem
 from hpop.world import World
 

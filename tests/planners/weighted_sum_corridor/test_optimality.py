@@ -8,8 +8,8 @@ from scipy.optimize import minimize
 
 import hpop
 from hpop.planners import WeightedSumCorridor
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.corridor.corridor import corridors
+from hpop.planners.programs.polyline import Polyline
 from tests.planners.perturbed import random_question
 
 

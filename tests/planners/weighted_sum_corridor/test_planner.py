@@ -16,10 +16,10 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.errors import CriterionError, OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import WeightedSumCorridor, make_planner
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.corridor.corridor import corridors
 from hpop.planners.programs.corridor.program import CorridorProgram
 from hpop.planners.programs.corridor.weights import GAP, SMALL, Shared, solve_corridor
+from hpop.planners.programs.polyline import Polyline
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.runtime.status import Status, Watch

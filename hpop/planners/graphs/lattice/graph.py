@@ -20,8 +20,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError, OptionError
 from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
-from hpop.planners.graphs.lattice.grid import Headings, passed_cells, steps_from
-from hpop.planners.graphs.lattice.separation import what_separates
+from hpop.planners.graphs.lattice.grid import Headings, passed_cells, steps_from, what_separates
 from hpop.planners.graphs.state_graph import StateGraph, identity
 from hpop.planners.needs import in_plane
 

@@ -18,14 +18,11 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.motions import States
-from hpop.planners.graphs.arcs import BLOCK, Arcs, blocks
-from hpop.planners.graphs.chains import Chains
+from hpop.planners.graphs.arcs import BLOCK, Arcs, Chains, blocks
 from hpop.planners.graphs.roadmap.guides import length
-from hpop.planners.graphs.roadmap.links import START, linked
-from hpop.planners.graphs.roadmap.samples import guided, uniform
+from hpop.planners.graphs.roadmap.links import START, guided, linked, uniform
 from hpop.planners.graphs.roadmap.survey import GOAL_STATES, Survey, all_of, along
-from hpop.planners.graphs.stretches import Stretches
-from hpop.planners.graphs.trajectory_graph import TrajectoryGraph, aggregates
+from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.spending import Spending
 from hpop.search import Graph
 

@@ -13,20 +13,34 @@ from hpop.base.options import set_wholes
 from hpop.base.randomness import MaybeRNG, set_seed
 from hpop.base.scalars import set_python_values
 from hpop.errors import OptionError
-from hpop.planners.goals import start_of
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap, configuration_roadmap, guide_roadmap
-from hpop.planners.graphs.roadmap.growing import smaller
-from hpop.planners.graphs.roadmap.headings import StateRoadmap, nearest_links
-from hpop.planners.graphs.roadmap.positions import checked_ends, drawn_positions, pairs
+from hpop.planners.graphs.roadmap.headings import StateRoadmap, checked_ends, drawn_positions, nearest_links, pairs
 from hpop.planners.graphs.roadmap.survey import Survey, survey
-from hpop.planners.needs import in_plane
+from hpop.planners.needs import in_plane, start_of
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Spending
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+# To link and cost a roadmap of many samples may take longer than the limit. Under a limit the search is therefore first
+# run on a sixteenth of the samples, then on a quarter, each in a share of the time.
+
+
+SMALLEST = 250  # samples of the smallest roadmap
+GROWTH = 4  # times as many samples has the next one
+
+
+def smaller(samples: int, spending: Spending) -> list[int]:
+    """Return the samples of the roadmaps to search first, the smallest first; none without a time limit."""
+    sizes: list[int] = []
+    if spending.limits.time_limit is not None:
+        while (samples := samples // GROWTH) >= SMALLEST:
+            sizes.insert(0, samples)
+    return sizes
+
 
 MOST_SAMPLES = 1_000_000
 MOST_TREES = 100

@@ -16,8 +16,8 @@ from hpop.goals.region import sampled_space
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides
 from hpop.planners.graphs.roadmap.links import START
+from hpop.planners.needs import elsewhere
 from hpop.planners.spending import Spending
-from hpop.planners.usable import elsewhere
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem

@@ -19,14 +19,17 @@ from hpop.motions import States
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.clock import SLACK, Clock, TimeOptions
-from hpop.planners.graphs.timed.company import Company
-from hpop.planners.graphs.timed.graph import LaidOut, Timed
 from hpop.planners.graphs.timed.legs import TimedArcs, arrivals
-from hpop.planners.graphs.timed.notice import Asked, Attention
-from hpop.planners.graphs.timed.presence import Presence
-from hpop.planners.graphs.timed.reading import reading_time
+from hpop.planners.graphs.timed.notice import Asked, Attention, Company
+from hpop.planners.graphs.timed.plans import LaidOut, Timed
+from hpop.planners.graphs.timed.presence import (
+    Presence,
+    alike_at_places,
+    reading_time,
+    standing_rates,
+    turn_as_they_stand,
+)
 from hpop.planners.graphs.timed.safety import Safety, Start
-from hpop.planners.graphs.timed.standing import alike_at_places, standing_rates, turn_as_they_stand
 from hpop.planners.graphs.timed.tables import Tables
 from hpop.planners.graphs.trajectory_graph import aggregates
 from hpop.planners.objectives import WHOLE

@@ -32,12 +32,19 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.models.collision.parts import Part
 from hpop.models.execution import Ramps
-from hpop.planners.graphs.timed.clear_distance import SIGMAS, clear_distance
 from hpop.planners.graphs.timed.clock import SLACK, Clock, TimeOptions
-from hpop.planners.graphs.timed.company import Company
-from hpop.planners.graphs.timed.gaps import strips, to_parts, to_segments, to_strips
 from hpop.planners.graphs.timed.legs import Leg
-from hpop.planners.graphs.timed.pieces import Pieces, Walked
+from hpop.planners.graphs.timed.notice import Company
+from hpop.planners.graphs.timed.pieces import (
+    SIGMAS,
+    Pieces,
+    Walked,
+    clear_distance,
+    strips,
+    to_parts,
+    to_segments,
+    to_strips,
+)
 from hpop.planners.spending import Spending
 from hpop.world.content.people import Person
 

@@ -18,9 +18,8 @@ from hpop.planners.graphs.assemble import ROUNDED, Plans
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import SLACK, TimeOptions
-from hpop.planners.graphs.timed.graph import Timed
 from hpop.planners.graphs.timed.notice import Attention
-from hpop.planners.graphs.timed.plans import TimedPlans
+from hpop.planners.graphs.timed.plans import Timed, TimedPlans
 from hpop.planners.graphs.timed.safety import Start
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits

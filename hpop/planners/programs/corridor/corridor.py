@@ -25,8 +25,8 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.models.collision.planar import TOUCH
 from hpop.planners.needs import in_plane
-from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.programs.deadline import Deadline
+from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs.polyline import Polyline
 from hpop.trajectories.trajectory import STRAIGHT
 from hpop.world import World
 from hpop.world.geometry.planar import FreeSpace

@@ -21,13 +21,13 @@ from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
 from hpop.planners.programs.corridor.corridor import Corridor, corridors
 from hpop.planners.programs.corridor.program import solvers_from
 from hpop.planners.programs.corridor.weights import SMALL, CorridorPoints, Shared, solve_corridor
 from hpop.planners.programs.criteria import is_counted
-from hpop.planners.programs.deadline import Deadline
-from hpop.planners.searches.weights import Weights, asked_weights, check_count
+from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
+from hpop.planners.weighted_sum import Weights, asked_weights, check_count
 from hpop.runtime.limits import LimitPassed
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep

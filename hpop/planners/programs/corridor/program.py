@@ -29,8 +29,8 @@ from hpop.criteria.convex import ConvexCost
 from hpop.errors import CriterionError, OptionError
 from hpop.models.collision.planar import TOUCH
 from hpop.motions import States
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.corridor.corridor import Corridor, HalfPlanes
+from hpop.planners.programs.polyline import Polyline
 from hpop.world import World
 from hpop.world.geometry.planar import FreeSpace
 

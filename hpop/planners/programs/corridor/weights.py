@@ -11,10 +11,10 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.corridor.corridor import Corridor
 from hpop.planners.programs.corridor.program import CorridorProgram
-from hpop.planners.programs.deadline import Deadline
+from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs.polyline import Polyline
 from hpop.runtime.limits import LimitPassed
 from hpop.world import World
 

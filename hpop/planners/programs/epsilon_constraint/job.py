@@ -14,13 +14,11 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.planners.judgement import accepted, are_free, exceeds, is_free, judge, on_map
-from hpop.planners.polylines.polyline import PIECE, Polyline, PolylineStructure
-from hpop.planners.programs.deadline import CUT_SHORT, Deadline
-from hpop.planners.programs.epsilon_constraint.descent import Descent
+from hpop.planners.programs.epsilon_constraint.descent import Descent, Pieces
 from hpop.planners.programs.epsilon_constraint.grid import LOOSE, Cell, Found, Known, Roles
-from hpop.planners.programs.epsilon_constraint.motions import Pieces
 from hpop.planners.programs.epsilon_constraint.program import REGION, PolylineProgram, Solution
-from hpop.planners.programs.outcome import ONE_PROGRAM, Outcome
+from hpop.planners.programs.outcome import CUT_SHORT, ONE_PROGRAM, Deadline, Outcome
+from hpop.planners.programs.polyline import PIECE, Polyline, PolylineStructure
 from hpop.runtime.limits import LimitPassed, within
 
 if TYPE_CHECKING:

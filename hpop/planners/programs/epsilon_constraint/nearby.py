@@ -13,8 +13,8 @@ from hpop.base.math import wrap
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.motions import Motions, States
-from hpop.planners.polylines.polyline import Polyline
 from hpop.planners.programs.nlp import reaches
+from hpop.planners.programs.polyline import Polyline
 from hpop.world.ground import Heights
 
 if TYPE_CHECKING:

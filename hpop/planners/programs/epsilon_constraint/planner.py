@@ -20,12 +20,11 @@ from hpop.errors import HpopWarning
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import exceeds, trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
-from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
 from hpop.planners.programs.epsilon_constraint.job import PolylineJob, Task
 from hpop.planners.programs.nlp import require_ipopt
-from hpop.planners.programs.outcome import Outcome, Tally
+from hpop.planners.programs.outcome import CUT_SHORT, Deadline, Outcome, Tally
+from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 

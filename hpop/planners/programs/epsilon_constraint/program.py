@@ -21,13 +21,12 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions.symbolic import lift
-from hpop.planners.goals import one_goal
-from hpop.planners.polylines.polyline import Polyline, PolylineStructure
+from hpop.planners.needs import one_goal
 from hpop.planners.programs.criteria import on_symbols
-from hpop.planners.programs.deadline import BUILDING, SOLVING, Deadline
-from hpop.planners.programs.epsilon_constraint.motions import Pieces, sparse
-from hpop.planners.programs.hinges import unhinged
-from hpop.planners.programs.nlp import SparseWorld, moments, reaches, vector
+from hpop.planners.programs.epsilon_constraint.descent import Pieces, sparse
+from hpop.planners.programs.nlp import SparseWorld, moments, reaches, unhinged, vector
+from hpop.planners.programs.outcome import BUILDING, SOLVING, Deadline
+from hpop.planners.programs.polyline import Polyline, PolylineStructure
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import check
 from hpop.world import World

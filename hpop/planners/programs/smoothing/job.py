@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 import time
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import shapely
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria.base import Criterion
@@ -17,20 +19,132 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.models.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
-from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.programs.deadline import CUT_SHORT, SOLVING, Deadline
-from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
-from hpop.planners.programs.smoothing.clearances import along_polyline, raised
-from hpop.planners.programs.smoothing.guess import first_guess, structure_of
-from hpop.planners.programs.smoothing.homotopy import homotopic
-from hpop.planners.programs.smoothing.phases import Guess, Phases
+from hpop.planners.programs.outcome import CUT_SHORT, ONE_PROGRAM, SOLVING, Deadline, Improved, Outcome
+from hpop.planners.programs.polyline import Polyline, homotopic
+from hpop.planners.programs.smoothing.phases import Guess, Phases, first_guess, legs, structure_of
 from hpop.planners.programs.smoothing.program import Asked, Driven, DrivenProgram
-from hpop.planners.programs.smoothing.settling import Judged, refined
 from hpop.runtime.limits import LimitPassed, within
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+# The first solution has a margin and weights of time and effort, and reads obstacles from a field, so it only lies near
+# a local optimum. From there the program is solved again almost without these weights. What its field and its samples
+# are off where the solution lies is added to its bounds: a first-order correction, as in trust-region methods with
+# approximate models (Alexandrov, Dennis, Lewis and Torczon 1998, doi 10.1007/BF01197433). A solution counts if its
+# reported costs are lower and it is free on the exact geometry.
+
+
+# Each is a list of least field values (S,) at a program's samples, one array a height range.
+
+
+MARGIN = 0.04  # m: kept beside the robot's reach, for what lies between two samples
+SLACK = 1e-3  # m: by which the polyline itself keeps its bounds
+ALONG = 0.1  # m: distance of the places at which the clearance of a polyline is read
+DENSE = 0.03  # m: distance of the places at which a solution's clearance is checked
+
+
+def along_polyline(program: DrivenProgram, polyline: Polyline) -> list[FloatArray]:
+    """Return least field values (S,) at the program's samples, one array a height range.
+
+    The robot's reach and a margin, but no more than the polyline has in the same phase and in those beside it: that is
+    free, and the way through a narrow passage shall be feasible.
+    """
+    places, _ = legs(polyline)
+    world, phase = program.problem.world, program.structure.phase[program.samples[0]]
+    bounds = []
+    for z, reach in program.spaces:
+        field = world.clearance_field(z=z)
+        least = []
+        for leg in places:
+            line = shapely.LineString(leg)
+            stations = np.linspace(0.0, line.length, int(np.ceil(line.length / ALONG)) + 1)
+            least.append(float(field(*shapely.get_coordinates(shapely.line_interpolate_point(line, stations)).T).min()))
+        near = np.minimum.reduce([least, [*least[1:], np.inf], [np.inf, *least[:-1]]])
+        bounds.append(np.minimum(reach + MARGIN, near - SLACK)[phase])
+    return bounds
+
+
+def exact(program: DrivenProgram, trajectory: Trajectory, spare: float) -> list[FloatArray]:
+    """Return bounds that leave the robot ``spare`` metres at the samples, by exact distances along a solution."""
+    here, world, found = trajectory.at(_times(program, trajectory)), program.problem.world, []
+    for z, reach in program.spaces:
+        distance = world.free_space(z).signed_clearance(here.x, here.y)
+        found.append(world.clearance_field(z=z)(here.x, here.y) - (distance - reach) + spare)
+    return found
+
+
+def raised(
+    program: DrivenProgram, bounds: Sequence[FloatArray], trajectory: Trajectory, spare: float
+) -> list[FloatArray]:
+    """Return bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it.
+
+    They are raised by ``spare`` metres more than what was lacking.
+    """
+    sampled, world = _times(program, trajectory), program.problem.world
+    count = int(np.ceil(trajectory.duration * on_wheels(program.problem.model).speed / DENSE)) + 2
+    times = np.linspace(0.0, trajectory.duration, count)
+    at, here = trajectory.at(times), trajectory.at(sampled)
+    nearest = np.clip(np.searchsorted(sampled, times), 1, len(sampled) - 1)
+    found = []
+    for (z, reach), bound in zip(program.spaces, bounds, strict=True):
+        lacking = reach - world.free_space(z).signed_clearance(at.x, at.y)
+        more = np.zeros(len(bound))
+        for side in (nearest - 1, nearest):
+            np.maximum.at(more, side, np.where(lacking > -spare, lacking + spare, 0.0))
+        field = world.clearance_field(z=z)(here.x, here.y)
+        found.append(np.where(more > 0, np.maximum(bound, field + more), bound))
+    return found
+
+
+def _times(program: DrivenProgram, trajectory: Trajectory) -> FloatArray:
+    """Time (S,), s, of each sample."""
+    owner, share = program.samples
+    return np.asarray(trajectory.times[owner] + share * trajectory.durations[owner])
+
+
+LAST_REPAIRS = 4  # solves with corrected bounds after a solution that is not to be trusted
+LAST_SPARE = 2.2e-3  # m: kept from obstacles, as the certificate of a curve takes robots to be 2 mm larger
+RAISED = 1.1 * LAST_SPARE  # m: kept where a solution came too near between two samples
+
+
+class Judged(NamedTuple):
+    """A solution with its exact costs (k,) and their merit, and the candidate that it is; None if it is not trusted."""
+
+    driven: Driven
+    costs: FloatArray
+    merit: float
+    candidate: Improved | None
+
+
+def refined(
+    begin: Judged,
+    program: DrivenProgram,
+    guess: Guess,
+    asked: Callable[[Judged], Asked],
+    judge: Callable[[Driven], Judged],
+) -> Judged | None:
+    """Return the local optimum near a solution; None where no solve converged to one that is trusted.
+
+    Parameters
+    ----------
+    guess : that the solution was found from: signs and phases
+    asked : from a solution to weights, bounds and scales of the costs
+    judge : from a solution to its exact costs, and whether it is trusted on the exact geometry
+    """
+    bounds, clearances = asked(begin), exact(program, begin.driven.goes, LAST_SPARE)
+    for _ in range(1 + LAST_REPAIRS):
+        driven = program.refined(begin.driven, guess, bounds, clearances)
+        if driven.trajectory is None:
+            return None
+        found = judge(driven)
+        if found.candidate is not None:
+            return found if found.merit < begin.merit else begin
+        bounds, clearances = asked(found), raised(program, clearances, driven.goes, RAISED)
+        begin = begin._replace(driven=driven)
+    return None
+
 
 LOOSE = 0.02  # relative: bounds are looser than what the polyline costs when it is executed
 QUADRATURE = 0.01  # relative: a program's sums over its intervals against sums over field cells

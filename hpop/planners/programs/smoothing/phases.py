@@ -1,13 +1,20 @@
-"""What a program of driven trajectories cannot change, phases of driving straight and of turning; where it begins."""
+"""What a program of driven trajectories begins with: phases, a first guess, and options of its solver."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.math import wrap
+from hpop.planners.programs.polyline import Polyline
+from hpop.trajectories.trajectory import STRAIGHT
+
+if TYPE_CHECKING:
+    from hpop.motions import Wheeled
 
 LEAST_IN = {True: 4, False: 3}  # intervals of a turn, and of straight driving
 
@@ -90,3 +97,119 @@ class Guess:
     lasts: FloatArray
     signs: FloatArray
     goal_yaw: bool
+
+
+CORNER = 0.35  # m: a turn begins and ends so far from its vertex, at most
+SHARE = 0.4  # of a segment that each turn takes at most
+CRUISE = 0.8  # share of its speed at which the robot goes straight, on average
+AROUND = 0.5  # share of its speeds at which it turns
+
+
+def rotations(polyline: Polyline) -> FloatArray:
+    """Signed rotation (n+1,), rad, at each vertex: at the start, between segments, and at the goal."""
+    headings = polyline.headings
+    last = headings[-1] if polyline.goal_yaw is None else polyline.goal_yaw
+    return np.asarray(wrap(np.diff([polyline.start_yaw, *headings, last])), dtype=np.float64)
+
+
+def structure_of(polyline: Polyline, intervals: int) -> Phases:
+    """The turns of a polyline, in place at both ends too, and straight driving between them."""
+    turns = np.abs(rotations(polyline)) > STRAIGHT
+    return Phases(int(turns.sum()), not turns[0], not turns[-1], intervals)
+
+
+def legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
+    """Begin, middle and end (P, 3, 2), m, of each phase, and how far it turns (P,), rad."""
+    corners, turned = polyline.vertices, rotations(polyline)
+    along = np.diff(corners, axis=0) / polyline.lengths[:, None]
+    cuts = np.minimum(CORNER, SHARE * polyline.lengths)[:, None] * along
+    leave, reach = corners[:-1] + cuts, corners[1:] - cuts  # (n, 2) where each segment is straight
+    if abs(turned[0]) <= STRAIGHT:
+        leave[0] = corners[0]
+    if abs(turned[-1]) <= STRAIGHT:
+        reach[-1] = corners[-1]
+    places, angles = [], []
+    for i, angle in enumerate(turned):
+        if abs(angle) > STRAIGHT:
+            before, after = (reach[i - 1] if i else corners[0]), (leave[i] if i < len(leave) else corners[-1])
+            places.append((before, corners[i], after))
+            angles.append(angle)
+        if i < len(leave):
+            places.append((leave[i], 0.5 * (leave[i] + reach[i]), reach[i]))
+            angles.append(0.0)
+    return np.array(places), np.array(angles)
+
+
+def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
+    """Places, headings and speeds along a polyline whose corners are cut by parabolas."""
+    places, angles = legs(polyline)
+    yaw, columns, lasts = polyline.start_yaw, [], []
+    for (begin, middle, end), angle, count in zip(places, angles, structure.counts, strict=True):
+        span = np.hypot(*(middle - begin)) + np.hypot(*(end - middle))
+        share = AROUND if angle else CRUISE
+        seconds = max(span / (share * model.speed), abs(angle) / (AROUND * model.turn_rate), 0.1)
+        s = np.linspace(0.0, 1.0, count + 1)
+        place = np.outer((1 - s) ** 2, begin) + np.outer(2 * s * (1 - s), middle) + np.outer(s * s, end)
+        heading, rate = yaw + angle * s * s * (3 - 2 * s), 6 * s * (1 - s) * angle / seconds
+        columns.append(np.stack([*place.T, heading, np.full(count + 1, span / seconds), rate]))
+        lasts.append(seconds)
+        yaw += angle
+    nodes = np.concatenate([columns[0], *(column[:, 1:] for column in columns[1:])], axis=1)
+    nodes[3, [0, -1]] = 0.0
+    nodes[4] = np.clip(nodes[4], -model.turn_rate, model.turn_rate)
+    return Guess(nodes, np.array(lasts), np.sign(angles), polyline.goal_yaw is not None)
+
+
+FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
+SUCCESS = ("Solve_Succeeded", FLAT)
+
+OPTIONS: dict[str, Any] = {
+    "print_time": False,
+    "show_eval_warnings": False,  # where time is over, fields are not numbers
+    "ipopt.print_level": 0,
+    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
+    "ipopt.sb": "yes",
+    "ipopt.mu_init": 0.01,
+    "ipopt.barrier_tol_factor": 100.0,  # the way to the last barrier need not be a central one
+    "ipopt.max_iter": 150,
+    "ipopt.mu_target": 3e-5,  # the last digits of a flat valley take a tenth of the time, for a thousandth of a cost
+    "ipopt.tol": 3e-4,
+    "ipopt.constr_viol_tol": 1e-3,  # what is left is settled in one step, after the solver
+    # Or where the objective has not fallen by more than this in five steps: in a flat valley, or at a kink
+    "ipopt.acceptable_obj_change_tol": 1e-4,
+    "ipopt.acceptable_iter": 5,
+    "ipopt.acceptable_tol": 1e-2,
+    "ipopt.acceptable_constr_viol_tol": 1e-3,
+    "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
+    "calc_lam_p": False,
+}
+
+REFINING: dict[str, Any] = {
+    **{
+        f"ipopt.warm_start_{what}": 1e-6
+        for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+    },
+    "ipopt.warm_start_mult_bound_push": 1e-6,
+    "ipopt.warm_start_init_point": "yes",
+    "ipopt.mu_init": 1e-5,
+    "ipopt.mu_target": 0.0,
+    "ipopt.max_iter": 100,
+    "ipopt.tol": 1e-4,
+    "ipopt.constr_viol_tol": 1e-5,
+    "ipopt.acceptable_obj_change_tol": 1e-5,
+    "ipopt.acceptable_iter": 4,
+    "ipopt.acceptable_tol": 1e-1,
+}
+
+QUASI_NEWTON: dict[str, Any] = {
+    "ipopt.hessian_approximation": "limited-memory",
+    "ipopt.max_iter": 300,
+    "ipopt.tol": 1e-3,
+    "ipopt.acceptable_obj_change_tol": 1e-3,
+}
+
+SORTS: dict[str, dict[str, Any]] = {
+    "exact": {},  # second derivatives
+    "quasi-newton": QUASI_NEWTON,  # learnt on the way: slower, but not misled by kinks of costs
+    "refined": REFINING,  # from a solution, to more digits
+}

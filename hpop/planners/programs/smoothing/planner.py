@@ -15,13 +15,12 @@ from hpop.base.text import counted
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.polylines.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.planners.programs.criteria import minimised, smooth_places
-from hpop.planners.programs.deadline import CUT_SHORT, Deadline
 from hpop.planners.programs.nlp import require_ipopt
-from hpop.planners.programs.outcome import Improved, Outcome, Tally
+from hpop.planners.programs.outcome import CUT_SHORT, Deadline, Improved, Outcome, Tally
 from hpop.planners.programs.smoothing.job import LATE, SmoothingJob
-from hpop.planners.programs.smoothing.solvers import FLAT
+from hpop.planners.programs.smoothing.phases import FLAT
+from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 

@@ -24,13 +24,11 @@ from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.models.driven import Drive
 from hpop.motions import States
 from hpop.planners.needs import on_wheels
-from hpop.planners.programs.deadline import Deadline
 from hpop.planners.programs.nlp import reaches
-from hpop.planners.programs.smoothing.feasible import Bounds, made_feasible
-from hpop.planners.programs.smoothing.interval import NODES, Interval
-from hpop.planners.programs.smoothing.phases import Guess, Phases
+from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs.smoothing.interval import NODES, Bounds, Interval, made_feasible
+from hpop.planners.programs.smoothing.phases import OPTIONS, SORTS, SUCCESS, Guess, Phases
 from hpop.planners.programs.smoothing.separable import Separable
-from hpop.planners.programs.smoothing.solvers import OPTIONS, SORTS, SUCCESS
 from hpop.runtime.interrupts import interrupts_held
 from hpop.trajectories.trajectory import Trajectory
 

@@ -16,8 +16,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.motions import JointCollision, States
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome
-from hpop.planners.programs.spline.knots import LAW, Knots, SplineLaw
-from hpop.planners.programs.spline.pieces import Pieces
+from hpop.planners.programs.spline.knots import LAW, Knots, Pieces, SplineLaw
 from hpop.planners.programs.spline.step import Aim, Steps
 from hpop.trajectories.trajectory import Trajectory
 

@@ -20,11 +20,11 @@ from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.polylines.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.programs.criteria import minimised
 from hpop.planners.programs.outcome import ONE_PROGRAM, Improved, Outcome, Tally
 from hpop.planners.programs.spline.job import CUT_SHORT, Deadline, SplineJob
-from hpop.planners.programs.spline.pieces import Pieces
+from hpop.planners.programs.spline.knots import Pieces
+from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.spending import Spending
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.runtime.sweep import Sweep

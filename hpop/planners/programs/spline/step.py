@@ -16,8 +16,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.motions import Separations
-from hpop.planners.programs.spline.knots import Knots, SplineLaw, hermite
-from hpop.planners.programs.spline.pieces import Slopes
+from hpop.planners.programs.spline.knots import Knots, Slopes, SplineLaw, hermite
 
 PENALTY = 10.0  # of a cost beyond its bound, in shares of the bound: more than any sum of shares gains
 FASTER = 4.0  # by so many times the distance a slope may change, as a share of the greatest

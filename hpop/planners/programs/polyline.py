@@ -1,20 +1,25 @@
-"""Polylines: what a nonlinear program of straight segments takes and gives, and the structure that it cannot change."""
+"""Polylines: the structure that programs of straight segments cannot change, straightened curves, and homotopy."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import shapely
 
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
-from hpop.planners.goals import one_goal, start_of
+from hpop.models.laws import Move
+from hpop.planners.judgement import is_free
+from hpop.planners.needs import one_goal, start_of
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+    from hpop.world.geometry.planar import FreeSpace
 
 PIECE = 0.6  # m: a segment is integrated, and its clearance sampled, in pieces of about this length
 
@@ -142,3 +147,100 @@ def _rounded_up(number: float) -> int:
     while size < number:
         size = size * 3 // 2 if size & (size - 1) == 0 and size > 1 else (size * 4 // 3 if size > 1 else 2)
     return size
+
+
+SPACING = 0.02  # m: of the points of a curve
+DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: how far a polyline may leave its curve, largest first: few corners are better
+
+
+def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[list[Trajectory], list[str]]:
+    """Moves and turns in place alone: each curve gives way to a polyline near it that is free; and notes on them.
+
+    The corners are those of Douglas and Peucker (1973), for the largest of DEVIATIONS at which the robot, which turns
+    in place there, does not collide. A curve with no such polyline is left out.
+    """
+    straight, yaw = list[Trajectory](), one_goal(problem, "a polyline")[2]
+    curves, deviations = 0, list[float]()
+    for trajectory in trajectories:
+        if set(trajectory.kinds) <= {"move", "turn"}:
+            straight.append(trajectory)
+            continue
+        curves += 1
+        line = shapely.LineString(_points(trajectory, cast(Move, problem.model.laws["move"]).speed))
+        for deviation in DEVIATIONS:
+            corners = shapely.get_coordinates(shapely.simplify(line, deviation, preserve_topology=False))
+            polyline = Polyline(corners, start_of(problem)[2], yaw).trajectory(problem.model)
+            if is_free(problem, polyline):
+                straight.append(polyline)
+                deviations.append(deviation)
+                break
+    notes = []
+    if deviations:
+        notes.append(
+            f"{len(deviations)} of the warm starts are curves: polylines within {max(deviations):g} m stand in for them"
+        )
+    if curves > len(deviations):
+        notes.append(
+            f"{curves - len(deviations)} of the warm starts are curves without a free polyline within "
+            f"{DEVIATIONS[-1]:g} m: left out"
+        )
+    return straight, notes
+
+
+def _points(trajectory: Trajectory, speed: float) -> FloatArray:
+    """Points (N, 2), m, along a trajectory, none twice in a row."""
+    states = trajectory.at(np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration * speed / SPACING)))
+    points = np.stack([states.x, states.y], axis=1)
+    new = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
+    return points[new] if new.sum() > 1 else points[[0, -1]]
+
+
+def homotopic(one: FloatArray, other: FloatArray, space: FreeSpace) -> bool:
+    """Whether a way (N, 2) can be deformed into another (M, 2) with the same ends without crossing an obstacle.
+
+    Both lie in the free space. Together, there and back, they are a loop. From a point in each hole of the free space a
+    ray goes up; which rays the loop crosses, and from which side, is a word, in which a crossing and the next back over
+    the same ray cancel. The loop can be drawn together if and only if nothing is left of it: the plane without some
+    points has a free group of loops, one generator a point. Winding numbers tell less: a loop round two obstacles, then
+    back round each of them, winds about neither and yet is caught.
+
+    >>> from hpop.world import World
+    >>> room = World.from_polygons([shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 10))
+    >>> ways = [np.array([(1.0, 5.0), (5.0, y), (9.0, 5.0)]) for y in (2.0, 3.0, 8.0)]
+    >>> [homotopic(ways[0], way, room.free_space((0.0, 1.0))) for way in ways]
+    [True, True, False]
+    """
+    loop = np.concatenate([one, other[::-1], one[:1]])
+    return not word(loop, holes(loop, space))
+
+
+def holes(loop: FloatArray, space: FreeSpace) -> FloatArray:
+    """A point (H, 2), m, in each hole of a free space about which a loop may go: those in the loop's box."""
+    (x_min, y_min), (x_max, y_max) = loop.min(axis=0), loop.max(axis=0)
+    parts = shapely.get_parts(space.region)
+    inner = [shapely.get_interior_ring(part, i) for part in parts for i in range(shapely.get_num_interior_rings(part))]
+    rings = np.array(inner, dtype=object)
+    left, below, right, above = shapely.bounds(rings).reshape(-1, 4).T
+    inside = np.flatnonzero((left > x_min) & (right < x_max) & (below > y_min) & (above < y_max))
+    return shapely.get_coordinates(shapely.point_on_surface(shapely.polygons(rings[inside])))
+
+
+def word(loop: FloatArray, points: FloatArray) -> list[int]:
+    """Which rays, up from points (H, 2), a loop (L, 2) crosses, reduced: i + 1 to the right over ray i, -i - 1 back."""
+    (x, y), (px, py) = loop.T[:, :, None], points.T[:, None, :]
+    ahead = (x[:-1] <= px) & (px < x[1:])
+    aback = (x[1:] <= px) & (px < x[:-1])
+    segment, ray = np.nonzero(ahead | aback)
+    begin, end, at = x[segment, 0], x[segment + 1, 0], px[0, ray]
+    share = (at - begin) / (end - begin)
+    over = y[segment, 0] + share * (y[segment + 1, 0] - y[segment, 0]) > py[0, ray]
+    letter = np.where(ahead[segment, ray], ray + 1, -ray - 1)
+    # Of rays that stand in one line each is a little to the right of those before it.
+    order = np.lexsort((letter, share, segment))
+    left: list[int] = []
+    for one in letter[order[over[order]]].tolist():
+        if left and left[-1] == -one:
+            left.pop()
+        else:
+            left.append(one)
+    return left

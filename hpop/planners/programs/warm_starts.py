@@ -18,8 +18,7 @@ from hpop.motions import HOLD
 from hpop.planners.base import Candidates, Planner, driven, joined, make_planner, stages_of
 from hpop.planners.judgement import judge
 from hpop.planners.needs import refuse_moving, refuse_unsupported
-from hpop.planners.polylines.polyline import Polyline
-from hpop.planners.polylines.straightened import straightened
+from hpop.planners.programs.polyline import Polyline, straightened
 from hpop.planners.spending import LEAST
 from hpop.runtime.status import ProgressCallback, Status, Watch
 from hpop.trajectories.trajectory import Trajectory

@@ -1,1 +1,0 @@
-"""Polylines that programs take and give, and the planners whose paths they begin with."""
