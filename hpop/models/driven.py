@@ -23,6 +23,8 @@ from hpop.base.math import smooth_abs
 from hpop.motions import LawDefaults, Model, Phase, States
 from hpop.trajectories.trajectory import Trajectory
 
+__all__ = ["driven"]
+
 
 def gauss(count: int) -> tuple[tuple[float, float], ...]:
     """Return nodes and weights of Gauss-Legendre quadrature on [0, 1]."""

@@ -55,7 +55,7 @@ def test_a_printed_front_names_what_it_is_a_front_to(front: Front, capsys: pytes
     print_goals()
     listed = " ".join(capsys.readouterr().out.split())
     assert "look_at target=..., distance=..., roll=None, angle_tolerance=" in listed
-    assert "The camera looks at a target from within a band of distances." in listed
+    assert "Goal of a camera that looks at a target from within a band of distances." in listed
 
 
 def test_the_goal_in_the_docs_is_planned_to() -> None:
