@@ -80,7 +80,7 @@ def supported_paths(
 
     Weights are those of normalised costs, (c_j - ideal_j) / (nadir_j - ideal_j). Without ``divisions`` or ``weights``
     they are adaptive: the lexicographic optima first, then the facets of the hull of all points found so far, until
-    every facet is tested (:mod:`.weight_cone`; for two costs that is the dichotomy). With ``divisions`` d they are the
+    every facet is tested (for two costs that is the dichotomy). With ``divisions`` d they are the
     simplex lattice (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. Given ``weights`` are
     non-negative, of any positive sum, taken as fractions of the largest with denominators up to a million; the
     lexicographic optima, which normalisation needs, are returned as well. Where weights are zero,
