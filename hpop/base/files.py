@@ -164,5 +164,5 @@ def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
 
 
 def _without_waiting(path: str, flags: int) -> int:
-    """Open as asked, without waiting for somebody to write to a FIFO."""
+    """Open a file with these flags, without waiting for a writer if it is a FIFO."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

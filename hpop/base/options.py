@@ -212,7 +212,7 @@ def set_wholes(
 
 
 def _limits(least: float, most: float, beyond: bool) -> str:
-    """Return the bounds of a number; a greatest one that nobody comes near is told to those beyond it."""
+    """Return the bounds of a number in words, without a very large upper bound that the number keeps."""
     return (
         f"of at least {_bound(least)}"
         if most >= MOST_COUNTED and not beyond

@@ -156,7 +156,7 @@ formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.
 def made(registry: Registry[type], spec: Any) -> Any:
     """Return a new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
 
-    Raises UnknownName for a name nobody registered, and the registry's error for parameters that it does not take.
+    Raises UnknownName for a name that is not registered, and the registry's error for parameters that it does not take.
     """
     kind, error = registry.kind, registry.error
     named = {spec: None} if isinstance(spec, str) else spec

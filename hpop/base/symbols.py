@@ -137,7 +137,7 @@ class Symbols(NDArrayOperatorsMixin):
 
 
 class SymbolsSX(Symbols):
-    """Of SX; CasADi takes it for one."""
+    """Symbols of CasADi's type SX, which CasADi accepts as SX."""
 
     __slots__ = ()
 
@@ -146,7 +146,7 @@ class SymbolsSX(Symbols):
 
 
 class SymbolsMX(Symbols):
-    """Of MX; CasADi takes it for one."""
+    """Symbols of CasADi's type MX, which CasADi accepts as MX."""
 
     __slots__ = ()
 

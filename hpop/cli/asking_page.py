@@ -49,7 +49,7 @@ LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": 
 
 
 class Asked(Protocol):
-    """What a page shows: the question that is open, or what came out."""
+    """Content of a page: the open question, or the result."""
 
     @property
     def number(self) -> int: ...

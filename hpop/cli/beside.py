@@ -69,7 +69,7 @@ class LivePage:
 
     @property
     def is_served(self) -> bool:
-        """Whether there is a process that serves it."""
+        """True while a process serves the page."""
         return self._process is not None
 
     def __enter__(self) -> LivePage:

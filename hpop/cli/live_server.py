@@ -52,7 +52,7 @@ SEARCHING = "The search has begun. Its first trajectories will be shown here as 
 
 @dataclass(eq=False)
 class Shown:
-    """What is shown now, and who waits for what comes next.
+    """Front that the page shows now, and the requests that wait for the next one.
 
     number   fronts shown so far
     page     the page of the newest

@@ -43,7 +43,7 @@ class Asking:
 
     @property
     def number(self) -> int:
-        """Of the question, from 1."""
+        """Number of the question, from 1."""
         return len(self.person.answers) + 1
 
     @property
@@ -53,7 +53,7 @@ class Asking:
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing is asked any more."""
+        """True once no question is left."""
         return self.pair is None
 
     def answer(self, word: str) -> None:

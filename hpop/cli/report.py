@@ -99,7 +99,7 @@ def print_front(
 
 @dataclasses.dataclass(frozen=True)
 class Contribution:
-    """What a planner added to the front.
+    """Contribution of one planner to the front.
 
     points      of the final front that it was the first to find: an equal one of a later planner is not its merit
     found       points of the front after it

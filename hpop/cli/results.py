@@ -57,7 +57,7 @@ def check_writable(out: Path) -> None:
 
 @contextmanager
 def held(out: Path) -> Iterator[None]:
-    """Hold the folder, made if need be, while a plan writes to it: of two, the later one would win, and nobody know.
+    """Lock the folder, created if it is missing, while a plan writes to it, so no second plan overwrites it.
 
     The system lets go of it when the process ends, however it ends. Where folders cannot be held they are not. Folders
     that were made and stayed empty are removed. Raises OutputError where another process holds it.

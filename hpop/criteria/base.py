@@ -45,7 +45,7 @@ T = TypeVar("T", bound=type)
 
 @runtime_checkable
 class Criterion(Protocol):
-    """What planners and fronts know of a criterion.
+    """Criterion as planners and fronts see it.
 
     name       as the registry has it
     group      P, C, R or O
@@ -196,7 +196,7 @@ def criterion(
 def make_criterion(spec: CriterionSpec) -> Criterion:
     """Return a criterion from its name, from ``{name: {parameter: value}}``, or itself.
 
-    Raises UnknownName for a name nobody registered and CriterionError for parameters it does not have.
+    Raises UnknownName for a name that is not registered and CriterionError for parameters it does not have.
     """
     if isinstance(spec, str | Mapping):
         return cast(Criterion, made(criteria, spec))

@@ -38,7 +38,7 @@ _LEARNT: Kinds = {
 
 
 class Source(NamedTuple):
-    """Where weights are from.
+    """Ratings from which the weights were learnt.
 
     question       what was rated
     source         who was asked, when, where, in the words of whoever asked

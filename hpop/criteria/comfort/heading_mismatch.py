@@ -73,5 +73,5 @@ class MeanHeadingMismatch(_Mismatch):
 
     @property
     def integral(self) -> HeadingMismatch:
-        """What adds up in its place."""
+        """Integral of the mismatch, which adds up along a path."""
         return HeadingMismatch(self.slow)
