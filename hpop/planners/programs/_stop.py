@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import casadi
 
+from hpop.runtime.interrupts import interrupts_held
+
 if TYPE_CHECKING:
     from hpop.planners.programs.outcome import Deadline
 
@@ -21,7 +23,8 @@ class Stop(casadi.Callback):
         casadi.Callback.__init__(self)
         self._deadline, self.last = deadline, time.time()
         self._sizes = {"f": 1, "x": variables, "lam_x": variables, "g": constraints, "lam_g": constraints}
-        self.construct("stop", {})
+        with interrupts_held():
+            self.construct("stop", {})
 
     def begin(self) -> None:
         """Say that a solver begins: its first iteration counts from now."""

@@ -18,6 +18,7 @@ from hpop.errors import OptionError
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import lift, sparse_lookup
+from hpop.runtime.interrupts import interrupts_held
 from hpop.world import World
 from hpop.world.fields.field import Field, Places
 from hpop.world.fields.symbols import Quadratics
@@ -91,10 +92,11 @@ class SparseField(Field):
         if places.points is None:
             return super().at(places)
         size, lookups = places.u.numel(), self.__dict__["_lookups"]
-        if size not in lookups:  # kept: CasADi holds no reference to what it calls in Python
-            callback = Quadratics(self._field, size)
-            lookups[size] = sparse_lookup(callback, size), callback
-        return lift(lookups[size][0](places.points).T, places.shape)
+        with interrupts_held():
+            if size not in lookups:  # kept: CasADi holds no reference to what it calls in Python
+                callback = Quadratics(self._field, size)
+                lookups[size] = sparse_lookup(callback, size), callback
+            return lift(lookups[size][0](places.points).T, places.shape)
 
 
 class SparseWorld(World):

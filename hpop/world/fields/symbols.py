@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import casadi
 import numpy as np
 
+from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import LimitPassed, check
 from hpop.world.fields import _kernels
 
@@ -82,7 +83,8 @@ class Quadratics(casadi.Callback):
     def __init__(self, field: Field, size: int) -> None:
         casadi.Callback.__init__(self)
         self._field, self._size = field, size
-        self.construct("quadratics", {})
+        with interrupts_held():
+            self.construct("quadratics", {})
 
     def get_n_in(self) -> int:
         return 1

@@ -203,7 +203,8 @@ class PolylineProgram:
         size = program["x"].numel() * program["g"].numel()
         self.deadline.check(BUILDING, ahead=BUILDS * size)
         stopping = self.deadline.stopping(program["x"].numel(), program["g"].numel())
-        solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS | stopping)
+        with interrupts_held():
+            solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS | stopping)
         honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # a slack may lie above the worst sample
         seen = [casadi.horzcat(x, y), casadi.vertcat(*honest), casadi.horzcat(*found)]
         values = casadi.Function("values", [variables, parameters], seen)
@@ -236,7 +237,8 @@ class PolylineProgram:
     def _values(self, polyline: Polyline, corrections: FloatArray | None) -> list[FloatArray]:
         point = np.concatenate([self._free(polyline), np.zeros(len(self._places[1]))])
         parameters = self._parameters(polyline, np.ones(len(self.criteria)), corrections)
-        found = [np.array(value) for value in self._built[1](point, parameters)]
+        with interrupts_held():
+            found = [np.array(value) for value in self._built[1](point, parameters)]
         self.deadline.check(SOLVING)  # fields that were read later are not numbers
         return found
 
@@ -349,7 +351,8 @@ class PolylineProgram:
             )
         stats = solver.stats()
         self.deadline.check_solver(str(stats["return_status"]))
-        vertices, costs, _ = (np.array(value) for value in values(found["x"], parameters))
+        with interrupts_held():
+            vertices, costs, _ = (np.array(value) for value in values(found["x"], parameters))
         vertices[0], vertices[-1] = warm.vertices[0], warm.vertices[-1]
         return Solution(
             Polyline(vertices, warm.start_yaw, warm.goal_yaw),

@@ -112,16 +112,18 @@ class _Formulas:
         """Values of all constraints (m,) and their Jacobian (m, size)."""
         from scipy.sparse import csr_array
 
-        values, slopes = self.derivatives["jac_g"](x, parameters)
+        with interrupts_held():
+            values, slopes = self.derivatives["jac_g"](x, parameters)
         return np.array(values).ravel(), csr_array(slopes.sparse())
 
     def solver(self, options: Mapping[str, Any]) -> Any:
         """IPOPT; options that say nothing else take the exact second derivatives."""
         import casadi
 
-        return casadi.nlpsol(
-            "driven", "ipopt", self.program, {**self.derivatives, **OPTIONS, **self.stopping, **options}
-        )
+        with interrupts_held():
+            return casadi.nlpsol(
+                "driven", "ipopt", self.program, {**self.derivatives, **OPTIONS, **self.stopping, **options}
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,7 +322,9 @@ class DrivenProgram:
 
     def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
         """Costs (k,) as the program adds them up."""
-        return np.array(self._formulas.values(self._on_hinges(point, parameters), parameters)).ravel()
+        placed = self._on_hinges(point, parameters)
+        with interrupts_held():
+            return np.array(self._formulas.values(placed, parameters)).ravel()
 
     def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
         """A guess that begins at a solution."""
