@@ -28,7 +28,7 @@ ROUNDED = 1e-6  # relative, or quanta: sums along other edges
 
 
 def problems(data: Path) -> dict[str, hpop.Problem]:
-    """The museum, and the office where the public data are."""
+    """Return the museum, and the office if the public data exist."""
     robot = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
     criteria = ["exposure", "turns", "length"]
     museum = hpop.World.from_geojson(ROOT / "examples" / "museum.geojson")
@@ -41,14 +41,14 @@ def problems(data: Path) -> dict[str, hpop.Problem]:
 
 
 def timed(planner: Lattice | AnyAngle | Roadmap, problem: hpop.Problem) -> tuple[Candidates, float]:
-    """What a planner finds, kernels already loaded, and in how many seconds."""
+    """Return a planner's result and its seconds, with kernels already loaded."""
     planner.solve(problem)
     began = time.perf_counter()
     return planner.solve(problem), time.perf_counter() - began
 
 
 def compared(problem: hpop.Problem, step: float, samples: int) -> dict[str, Any]:
-    """The lattice's front, and both roadmaps' beside it."""
+    """Compare the fronts of the lattice and of both roadmaps."""
     found, lattice_s = timed(Lattice(step), problem)
     lattice = problem.front(found)
     row: dict[str, Any] = {

@@ -31,7 +31,7 @@ SHARES = {"far": 1.0, "middling": 0.3, "near": 0.1}
 
 
 def seconds(work: Callable[[], object]) -> float:
-    """Of the processor, the least of three runs after one that loads what is needed."""
+    """Return the processor seconds of a call: the least of three runs after a warm-up."""
     runs = []
     for _ in range(4):
         began = time.process_time()

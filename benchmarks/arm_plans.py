@@ -50,13 +50,13 @@ class Watch:
         self.before = time.process_time()
 
     def seconds(self) -> float:
-        """So many."""
+        """Return the processor seconds since the last call."""
         before, self.before = self.before, time.process_time()
         return self.before - before
 
 
 def large(problem: hpop.Problem, far: int) -> dict[str, Any]:
-    """A roadmap of one problem from nothing to its front."""
+    """Measure a roadmap of one problem from nothing to its front."""
     watch, planner = Watch(), Roadmap(samples=LARGE, far=far)
     roadmap = planner.roadmap(problem, Spending())
     row: dict[str, Any] = {"nodes": roadmap.size, "drawn_and_linked_s": watch.seconds()}
@@ -80,7 +80,7 @@ def large(problem: hpop.Problem, far: int) -> dict[str, Any]:
 
 
 def planned(problem: hpop.Problem) -> dict[str, Any]:
-    """The front of a problem, two splines of it, and what RRT-Connect finds."""
+    """Measure the front of a problem, two splines of it, and RRT-Connect."""
     watch = Watch()
     found = Roadmap(samples=SAMPLES).solve(problem)
     row: dict[str, Any] = {"front_s": watch.seconds(), "front": len(found.trajectories)}
@@ -108,7 +108,7 @@ def costed(criteria: Sequence[Criterion], paths: Sequence[Trajectory], problem: 
 
 
 def splines(problem: hpop.Problem, paths: Sequence[Trajectory], minimise: int | None) -> list[dict[str, Any]]:
-    """What becomes of some paths, each in turn; the program is built before."""
+    """Turn some paths into splines, one after another; the program is built before."""
     job = SplineJob(problem, problem.criteria, tuple(range(len(problem.criteria))), minimise, pieces=12)
     job.solve(paths[0])
     rows = []
@@ -127,7 +127,7 @@ def splines(problem: hpop.Problem, paths: Sequence[Trajectory], minimise: int | 
 
 
 def rrt_connect(problem: hpop.Problem) -> dict[str, Any] | None:
-    """A path by OMPL on the same certificates; nothing where OMPL is not installed."""
+    """Return a path by OMPL on the same certificates; None where OMPL is not installed."""
     try:
         ob, og, util = (import_module(f"ompl.{name}") for name in ("base", "geometric", "util"))
     except ImportError:
@@ -187,7 +187,7 @@ def rrt_connect(problem: hpop.Problem) -> dict[str, Any] | None:
 
 
 def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """What the problems of a set say together."""
+    """Summarise the problems of a set."""
     solved = [row for row in rows if row["front"]]
     found: dict[str, Any] = {
         "problems": len(rows),
@@ -222,7 +222,7 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def middle(values: Sequence[float]) -> dict[str, float]:
-    """The median and the largest."""
+    """Return the median and the largest value."""
     return {"median": float(np.median(values)), "most": float(np.max(values))} if values else {}
 
 

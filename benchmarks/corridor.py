@@ -1,14 +1,15 @@
-"""Benchmark among real people: plans through a two-way corridor, judged by what the people then did.
+"""Benchmark among real people: plans through a two-way corridor, judged by the recorded people.
 
 ``HPOP_DATA=folder python benchmarks/corridor.py --out out/bench/corridor.json``
 
 At some moments of a recording (bi_corr_400_b_03 of Forschungszentrum Juelich, in PedPy's demonstration data; people
-cross a corridor of 10 m x 4 m both ways) a robot begins at the left end and shall leave at the right. Who is there then
-is predicted by a constant velocity, that of the last half second, up to a horizon; nobody else is known of. The exact
-front of that is evaluated against what all people did, who had no robot among them. Beside it stands the shortest way,
-which heeds nobody. (Who knew what all will do had often no way at all: people walk where they do not see a robot.)
+cross a corridor of 10 m x 4 m both ways) a robot begins at the left end and shall leave at the right. The people
+present are predicted by a constant velocity, that of the last half second, up to a horizon; later arrivals are unknown.
+The exact front of these predictions is evaluated against the recorded people, who had no robot among them. The shortest
+path, which ignores people, stands beside it. (With perfect predictions there was often no path at all: people walk
+where they do not see a robot.)
 
-How far constant velocity is off is measured at other moments. Intrusion is `personal_space`, s; gaps are between the
+The error of constant velocity is measured at other moments. Intrusion is `personal_space`, s; gaps are between the
 surfaces of bodies, m, negative where they overlap. Seconds are the processor's.
 """
 
@@ -62,19 +63,19 @@ Tracks = Mapping[Hashable, Track]
 
 
 def velocity(track: Track, now: float) -> tuple[float, float]:
-    """Mean velocity, m/s, of the last moments, as far as somebody has been seen."""
+    """Return the mean velocity, m/s, of a person over the last moments seen."""
     seen = min(WINDOW, now - track.begin)
     (x0, y0), (x1, y1) = track.at(now - seen), track.at(now)
     return float(x1 - x0) / seen, float(y1 - y0) / seen
 
 
 def present(tracks: Tracks, now: float) -> Iterator[tuple[Hashable, Track]]:
-    """Who has been seen for some pictures, and is there still."""
+    """Yield the people who have been seen for some pictures and are still present."""
     return ((one, track) for one, track in tracks.items() if track.begin <= now - SEEN and track.end > now)
 
 
 def predicted(tracks: Tracks, now: float) -> list[Person]:
-    """The people of a moment, each with the velocity of that moment."""
+    """Return the people of a moment, each with the velocity of that moment."""
     people = []
     for one, track in present(tracks, now):
         x, y = (float(place) for place in track.at(now))
@@ -83,14 +84,14 @@ def predicted(tracks: Tracks, now: float) -> list[Person]:
 
 
 def recorded(tracks: Tracks, now: float) -> list[Person]:
-    """What all people did from a moment on, who came later included, as long as the robot may be there."""
+    """Return all recorded people from a moment on, later arrivals included, while the robot may be there."""
     later = ((one, track.later(now)) for one, track in tracks.items() if track.end > now)
     there = [(one, track) for one, track in later if track.begin < LATEST]
     return [Person.along(track, radius=BODY, name=str(one), until=LATEST) for one, track in there]
 
 
 def errors(tracks: Tracks) -> dict[str, float]:
-    """Root mean square error, m along each axis, of constant velocity so many seconds ahead."""
+    """Return the root mean square error, m along each axis, of constant velocity after some seconds."""
     found = dict[str, float]()
     for ahead in AHEAD:
         squares = []
@@ -104,7 +105,7 @@ def errors(tracks: Tracks) -> dict[str, float]:
 
 
 def asked(people: list[Person]) -> hpop.Problem:
-    """The question of a moment: from the middle of the left end, or next to it where it is free, to anywhere right."""
+    """Return the problem of a moment: from the middle of the left end, or the nearest free point, to anywhere right."""
     t = np.arange(0.0, HORIZON, 0.05)
     ways = np.array([person.at(t) for person in people])  # (people, 2, times)
     free = [lane for lane in LANES if np.hypot(ways[:, 0] - ENDS[0], ways[:, 1] - lane).min() > ROOM]
@@ -114,13 +115,13 @@ def asked(people: list[Person]) -> hpop.Problem:
 
 
 def judged(trajectory: hpop.Trajectory, truth: hpop.Problem) -> dict[str, float]:
-    """What a plan is worth among the people as they were."""
+    """Evaluate a plan among the recorded people."""
     metrics = social_metrics(trajectory.execution(), truth.world, robot_radius=ROBOT.radius)
     return {"intrusion": truth.evaluate(trajectory)["personal_space"], "least_gap": metrics.min_human_distance}
 
 
 def moment(tracks: Tracks, now: float) -> dict[str, Any]:
-    """The plans of one moment, and what they are worth."""
+    """Return the plans of one moment and their values."""
     problem = asked(predicted(tracks, now))
     world = problem.world.with_content(people=recorded(tracks, now))
     truth = replace(problem, world=world)

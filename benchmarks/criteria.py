@@ -27,7 +27,7 @@ from hpop.world.content.content import Landmark, Person, Zone
 
 
 def furnished() -> hpop.Problem:
-    """The largest museum with 10 landmarks, 6 people in two conversations, and two zones."""
+    """Return the largest museum with 10 landmarks, 6 people in two conversations, and two zones."""
     plain = museums.problem("m160")
     rng = np.random.default_rng(0)
     places = rng.uniform(3.0, 37.0, size=(16, 2))

@@ -82,7 +82,7 @@ def main() -> None:
 
 
 def problem(name: str) -> hpop.Problem:
-    """The museum of the examples, one of the museums by seed, or a real map."""
+    """Return the museum of the examples, one of the museums by seed, or a real map."""
     if name != "museum":
         return maps.problem(name) if name in maps.FOLDERS else museums.problem(name)
     asked = hpop.examples.museum()
@@ -108,7 +108,7 @@ class Drive:
         self.front = pareto_paths(self.graph, start, goals)
 
     def measured(self, events: int) -> dict[str, Any]:
-        """Seconds of so many events, and what was claimed; see the module."""
+        """Measure the seconds and claims of some events; see the module."""
         for number in range(FIRST):
             node, shut = self._event(np.random.default_rng(number), closes=number % 3 > 0)
             self.prepared.close(shut)
@@ -157,7 +157,7 @@ class Drive:
         }
 
     def _event(self, rng: np.random.Generator, closes: bool) -> tuple[int, IntArray]:
-        """A place on a way, and the arcs that are closed ahead of it: none, or all at some positions."""
+        """Draw a position on a path, and the arcs that close ahead of it: none, or all at some positions."""
         while True:
             nodes = self.front.nodes(int(rng.integers(len(self.front))))
             at = int(rng.integers(nodes.size - 1))
@@ -170,7 +170,7 @@ class Drive:
 
 
 def visitors() -> hpop.Problem:
-    """The museum of the examples with three visitors who walk."""
+    """Return the museum of the examples with three walking visitors."""
     return load_scenario(Path(__file__).parent.parent / "examples" / "visitors.yaml").problem
 
 
@@ -183,7 +183,7 @@ PEOPLE = {"visitors": visitors, "small": small}
 
 
 def among(name: str, events: int) -> dict[str, Any]:
-    """What drives among people who move answer."""
+    """Measure the answers of drives among moving people."""
     asked, planner, rng = PEOPLE[name](), Lattice(step=STEP, margin=0.1), np.random.default_rng(0)
     began = time.process_time()
     front = asked.solve(planner)
@@ -264,7 +264,7 @@ def changed(drive: hpop.drive.Execution, change: str, now: float, rng: np.random
 
 
 def answers(rows: list[tuple[float, ParetoPaths]], deadline: float) -> dict[str, Any]:
-    """What the answers took, and what they claim."""
+    """Summarise the seconds and claims of answers."""
     spent = [row[0] for row in rows]
     gaps = [found.gap for _, found in rows if not found.status.is_final]
     over = np.array(spent) - deadline
@@ -283,12 +283,12 @@ def answers(rows: list[tuple[float, ParetoPaths]], deadline: float) -> dict[str,
 
 
 def same(found: ParetoPaths, exact: ParetoPaths) -> bool:
-    """Whether two answers have the same status and vectors."""
+    """Return True if two answers have equal status and vectors."""
     return found.status is exact.status and found.costs.tolist() == exact.costs.tolist()
 
 
 def true_gap(found: ParetoPaths, exact: ParetoPaths) -> float:
-    """By how much, in proportion, the worst vector of the exact front is missed."""
+    """Return the relative amount by which the worst vector of the exact front is missed."""
     beyond = found.costs[None] / np.maximum(exact.costs[:, None], 1e-9) - 1
     return float(np.maximum(beyond.max(axis=2), 0).min(axis=1).max())
 

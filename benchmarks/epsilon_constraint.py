@@ -95,7 +95,7 @@ def convergence(base: hpop.Problem) -> dict[str, Any]:
 
 
 def coverage(problem: hpop.Problem, step: float) -> dict[str, Any]:
-    """What polylines do for each point of the lattice's front, and to the hypervolume."""
+    """Measure how far polylines improve each point of the lattice's front, and the hypervolume."""
     lattice = problem.solve("lattice", step=step)
     began = time.perf_counter()
     candidates = EpsilonConstraint(step=step).solve(problem)

@@ -94,7 +94,7 @@ def main() -> None:
 
 
 def write(folder: Path, name: str, data: Path) -> Path | None:
-    """The scenario of a map; None where its files are not there."""
+    """Write the scenario of a map; return None where its files are missing."""
     world, radius, start, goal = MAPS[name]
     ((reader, given),) = world.items()
     paths = {key: str(data / given[key]) for key in ("path", "keep_out") if key in given}

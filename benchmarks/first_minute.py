@@ -188,7 +188,7 @@ def _rows(least: dict[str, Seconds]) -> list[dict[str, Any]]:
 
 
 def _print(least: dict[str, Seconds]) -> None:
-    """A line for each part: seconds of the processor and of the clock, and the ratio of new to old."""
+    """Print a line for each part: seconds of the processor and of the clock, and the ratio of new to old."""
     for part, (cpu, clock) in least["new"].items():
         line = f"{part:14} new {cpu:6.2f} s of the processor, {clock:6.2f} s"
         if "old" in least and part in least["old"]:

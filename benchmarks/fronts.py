@@ -49,7 +49,7 @@ PLANNERS = {
 
 
 def instances() -> dict[str, Callable[[], hpop.Front]]:
-    """What makes each front, by name."""
+    """Return the function that makes each front, by name."""
     made = {name: partial(scenario, f"{name}.yaml") for name in ("museum", "museum_planners", "own_criterion")}
     made |= {name: partial(scenario, f"{name}.yaml") for name in FOLDERS if missing(name) is None}
     made |= {name: partial(solved, name, "lattice", step=museums.CELL) for name in ("m60", "m100", "m160")}
@@ -60,7 +60,7 @@ def instances() -> dict[str, Callable[[], hpop.Front]]:
 
 
 def scenario(name: str) -> hpop.Front:
-    """The front of an example's scenario; its criterion of its own is that of example 3."""
+    """Return the front of an example's scenario; its own criterion is that of example 3."""
     if name == "own_criterion.yaml" and "glare" not in registry.criteria:
         runpy.run_path(str(ROOT / "examples" / "03_own_criterion.py"))
     text = (ROOT / "examples" / name).read_text().replace("../../shared/data", str(DATA))
@@ -72,12 +72,12 @@ def scenario(name: str) -> hpop.Front:
 
 
 def solved(museum: str, planner: str, **options: float) -> hpop.Front:
-    """The front of a random museum."""
+    """Return the front of a random museum."""
     return museums.problem(museum).solve(planner, **options)
 
 
 def toured(planner: str, **options: float) -> hpop.Front:
-    """The front of the museum tour by one planner; one of convex programs keeps clear, which has a convex form."""
+    """Return the museum tour's front by one planner; the planner of convex programs uses clearance, a convex cost."""
     tour = any_angle.problems(Path(os.devnull))["museum"]
     if planner == "weighted-sum-corridor":
         tour = hpop.Problem(tour.world, tour.model, tour.start, tour.goal, ["clearance", "turns", "length"])
@@ -85,20 +85,20 @@ def toured(planner: str, **options: float) -> hpop.Front:
 
 
 def approximated() -> hpop.Front:
-    """A front within a hundredth; without stages, whose points depend on how busy the machine is."""
+    """Return a front within a hundredth, without stages, whose points depend on how busy the machine is."""
     tour = any_angle.problems(Path(os.devnull))["museum"]
     return tour.front(Lattice(step=0.25, eps=0.01).solve(tour))
 
 
 def mean() -> hpop.Front:
-    """A front of a mean itself."""
+    """Return a front of an exact time-mean."""
     tour = any_angle.problems(Path(os.devnull))["museum"]
     asked = hpop.Problem(tour.world, tour.model, tour.start, tour.goal, ["obstruction", "turns", "length"])
     return asked.solve("lattice", step=0.5, max_detour=1.2)
 
 
 def values() -> hpop.Front:
-    """A front in a furnished museum, with the value of every criterion that hpop has reported."""
+    """Return a front in a furnished museum, with every criterion of hpop reported."""
     furnished = criteria.furnished()
     asked = hpop.Problem(furnished.world, furnished.model, furnished.start, furnished.goal, TOUR)
     few = asked.front(Lattice(step=0.5, eps=0.1).solve(asked))
@@ -110,13 +110,13 @@ def values() -> hpop.Front:
 
 
 def serves(criterion: type, asked: hpop.Problem) -> bool:
-    """Whether a criterion needs nothing that a problem lacks: no target, and no joints where there are none."""
+    """Return True if a problem has everything that a criterion needs, such as a target or joints."""
     given = all(field.default is not dataclasses.MISSING for field in dataclasses.fields(criterion))
     return given and not lacking(criterion.requires, asked.model, asked.world)
 
 
 def differences(now: hpop.Front, kept: hpop.Front) -> Iterator[str]:
-    """What is not as it was."""
+    """Yield the differences of two fronts."""
     for name in ("names", "status", "certificate"):
         was, is_ = getattr(kept, name), getattr(now, name)
         if was != is_:

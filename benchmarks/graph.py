@@ -90,7 +90,7 @@ def _numbers(words: list[str], expected: int | None, where: str) -> list[int]:
 
 
 def told(graph: Graph, paths: ParetoPaths) -> dict[str, Any]:
-    """What was searched and found."""
+    """Return the size of a graph and the result of a search in it."""
     sizes = {"nodes": graph.nodes, "arcs": graph.arcs, "costs": graph.criteria}
     stats = asdict(paths.stats)
     return {**sizes, "status": str(paths.status), "front": len(paths), "seconds": seconds(paths), **stats}
@@ -114,7 +114,7 @@ def write(file: Path) -> None:
 
 
 def row(name: str, queries: Iterable[Query]) -> dict[str, Any]:
-    """Sums over queries, each searched once more than it is measured so that kernels are there."""
+    """Sum over queries; each is searched once before it is measured, so that kernels are loaded."""
     done = []
     for graph, source, target in queries:
         pareto_paths(graph, source, target, method="general", budget=Budget(max_labels=1))
@@ -152,7 +152,7 @@ def random_grid(side: int, criteria: int) -> Query:
 
 
 def pulido(grid: int, criteria: int) -> Iterator[Query]:
-    """The fifteen queries on a grid, with its first costs; its arcs are written once and used both ways."""
+    """Yield the fifteen queries on a grid, with its first costs; each arc of the file is used in both directions."""
     lines = (PULIDO / "grids" / f"Grid{grid}.txt").read_text().splitlines()
     table = np.array([line.split()[1:] for line in lines if line.startswith("a ")], np.int64)
     first, second = table[:, [0, 2]].T * SIDE + table[:, [1, 3]].T

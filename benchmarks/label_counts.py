@@ -19,12 +19,12 @@ Counts = Mapping[str, Mapping[str, int]]
 
 
 def title(row: Mapping[str, Any]) -> str:
-    """What was searched, such as `m160 at 0.25 m, eps 0.01`."""
+    """Return the name of a row, such as `m160 at 0.25 m, eps 0.01`."""
     return f"{row['instance']} at {row['step']:g} m" + (f", eps {row['eps']:g}" if row["eps"] else "")
 
 
 def read(file: Path = REFERENCE) -> Counts:
-    """Reference counts by title."""
+    """Return the reference counts by title."""
     counts: Counts = json.loads(file.read_text())
     return counts
 

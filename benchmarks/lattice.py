@@ -95,7 +95,7 @@ def instance(folder: Path) -> dict[str, Any]:
 
 
 def counts(paths: ParetoPaths) -> dict[str, Any]:
-    """What a search found and did, and the memory of this process."""
+    """Return the counts of a search, and the memory of this process."""
     return {
         "front": len(paths.costs),
         "labels_generated": paths.stats.labels_generated,

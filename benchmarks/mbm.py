@@ -24,7 +24,7 @@ LACKING = f"nothing is measured: it takes the wheel example-robot-data, and {DAT
 
 
 def panda(data: Path = DATA, fingers: float = FINGERS) -> SerialArm | None:
-    """The arm, its fingers so many metres out, if its files are there."""
+    """Return the arm with its fingers opened by ``fingers`` m, if its files exist."""
     try:
         files = importlib.metadata.files("example-robot-data") or []
     except importlib.metadata.PackageNotFoundError:

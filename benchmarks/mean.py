@@ -90,7 +90,7 @@ def measured(name: str, detours: list[float], turns: list[int]) -> dict[str, Any
 
 
 def described(paths: MeanPaths, known: list[list[int]], seconds: float, additive: float) -> dict[str, Any]:
-    """Counts and ratios of one cap."""
+    """Return the counts and ratios of one cap."""
     additive_points = {(row[INTEGRAL] / row[DURATION], *row[OTHERS:]) for row in known}
     points = [(float(paths.mean(i)), *paths.costs[i, OTHERS:].tolist()) for i in range(len(paths))]
     return {

@@ -79,7 +79,7 @@ def compared(where: str, n: int, k: int, seed: int = 0) -> dict[str, Any]:
 
 
 def streets(side: int, seed: int = 0) -> nx.DiGraph:
-    """A street network of side x side crossings: length in m, risk, and the turns that crooked streets take."""
+    """Return a street network of side x side crossings: length in m, risk, and the turns of crooked streets."""
     rng = np.random.default_rng(seed)
     g = nx.DiGraph(nx.grid_2d_graph(side, side))
     for _, _, data in g.edges(data=True):
@@ -88,7 +88,7 @@ def streets(side: int, seed: int = 0) -> nx.DiGraph:
 
 
 def paths_compared(side: int, population: int, generations: int, seed: int = 0) -> dict[str, Any]:
-    """The exact front of a street network, and what an evolutionary algorithm finds of it."""
+    """Compare the exact front of a street network with the result of an evolutionary algorithm."""
     g, source, target = streets(side, seed), (0, 0), (side - 1, side - 1)
     exact, seconds = measured(lambda g: pareto_paths(g, source, target, costs=COSTS).values, g)
     began = process_time()
@@ -140,7 +140,7 @@ def evolved(g: nx.DiGraph, source: Any, target: Any, population: int, generation
 
 
 def pymoo_filter(Y: np.ndarray) -> np.ndarray:
-    """The first front of pymoo's non-dominated sorting."""
+    """Return the first front of pymoo's non-dominated sorting."""
     from pymoo.util.nds.non_dominated_sorting import NonDominatedSorting
 
     return Y[NonDominatedSorting().do(Y, only_non_dominated_front=True)]
@@ -154,12 +154,12 @@ def pymoo_hypervolume(Y: np.ndarray, reference: np.ndarray) -> float:
 
 
 def same_rows(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two sets of vectors have the same members; pymoo keeps all of equal rows, the others one."""
+    """Return True if two sets of vectors have equal members; pymoo keeps all equal rows, the others one."""
     return np.array_equal(np.unique(one, axis=0), np.unique(other, axis=0))
 
 
 def measured(ask: Callable[[Any], Any], data: Any) -> tuple[Any, float]:
-    """What is found, and the least processor seconds of several runs."""
+    """Return the result of a call and the least processor seconds of several runs."""
     seconds = []
     for _ in range(RUNS):
         began = process_time()

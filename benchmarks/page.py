@@ -111,7 +111,7 @@ def measured(browser: Browser, path: Path, rows: int) -> dict[str, Any]:
 
 
 def machine(browser: Browser) -> dict[str, Any]:
-    """What it ran on."""
+    """Describe the machine and the browser."""
     text = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
     names = [line.partition(":")[2].strip() for line in text.splitlines() if line.startswith("model name")]
     return {

@@ -21,7 +21,7 @@ PART = 20  # bits: rates are in 2**-20 counts
 
 
 class PlainFront(NamedTuple):
-    """What it found and did.
+    """Result and counts of a plain search.
 
     costs     (n, k)  rows in lexicographic order
     made      count   labels put into buckets
@@ -86,7 +86,7 @@ def tables_of(graph: TimedGraph) -> Tables:
 def plain_front(
     graph: TimedGraph, source: int, targets: list[int], *, seeds: int = 0, most: int = 40_000_000
 ) -> PlainFront:
-    """The front, with a goal front that begins with the supported points of so many weights, or empty."""
+    """Return the front; the goal front begins with the supported points of some weights, or empty."""
     t, k = tables_of(graph), graph.graph.criteria
     is_target = np.zeros(graph.graph.nodes, np.bool_)
     is_target[targets] = True
@@ -113,7 +113,7 @@ def plain_front(
 
 
 def _calm(graph: TimedGraph, t: Tables) -> NDArray[np.int32]:
-    """The last tick (n,) at which leaving a node can still meet something that changes, -1 if there is none."""
+    """Return the last tick (n,) at which leaving a node can still meet a change, -1 if there is none."""
     n, h, k = graph.graph.nodes, t.horizon, graph.graph.criteria
     tails = np.repeat(np.arange(n), np.diff(t.indptr))
     last = np.full(n, -1, np.int64)
@@ -134,14 +134,14 @@ def _calm(graph: TimedGraph, t: Tables) -> NDArray[np.int32]:
 
 
 def _last(marked: NDArray[np.bool_]) -> IntArray:
-    """The last marked column of each row, -1 of a row without one."""
+    """Return the last marked column of each row, -1 for a row without one."""
     width = marked.shape[1]
     return np.where(marked.any(axis=1), width - 1 - np.argmax(marked[:, ::-1], axis=1), -1)
 
 
 @lean
 def standing(t: Tables, p: int, j: int, tick: int) -> int:
-    """What standing at a place has cost by a tick."""
+    """Return the cost of standing at a position until a tick."""
     if tick <= t.horizon:
         return int(t.omega[p, tick, j])
     if t.own[j]:
@@ -163,7 +163,7 @@ def cost(t: Tables, a: int, p: int, j: int, tick: int) -> int:
 
 @lean
 def is_open(t: Tables, a: int, p: int, tick: int) -> bool:
-    """Whether an arc may be left for."""
+    """Return True if an arc is open at a tick."""
     at = min(tick, t.horizon)
     if t.row[a] >= 0:
         return not t.blocked[t.row[a], at]
@@ -172,7 +172,7 @@ def is_open(t: Tables, a: int, p: int, tick: int) -> bool:
 
 @lean
 def may_stand(t: Tables, p: int, begin: int, end: int) -> bool:
-    """Whether nobody comes too near from one tick to another."""
+    """Return True if no person comes too near from one tick to another."""
     return end <= begin or t.next_cut[p, min(begin, t.horizon)] >= min(end, t.horizon + 1)
 
 
@@ -293,7 +293,7 @@ def is_dropped(
     tick: int,
     g: IntArray,
 ) -> bool:
-    """Whether a label need not be followed."""
+    """Return True if a label need not be expanded."""
     k, p = len(g), t.place[v]
     for i in range(size):
         covered = True

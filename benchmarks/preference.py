@@ -37,13 +37,13 @@ def museum() -> Front[Any]:
 
 
 def seeded(n: int, k: int) -> Front[Any]:
-    """So many rows of costs alone."""
+    """Return a front of n rows with costs alone."""
     costs = seeded_fronts.costs_of(np.random.default_rng(1), n + n // 10, k)
     return Front.of(costs)[:n]
 
 
 def measured(name: str, front: Front[Any], ties: bool) -> dict[str, Any]:
-    """What questions take, and where they lead."""
+    """Measure the processor seconds of questions, and the regret after them."""
     asking, judging, regrets = [], [], []
     for seed in range(PEOPLE):
         rng = np.random.default_rng(seed)

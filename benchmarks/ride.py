@@ -29,13 +29,13 @@ WAY = [(2, 10, 0), (11, 10, 0), (16, 9.9, 0), (20, 9, 0), (24, 8.5, -1.57), (24.
 
 
 def processor_seconds() -> float:
-    """Of this process so far."""
+    """Return the processor seconds of this process so far."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     return used.ru_utime + used.ru_stime
 
 
 def picture(problem: hpop.Problem, width: int) -> dict[str, Any]:
-    """The median of seven pictures at different places."""
+    """Return the median of seven pictures at different positions."""
     drawn, seconds = Panorama(Scene.of(problem), width), []
     for x in range(4, 12):
         began = time.thread_time()
@@ -45,7 +45,7 @@ def picture(problem: hpop.Problem, width: int) -> dict[str, Any]:
 
 
 def video(problem: hpop.Problem, seconds: float) -> dict[str, Any]:
-    """A tour that goes on until the time is up."""
+    """Return a tour that continues until the time is up."""
     goes = hpop.Trajectory.from_poses(problem.model, WAY)
     while goes.execution().duration < seconds:
         x, y, yaw = (float(getattr(goes.states, name)[-1]) for name in ("x", "y", "yaw"))

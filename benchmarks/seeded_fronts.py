@@ -27,7 +27,7 @@ DISTINCT = 400  # trajectories; rows beyond share them
 
 
 def hall() -> hpop.World:
-    """A hall with two rows of pillars and a wall."""
+    """Return a hall with two rows of pillars and a wall."""
     pillars = [shapely.box(x, y, x + 1, y + 1) for x in range(4, 22, 4) for y in (3.5, 9.5)]
     return hpop.World.from_polygons([*pillars, shapely.box(9, 6.2, 15, 6.6)], extent=shapely.box(0, 0, WIDTH, DEPTH))
 
@@ -62,7 +62,7 @@ def costs_of(rng: np.random.Generator, n: int, k: int) -> FloatArray:
 
 
 def front(n: int, k: int = 5, seed: int = 0, *, of: hpop.Problem | None = None) -> hpop.Front:
-    """A front of ``n`` rows, or of at most one where k = 1, with the duration reported beside."""
+    """Return a front of ``n`` rows, or of at most one where k = 1, with the duration reported beside."""
     rng = np.random.default_rng(seed)
     of = of or problem(k)
     made = [trajectory(rng, of.model) for _ in range(min(n, DISTINCT))]

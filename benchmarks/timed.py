@@ -66,7 +66,7 @@ def main() -> None:
 
 
 def measured(name: str, tick: float, plain: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The figures of one museum and clock, and the ways that its picture shows."""
+    """Return the figures of one museum and clock, and the paths that its picture shows."""
     warm = timed_worlds.small().query(0.5)
     for eps in (0.0, EPS):
         timed_paths(*warm, eps=eps)
@@ -125,7 +125,7 @@ def answered(museum: timed_worlds.Museum, tick: float) -> tuple[int, float]:
 
 
 def searched(query: timed_worlds.Query, **options: Any) -> tuple[TimedPaths, float, float]:
-    """What hpop finds, in how many processor seconds, and after how many there was a point."""
+    """Return the result of a search, its processor seconds, and the seconds until the first point."""
     began, first = time.process_time(), np.inf
 
     def watch(progress: Progress) -> None:
@@ -139,7 +139,7 @@ def searched(query: timed_worlds.Query, **options: Any) -> tuple[TimedPaths, flo
 
 
 def counts(paths: TimedPaths) -> dict[str, Any]:
-    """What a search found and did."""
+    """Return the counts of a search."""
     return {
         "status": str(paths.status),
         "front": len(paths),
@@ -149,7 +149,7 @@ def counts(paths: TimedPaths) -> dict[str, Any]:
 
 
 def described(found: PlainFront, seconds: float) -> dict[str, Any]:
-    """The same of the plain label setting; ``at_least`` says that it ran out of labels."""
+    """Describe the result of the plain label setting; ``at_least`` says that it ran out of labels."""
     return {
         "seconds": seconds,
         "complete": found.complete,
@@ -161,7 +161,7 @@ def described(found: PlainFront, seconds: float) -> dict[str, Any]:
 
 
 def covers(found: IntArray, exact: IntArray, eps: float) -> bool:
-    """Whether each exact vector has one found that is at most so much larger."""
+    """Return True if each exact vector has one in the front that is at most (1 + eps) times as large."""
     most = np.floor(exact * (1 + eps) + 1e-6)
     return bool((found[None] <= most[:, None]).all(axis=2).any(axis=1).all())
 

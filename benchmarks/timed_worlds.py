@@ -50,7 +50,7 @@ class Hundredths(HallZones):
 
 
 class Query(NamedTuple):
-    """What is searched."""
+    """Query of a benchmark: a timed graph, its ends and its clock."""
 
     graph: TimedGraph
     source: int
@@ -71,11 +71,11 @@ class Museum:
         return Lattice(step=STEP).lattice(self.problem)
 
     def planner(self, tick: float) -> Lattice:
-        """The planner that has this lattice, on a clock of so many seconds a tick."""
+        """Return the planner of this lattice, on a clock of ``tick`` seconds."""
         return Lattice(step=STEP, clock=tick, hold=HOLD, arrive_by=self.arrive_by, margin=MARGIN)
 
     def query(self, tick: float, *, fine: bool = False) -> Query:
-        """The lattice on a clock of so many seconds a tick; ``fine``: in the criteria's own quanta."""
+        """Return the lattice on a clock of ``tick`` seconds; ``fine``: in the criteria's own quanta."""
         space, start, goals = Lattice(step=STEP).ends(self.lattice, self.problem)
         criteria = (Turns(), Length(), HallZones()) if fine else (Turns(), Millimetres(), Hundredths())
         options = TimeOptions(clock=tick, hold=HOLD, arrive_by=self.arrive_by, margin=MARGIN)
@@ -104,7 +104,7 @@ def small() -> Museum:
 
 
 def large() -> Museum:
-    """The museum of the examples, 30 x 20 m, and four people: in the hallway, the upper rooms and two doors."""
+    """Return the example museum, 30 x 20 m, and four people: in the hallway, the upper rooms and two doors."""
     given = hpop.examples.museum()
     people = [
         Person(26.0, 10.0, velocity=(-1.0, 0.0), until=20.0, name="hallway"),
@@ -159,7 +159,7 @@ def _draw(axes: Axes, museum: Museum, ways: Mapping[str, tuple[list[int], FloatA
 
 
 def _draw_track(axes: Axes, person: Person, times: FloatArray, number: int) -> None:
-    """Where a person is, with the time now and then, and a cross where the prediction ends; numbers by turns below."""
+    """Draw a person's track, with the time here and there, and a cross where the prediction ends."""
     x, y = (np.broadcast_to(column, times.shape) for column in person.at(times))
     colour = PEOPLE[number % len(PEOPLE)]
     label = f"visitor, {person.name}: where at which second, gone after {times[-1]:g} s"

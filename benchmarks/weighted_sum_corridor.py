@@ -32,7 +32,7 @@ REBUILT = 5  # corridors whose programs are also built for each weight
 
 
 def coverage(problem: hpop.Problem, step: float, weights: int, workers: int) -> dict[str, Any]:
-    """What the corridors do for each point of the lattice's front, and to the hypervolume."""
+    """Measure how far the corridors improve each point of the lattice's front, and the hypervolume."""
     lattice = problem.solve(Lattice(step=step))
     planner = WeightedSumCorridor(step=step, divisions=weights - 1)
     planner.solve(problem)  # imports and caches

@@ -19,7 +19,7 @@ LOADED = {"script": "src", "img": "src", "link": "href", "iframe": "src", "sourc
 
 
 class Page(HTMLParser):
-    """What a page links to, what it loads, and the places in it."""
+    """Links of a page, the files it loads, and its anchors."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -40,12 +40,12 @@ class Page(HTMLParser):
 
 @cache
 def read(file: Path) -> Page:
-    """A page, read once."""
+    """Read a page once."""
     return Page(file.read_text(encoding="utf-8"))
 
 
 def faults(folder: Path) -> Iterator[str]:
-    """What is wrong, page by page."""
+    """Yield the faults of each page."""
     for file in sorted(folder.rglob("*.html")):
         page, name = read(file), file.relative_to(folder)
         if "_static" in name.parts:

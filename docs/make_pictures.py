@@ -55,13 +55,13 @@ class Recipe:
 
 
 def example(name: str, captions: dict[str, str], arguments: str = "") -> Recipe:
-    """A recipe that runs an example, which has a tutorial."""
+    """Return a recipe that runs an example, which has a tutorial."""
     shown = {f"out/{name}/{picture}.png": caption for picture, caption in captions.items()}
     return Recipe(name, f"python examples/{name}.py{arguments}", f"tutorials/{name}", shown)
 
 
 def notebook(name: str) -> Recipe:
-    """A recipe that runs a notebook, which has a tutorial with all that it shows."""
+    """Return a recipe that runs a notebook, which has a tutorial with all its output."""
     return Recipe(f"notebook_{name}", f"notebook examples/notebooks/{name}.ipynb", f"tutorials/notebook_{name}", {})
 
 
@@ -191,13 +191,13 @@ def state() -> str:
 
 
 def of(name: str) -> dict[str, Any]:
-    """What was made by a recipe: of which ``state``, and what it ``printed``."""
+    """Return the record of a recipe: the ``state`` it was made of, and what it ``printed``."""
     made: dict[str, Any] = json.loads((MADE / name / "made.json").read_text(encoding="utf-8"))
     return made
 
 
 def is_made(recipe: Recipe) -> bool:
-    """Whether it was made of these very files."""
+    """Return True if a recipe was made of these very files."""
     try:
         made = of(recipe.name)
     except (FileNotFoundError, json.JSONDecodeError):
@@ -241,7 +241,7 @@ def small(picture: str) -> str:
 
 
 def thumbnail(picture: Path) -> Image.Image:
-    """The picture on white, a few hundred pixels wide."""
+    """Return the picture on white, a few hundred pixels wide."""
     with Image.open(picture) as image:
         page = Image.new("RGB", image.size, "white")
         page.paste(image.convert("RGBA"), mask=image.convert("RGBA").getchannel("A"))

@@ -32,12 +32,12 @@ AGGREGATES = {"sum": "sum", "time-mean": "time-mean", "max": "max (worst moment)
 
 
 def schema() -> str:
-    """The JSON schema of scenarios, without what installed plugins bring."""
+    """Return the JSON schema of scenarios, without installed plugins."""
     return json_schema.written(json_schema.scenario_schema(at_home=True))
 
 
 def reference() -> str:
-    """The whole page on criteria."""
+    """Return the whole page on criteria."""
     known = [cls for cls in criteria.values() if cls.__module__.startswith("hpop.")]  # no plugin's
     parts = [HEAD]
     for letter, group in GROUPS.items():
@@ -56,7 +56,7 @@ used.
 
 
 def formats_reference() -> str:
-    """The whole page on export formats."""
+    """Return the whole page on export formats."""
     known: dict[str, Any] = {name: one for name, one in formats.items() if one.__module__.startswith("hpop.")}
     rows = [{"format": f"`{name}`", "ending": f"`{one.suffix}`", "axes": one.axes} for name, one in known.items()]
     parts = [FORMATS, table(rows), ""]
@@ -168,7 +168,7 @@ def parameters(cls: Any) -> list[dict[str, str]]:
 
 
 def number(value: Any) -> str:
-    """A default as a reader would write it.
+    """Return a default as a reader would write it.
 
     >>> number(0.1), number(None), number("walk")
     ('0.1', 'None', "'walk'")
@@ -177,7 +177,7 @@ def number(value: Any) -> str:
 
 
 def text(docstring: str) -> str:
-    """A docstring as Markdown: names in code, aligned lists kept as they are.
+    """Return a docstring as Markdown: names in code, aligned lists kept as they are.
 
     >>> text("``k`` of :class:`hpop.World`")
     '`k` of `hpop.World`'

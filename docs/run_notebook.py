@@ -25,7 +25,7 @@ from traitlets.config import Config
 
 
 def shown(data: dict[str, Any], picture: Path) -> dict[str, str]:
-    """The richest form of a value: a picture, which is written, HTML, or text."""
+    """Return the richest form of a value: a picture, which is written to a file, HTML, or text."""
     if "image/png" in data:
         content = data["image/png"]
         picture.write_bytes(base64.b64decode(content) if isinstance(content, str) else content)

@@ -22,7 +22,7 @@ DRAWING = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshad
 
 
 def opened(browser: Browser, address: str, size: tuple[int, int]) -> Page:
-    """A session whose clock stands still."""
+    """Open a session whose clock stands still."""
     page = browser.new_context(viewport={"width": size[0], "height": size[1]}).new_page()
     page.clock.install(time=BEGIN)
     page.clock.pause_at(BEGIN + datetime.timedelta(seconds=1))
@@ -32,7 +32,7 @@ def opened(browser: Browser, address: str, size: tuple[int, int]) -> Page:
 
 
 def questionnaire(browser: Browser, address: str) -> None:
-    """The first questions, some of them answered."""
+    """Draw the first questions, some of them answered."""
     page = opened(browser, address, DESK)
     page.locator("#agree").check()
     page.get_by_role("button", name="Begin the session").click()
@@ -50,7 +50,7 @@ def questionnaire(browser: Browser, address: str) -> None:
 
 
 def ride(browser: Browser, address: str) -> None:
-    """The ride that comes after them, under way."""
+    """Draw the ride that comes after them, under way."""
     page = opened(browser, address, PHONE)
     page.frame_locator("iframe").locator("#start").click()
     page.get_by_text("Saved", exact=True).wait_for()

@@ -2,7 +2,7 @@
 
 Users compared the path with the least turns, the shortest path, and what a common planner makes: an RRT under wheel
 accelerations, of many runs the one whose curvature changes its sign least often. They felt best with the first, worst
-with the last. Needs OMPL: pip install 'hpop[rrt]'. The people's answers are SIMULATED here: nobody gave them.
+with the last. Needs OMPL: pip install 'hpop[rrt]'. The people's answers are SIMULATED here: no person gave them.
 """
 
 from pathlib import Path
@@ -89,7 +89,7 @@ def analyse(design: study.Design, folder: Path) -> None:
 
 
 def draw(problem: hpop.Problem, trajectories: dict[str, hpop.Trajectory], rows: dict[str, dict[str, float]]) -> Figure:
-    """The trajectories on the map, their costs in the legend."""
+    """Draw the trajectories on the map, with their costs in the legend."""
     figure = Figure(figsize=(9.0, 7.4), layout="constrained")
     axes = figure.add_subplot(aspect="equal", xlabel="x (m)", ylabel="y (m)")
     axes.set_title("Three ways through the museum: two optima of a lattice, and what an RRT finds")

@@ -24,7 +24,7 @@ PLANNER = {"spline": {"warm_start": {"roadmap": {"samples": 2000}}}}
 
 
 def panda_urdf() -> Path:
-    """The Panda's URDF in the wheel, which has its meshes; FileNotFoundError where that is not installed."""
+    """Return the Panda's URDF in the wheel, which has its meshes; FileNotFoundError where it is not installed."""
     with suppress(importlib.metadata.PackageNotFoundError):
         for file in importlib.metadata.files("example-robot-data") or []:
             if file.match("panda_description/urdf/panda.urdf"):

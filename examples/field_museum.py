@@ -21,7 +21,7 @@ NORTH, EAST, SOUTH, WEST = pi / 2, 0.0, -pi / 2, pi
 
 
 def museum(data: Path) -> hpop.World:
-    """The main level: closed areas are keep-out zones, labels and display cases are landmarks; visitors stand."""
+    """Return the main level: closed areas are keep-out zones, labels and cases are landmarks; visitors stand."""
     building = hpop.World.from_geojson(data / "main_level_outline.geojson", polygons="outline", **METRES)
     labels, areas = data / "main_level_labels.geojson", data / "main_level_areas.geojson"
     content, notes = geojson_content.read(landmarks=labels, zones=areas, **METRES)

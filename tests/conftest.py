@@ -1,4 +1,4 @@
-"""What tests share: where the public data are, how many examples are drawn, and that Ctrl-C works."""
+"""Fixtures of all tests: the folder of public data, the number of examples drawn, and a working Ctrl-C."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def shared_data() -> Callable[[str], Path]:
 
 @pytest.fixture
 def registered_as_before() -> Iterator[None]:
-    """What a test registers of its own is gone after it: other tests list what there is."""
+    """Remove everything that a test registers: other tests list the registries."""
     registries = (criteria, formats, goals, models, planners, readers)
     before = [dict(registry.own()) for registry in registries]
     yield
@@ -112,7 +112,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> Generator[None]:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What is imported and collected stays to the end: garbage is looked for among it once, and seldom afterwards."""
+    """Keep imported and collected objects out of garbage collection, which then runs seldom."""
     gc.disable()
     try:
         return (yield)

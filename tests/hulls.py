@@ -12,7 +12,7 @@ class Hull:
     """conv(Y) of integer vectors, and conv(Y) + R^k_>=, decided exactly."""
 
     def inside(self, y: Sequence[int], points: Sequence[Vector]) -> bool:
-        """Whether y is in conv(points) + R^k_>=: the least t with (convex sum) <= y + t is not positive."""
+        """Decide if y is in conv(points) + R^k_>=: the least t with (convex sum) <= y + t is not positive."""
         k = len(y)
         first = points[0]
         worst = max(range(k), key=lambda j: first[j] - y[j])
@@ -31,7 +31,7 @@ class Hull:
         return {y for y in distinct if len(distinct) == 1 or not self.inside(y, [p for p in distinct if p != y])}
 
     def supported(self, y: Vector, points: Sequence[Vector]) -> bool:
-        """Whether y of points is optimal for positive weights: nothing in conv(points) dominates it (Geoffrion)."""
+        """Decide if y of points is optimal for positive weights: nothing in conv(points) dominates it (Geoffrion)."""
         k = len(y)
         columns = [[*p, 1] for p in points] + [[int(i == j) for i in range(k + 1)] for j in range(k)]
         n = len(points)

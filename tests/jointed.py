@@ -200,7 +200,7 @@ def _scaled(factor, a):
 
 
 def tour(model, rows=((0.0, 0.1, 0.2), (1.1, -0.6, 1.5), (-0.4, 0.9, -0.7), (-0.4, 0.9, 0.8))):
-    """A trajectory through rows of joints."""
+    """Return a trajectory through rows of joints."""
     return Trajectory.through(model, states_of(model, rows))
 
 

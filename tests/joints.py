@@ -41,7 +41,7 @@ class Reach:
 
 @dataclass(frozen=True, eq=False)
 class Balls:
-    """Which segments keep out of balls; what is asked is counted."""
+    """Segments that keep out of balls; queries are counted."""
 
     centres: FloatArray
     radius: float
@@ -67,7 +67,7 @@ class Balls:
 
 @dataclass(frozen=True)
 class Joints(Model):
-    """So many joints, each within three radians of 0, among balls drawn by chance; the ends are free."""
+    """Robot of several joints, each within three radians of 0, among random balls; the ends are free."""
 
     number: int = 4
     balls: int = 0
@@ -144,7 +144,7 @@ class Joints(Model):
 @criterion("sway", group="R", unit="rad", aggregate="sum")
 @dataclass(frozen=True)
 class Sway:
-    """How far one joint moves."""
+    """Distance that one joint moves."""
 
     joint: str = "q0"
 
@@ -155,7 +155,7 @@ class Sway:
 @criterion("far_from_rest", group="R", unit="rad s", aggregate="sum")
 @dataclass(frozen=True)
 class FarFromRest:
-    """How far joints are from 0, over time."""
+    """Distance of the joints from 0, over time."""
 
     def cost(self, m: Motions) -> Column:
         columns = [(getattr(m.start, name) ** 2 + getattr(m.end, name) ** 2) for name in m.start.names]

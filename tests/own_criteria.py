@@ -15,7 +15,7 @@ FINE = {"occlusion": {"radius": 1.0, "rays": 100}}  # the share of few rays jump
 
 
 def own_criterion(name: str) -> Criterion:
-    """The criterion of a name with what must be given, all else as it is by default but where that is coarse."""
+    """Return the criterion of a name with its required options, and default options unless those are coarse."""
     fields = criteria[name].__dataclass_fields__  # type: ignore[attr-defined]
     needed = {key: value for key, value in NEEDED.items() if key in fields}
     return make_criterion({name: {**needed, **FINE.get(name, {})}} if needed else name)

@@ -31,7 +31,7 @@ def drawn(prior: Prior, f: int, seed: int) -> tuple[FloatArray, float, float]:
 def answered(
     rng: np.random.Generator, a: int, b: int, rows: FloatArray, weights: FloatArray, nu: float | None = None
 ) -> int | None:
-    """What a person with weights (f,) answers about rows a and b, written down from the definition."""
+    """Return the answer of a person with weights (f,) about rows a and b, written down from the definition."""
     if rng.random() < 0.02:
         return [a, b, None][rng.integers(2 if nu is None else 3)]
     worth = np.exp(-(rows[[a, b]] @ weights) + (rows[[a, b]] @ weights).min())
@@ -42,7 +42,7 @@ def answered(
 def asked(
     person: Preference, questions: int, weights: FloatArray, rng: np.random.Generator, *, telling: bool = True
 ) -> Preference:
-    """The preference after questions, the most telling ones or random ones."""
+    """Return the preference after questions, the most telling ones or random ones."""
     rows = person.scale.rows_on(person.points)
     for _ in range(questions):
         pair = person.next_pair() if telling else tuple(rng.choice(len(rows), 2, replace=False).tolist())
@@ -53,6 +53,6 @@ def asked(
 
 
 def held(person: Preference, shares: FloatArray) -> list[bool]:
-    """Whether the interval of 90 % of each cost holds a person's share of it."""
+    """Return, for each cost, True if its interval of 90 % holds the person's share."""
     ends = person.interval(0.9).values()
     return [low - 1e-12 <= share <= high + 1e-12 for share, (low, high) in zip(shares, ends, strict=True)]

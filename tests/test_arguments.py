@@ -124,7 +124,7 @@ WRONG: dict[str, Callable[[], Any]] = {
 
 @pytest.fixture(scope="module")
 def right(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Right]:
-    """A room that is planned in once, and what is made of it."""
+    """Return a room that is planned in once, and the values made of it."""
     before = Path.cwd()
     os.chdir(tmp_path_factory.mktemp("arguments"))
     yield right_values()
@@ -180,7 +180,7 @@ def methods(full: str, cls: type, seen: set[int]) -> list[Door]:
 
 
 def made(value: Any) -> Any:
-    """What a factory or a class makes: every other value is itself."""
+    """Call a factory or a class; return every other value as it is."""
     return value() if inspect.isfunction(value) or isinstance(value, type) else value
 
 
@@ -224,7 +224,7 @@ def called(door: Door, right: Right, given: Mapping[str, Any]) -> Any:
 
 
 def fault(door: Door, right: Right, given: Mapping[str, Any], name: str, value: Any) -> str:
-    """What is wrong with the error of a call, "" where it names the argument or where there is none."""
+    """Return the fault in the error of a call: "" where it names the argument, or where there is none."""
     try:
         called(door, right, {**given, name: value})
     except (HpopError, FrontError, FileNotFoundError):

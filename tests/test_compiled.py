@@ -42,7 +42,7 @@ print(out.round(9).tolist(), "coverage" in sys.modules)
 def unwritable(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> subprocess.CompletedProcess[str]:
-    """A kernel used in a copy of hpop where no cache can be written, which goes for root as well."""
+    """Use a kernel in a copy of hpop where no cache can be written, not even by root."""
     folder = tmp_path_factory.mktemp("read_only")
     shutil.copytree(PACKAGE, folder / "hpop", ignore=shutil.ignore_patterns("__pycache__"))
     for inside in (folder, *(path for path in folder.rglob("*") if path.is_dir())):

@@ -37,7 +37,7 @@ class PlainLaw:
 
 
 def plain_model(**more: Any) -> Any:
-    """A model of a class that has nothing but what a model must have, from those of a differential drive."""
+    """Return a model of a class that has only the required members, copied from a differential drive."""
     drive = hpop.DifferentialDrive()
     members = {name for name in vars(Model) if not name.startswith("_")}
     methods = {name: staticmethod(getattr(drive, name)) for name in members if callable(getattr(drive, name))}

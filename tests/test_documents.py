@@ -88,7 +88,7 @@ def tour() -> hpop.Problem:
 
 @pytest.fixture(scope="module")
 def preference(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What is known of somebody, as `hpop prefer` writes it."""
+    """Write the preference of a person, as `hpop prefer` does."""
     path = tmp_path_factory.mktemp("people") / "p07.json"
     front = Front.of([[1.0, 2.0], [2.0, 1.0]], names=["turns", "length"], units=["1", "m"])
     study.Preference.fit(front, [(0, 1)]).save(path)
@@ -97,7 +97,7 @@ def preference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def here(tmp_path: Path, preference: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A folder in which the arm's files lie, as the pages name them."""
+    """Return a folder in which the arm's files lie, as the pages name them."""
     (tmp_path / "arm").symlink_to(ROOT / "examples/arm")
     for name in ("arm6.urdf", "arm6.srdf"):
         (tmp_path / name).symlink_to(ROOT / "examples/arm" / name)

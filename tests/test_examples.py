@@ -31,7 +31,7 @@ EXAMPLES = ROOT / "examples"
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same pictures of fewer pixels."""
+    """Draw the pictures with fewer pixels."""
     monkeypatch.setattr("hpop.view.save_pictures", partial(save_pictures, dpi=40))
 
 
@@ -103,7 +103,7 @@ def test_ones_own_criterion_of_the_camera_serves_a_head_as_it_is():
 def test_the_studys_trajectories_differ_as_in_the_paper(tmp_path, monkeypatch, capsys):
     """The shortest is shorter and turns more than that of least turns; the RRT's turns more than both.
 
-    Of its people the identities of Kruskal-Wallis and Dunn are printed, and the report says that nobody answered.
+    Of its people the identities of Kruskal-Wallis and Dunn are printed, and the report says that it has no answers.
     """
     monkeypatch.setattr("hpop.study.report.DPI", 30)
     trajectories = example("04_study.py").main(tmp_path, runs=2, step=1.0)
@@ -253,7 +253,7 @@ def test_an_arm_looks_at_a_can_and_all_that_it_does_is_verified(tmp_path, monkey
     drawn = []
 
     def save_side(problem, front, folder):
-        """The picture that is an arm's own; the others take as long as all the planning."""
+        """Draw the picture that only arms have; the others take as long as all the planning."""
         assert any(str(artist.get_gid()).startswith("views of") for artist in draw_side(problem, front).findobj())
         assert verify(problem, front) == []
         assert_looked_at(problem, front)

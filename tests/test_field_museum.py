@@ -32,7 +32,7 @@ def example() -> ModuleType:
 
 @pytest.fixture(scope="module")
 def problem(shared_data, tmp_path_factory) -> hpop.Problem:
-    """The scenario's problem, from the data wherever they are."""
+    """Return the scenario's problem, from the data wherever they are."""
     text = (EXAMPLES / "field_museum.yaml").read_text()
     assert text.count(DATA) == 3
     path = tmp_path_factory.mktemp("museum") / "scenario.yaml"

@@ -1,4 +1,4 @@
-"""How a run is followed: by a line on a terminal, by a function, in the log."""
+"""A run is followed by a line on a terminal, by a function, and in the log."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_a_run_in_python_is_followed_on_a_terminal_and_its_output_is_its_own(war
 
 
 def read(terminal: int) -> bytes:
-    """What comes next; nothing once the last writer has gone, which Linux tells as an error."""
+    """Read the next output; empty once the last writer has closed, which Linux reports as an error."""
     try:
         return os.read(terminal, 4096)
     except OSError:

@@ -1,4 +1,4 @@
-"""How seldom a command looks for garbage, and that code of others finds the end of Python as it always was."""
+"""Commands collect garbage seldom, and code of others finds Python's exit as it always was."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_what_a_command_leaves_is_not_looked_through(monkeypatch: pytest.MonkeyP
 
 def test_where_somebody_elses_code_is_registered_the_end_of_python_is_as_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     def theirs(path: str) -> None:
-        """A reader that may have left a file open."""
+        """Read a file that may have been left open."""
 
     theirs.__module__ = "somebody.elses"
     monkeypatch.setattr(readers, "own", lambda: {"theirs": theirs})

@@ -24,7 +24,7 @@ PLUGIN = str(Path(__file__).parents[1] / "examples" / "plugin")
 
 @pytest.fixture(autouse=True, scope="module")
 def plugin() -> Iterator[None]:
-    """The plugin as if it were installed, for these tests alone."""
+    """Register the plugin as if it were installed, for these tests alone."""
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(PLUGIN)
         importlib.import_module("hpop_example_plugin.lexicographic")

@@ -174,7 +174,7 @@ def as_it_is(value):
 
 
 def replaced(value, number):
-    """A copy of lists, tuples and dicts in which each number is as NumPy has it; all else as it is."""
+    """Copy lists, tuples and dicts with each number as a NumPy scalar."""
     if isinstance(value, bool | int | float):
         return number(value)
     if type(value) in (list, tuple):

@@ -1,4 +1,4 @@
-"""What is released: a source distribution that is whole, a wheel with the examples, extras for what code uses."""
+"""The release: a source distribution that is whole, a wheel with the examples, extras for what code uses."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def build(what: str, source: Path, out: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def clone(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """What git keeps."""
+    """Return a copy of the files that git keeps."""
     target = tmp_path_factory.mktemp("clone") / "hpop"
     return shutil.copytree(ROOT, target, symlinks=True, ignore=shutil.ignore_patterns(".git", "*.nb[ic]", *IGNORED))
 
 
 @pytest.fixture(scope="module")
 def unpacked(clone: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The source distribution, unpacked as pip does."""
+    """Build the source distribution and unpack it as pip does."""
     folder = tmp_path_factory.mktemp("sdist")
     with tarfile.open(build("sdist", clone, folder)) as archive:
         archive.extractall(folder, filter="data")
@@ -51,7 +51,7 @@ def unpacked(clone: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(unpacked: Path, tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
-    """The wheel that is built of it."""
+    """Build the wheel from the source distribution."""
     return zipfile.ZipFile(build("wheel", unpacked, tmp_path_factory.mktemp("wheel")))
 
 

@@ -1,4 +1,4 @@
-"""Every server of pages answers its own names and pages alone, and nobody who says nothing keeps others waiting."""
+"""Every server of pages answers its own names and pages alone, and a silent client keeps no other waiting."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ Hpop = Callable[..., CompletedProcess[str]]
 
 @pytest.fixture(scope="module")
 def fresh(tmp_path_factory) -> Path:
-    """A folder for packages into which the plugin is installed by pip, offline."""
+    """Install the plugin by pip, offline, into a folder for packages."""
     source, folder = tmp_path_factory.mktemp("plugin") / "source", tmp_path_factory.mktemp("packages")
     shutil.copytree(PLUGIN, source, ignore=shutil.ignore_patterns("build", "*.egg-info", "__pycache__"))
     options = ["--no-index", "--no-deps", "--no-build-isolation", "--no-compile", "--disable-pip-version-check"]
@@ -60,7 +60,7 @@ def hpop(warm: Warm) -> Hpop:
 
 @pytest.fixture
 def plan(tmp_path) -> Path:
-    """The plugin's scenario in a folder of its own."""
+    """Copy the plugin's scenario to a folder of its own."""
     for name in ("scenario.yaml", "plan.txt"):
         shutil.copy(PLUGIN / name, tmp_path)
     return tmp_path / "scenario.yaml"

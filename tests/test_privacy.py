@@ -68,7 +68,7 @@ def contents(data: bytes, depth: int = 0) -> Iterator[bytes]:
 
 
 def telling(folder: Path, given: set[Path]) -> dict[str, bytes]:
-    """The files in a folder, but those that were given, that hold the name, and what stands about it."""
+    """Return the new files in a folder that hold the user's name, with the text about it."""
     found: dict[str, bytes] = {}
     for path in folder.rglob("*"):
         if path.is_file() and path not in given:
@@ -81,7 +81,7 @@ def telling(folder: Path, given: set[Path]) -> dict[str, bytes]:
 
 @pytest.fixture
 def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A user's folder with a map and a track, both of which are noted for something."""
+    """Return a user's folder with a map and a track; hpop writes a note about both."""
     home = tmp_path / WHO
     home.mkdir()
     for name in ("USER", "LOGNAME", "USERNAME"):
@@ -138,7 +138,7 @@ def test_nothing_that_is_written_tells_the_folder_of_a_user(
 
 
 def test_notes_name_files_and_no_folders(home: Path) -> None:
-    """Of a map, in what a front, its page and a description of bare geometry hold."""
+    """Checked for a map: in a front, in its page, and in a description of bare geometry."""
     world = hpop.World.from_image(home / "plan.png", resolution=0.05)
     assert any(str(home / "plan.png") in note for note in world.notes)
     problem = hpop.Problem(world, hpop.DifferentialDrive(radius=0.2), (0.5, 2, 0), (4.5, 2, None), ["turns", "length"])

@@ -12,7 +12,7 @@ import pytest
 
 @pytest.fixture
 def proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    """The tool, with records in a folder of this test's own."""
+    """Load the tool, with records in a folder of this test."""
     spec = importlib.util.spec_from_file_location("proof", Path(__file__).with_name("proof.py"))
     assert spec is not None
     assert spec.loader is not None

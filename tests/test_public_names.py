@@ -1,4 +1,4 @@
-"""What is public: names that the README, docs/ and examples/ import or mention. They stay where they are."""
+"""Public names: those that README, docs/ and examples/ import or mention stay where they are."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is written from the code is what it gives now: the reference of the criteria, the glossary, the schema."""
+"""Generated pages agree with the code: the reference of the criteria, the glossary, the schema."""
 
 from __future__ import annotations
 

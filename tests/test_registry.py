@@ -20,7 +20,7 @@ class Dazzle:
 
 @pytest.fixture
 def install(tmp_path, monkeypatch):
-    """A tiny installed distribution with entry points."""
+    """Return a function that installs a tiny distribution with entry points."""
 
     def install(name, entry_points, source=PLUGIN):
         (tmp_path / f"{name}.py").write_text(source)
@@ -59,7 +59,7 @@ def test_an_unknown_name_lists_the_known_ones_and_suggests_the_nearest(names, wr
 
 
 def fresh(code):
-    """What a process of its own prints, in which no planner is imported yet."""
+    """Return the output of a process of its own, in which no planner is imported yet."""
     return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
 
 

@@ -1,4 +1,4 @@
-"""What a prompt shows of a value is a few lines, whatever it holds, and says what it is."""
+"""A prompt shows any value in a few lines that say what it is."""
 
 from __future__ import annotations
 

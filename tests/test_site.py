@@ -25,7 +25,7 @@ EXAMPLES = [*(ROOT / "examples").glob("*.py"), *(ROOT / "examples/notebooks").gl
 
 @pytest.fixture(scope="module")
 def docs() -> dict[str, ModuleType]:
-    """The site's own modules."""
+    """Import the site's own modules."""
     sys.path.insert(0, str(DOCS))
     names = ["check_site", "make_pictures", "extensions.docstrings", "extensions.references", "extensions.repository"]
     names += ["extensions.commands", "extensions.signatures"]
@@ -36,7 +36,7 @@ def docs() -> dict[str, ModuleType]:
 
 
 def shown() -> list[object]:
-    """What the pages of the API hand to autodoc, and the members of modules among them."""
+    """Return the objects that the pages of the API document, and the members of modules among them."""
     text = "".join(path.read_text() for path in (DOCS / "api").glob("*.md"))
     names = re.findall(r"^\.\. auto(?:class|function|data|module):: ([\w.]+)$", text, re.MULTILINE)
     found = [pkgutil.resolve_name(name) for name in names]

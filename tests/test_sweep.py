@@ -80,7 +80,7 @@ def test_every_task_is_done_once(chunk: int) -> None:
 
 
 def seen(shared: dict[str, Any], task: str) -> tuple[Any, ...]:
-    """What a job finds: values, type, whether it may write, and whether compiled code can take the array as it is."""
+    """Describe the array of a job: values, type, if it may be written, and if compiled code takes it as it is."""
     array = shared[task]
     was = array.tolist()
     if array.flags.writeable and array.size:
@@ -121,7 +121,7 @@ def test_a_worker_elsewhere_is_sent_the_shared_data_once_and_keeps_them() -> Non
 
 @pytest.mark.parametrize("seed", range(5))
 def test_each_of_many_workers_elsewhere_is_sent_the_shared_data(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Jobs come to any of three machines in turns that nobody foresees, so one may get what another asked for."""
+    """Jobs come to any of three machines in unforeseen turns, so one machine may get a job meant for another."""
     draw = np.random.default_rng(seed)
     memories: dict[str, dict[str, Any]] = {"a": {}, "b": {}, "c": {}}
 
@@ -178,7 +178,7 @@ GATE = threading.Event()
 
 
 def first_alone(shared: int, task: int) -> int:
-    """The product; all but the first wait for the gate."""
+    """Return the product; all but the first wait for the gate."""
     if task:
         GATE.wait()
     return shared * task

@@ -1,4 +1,4 @@
-"""What all searches claim of the paths that they return."""
+"""Claims that all searches make about the paths that they return."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ class Process:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended yet."""
+        """Return True until the process has ended."""
         return self.returncode is None and not select.select([self._status], [], [], 0)[0]
 
     def kill(self) -> None:

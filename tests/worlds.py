@@ -54,7 +54,7 @@ __all__ = ["FINGERS", "NUMBERS", "SETS", "asked", "panda"]
 
 @cache
 def panda(data: Path, fingers: float = FINGERS) -> SerialArm:
-    """The arm with its camera beside the fingers; the test is skipped where its meshes are not installed."""
+    """Return the arm with its camera beside the fingers; skip the test where its meshes are not installed."""
     arm = mbm.panda(data, fingers)
     if arm is None:
         pytest.skip("the Panda's meshes are in the wheel example-robot-data, which is not installed")
@@ -70,7 +70,7 @@ GRID = "nav_msgs/msg/OccupancyGrid"
 
 
 def dxf(draw: Callable[[Any], Any], units: int = 6) -> bytes:
-    """A DXF drawing; ``draw`` is given the document."""
+    """Return a DXF drawing; ``draw`` is given the document."""
     drawing = ezdxf.new(units=units)
     draw(drawing)
     text = io.StringIO()
@@ -81,7 +81,7 @@ def dxf(draw: Callable[[Any], Any], units: int = 6) -> bytes:
 def pdf(
     content: bytes, *, page: bytes = b"", resources: bytes = b"", catalog: bytes = b"", objects: Sequence[bytes] = ()
 ) -> bytes:
-    """A PDF of one page of 400 x 300 points; further ``objects`` are numbered from 5."""
+    """Return a PDF of one page of 400 x 300 points; further ``objects`` are numbered from 5."""
     bodies = [
         b"<< /Type /Catalog /Pages 2 0 R " + catalog + b" >>",
         b"<< /Type /Pages /Kids [3 0 R] /Count 1 >>",
@@ -100,14 +100,14 @@ def pdf(
 
 
 def stream(content: bytes, entries: bytes = b"") -> bytes:
-    """A stream object of a PDF."""
+    """Return a stream object of a PDF."""
     return b"<< /Length %d %b >>\nstream\n" % (len(content), entries) + content + b"\nendstream"
 
 
 def bag(
     path: Path, grids: dict[str, list[Any]], *, storage: str = "mcap", texts: Sequence[str] = ("/chatter",)
 ) -> Path:
-    """A bag with grids (`grid`) and texts by topic; storage "ros1", "mcap" or "sqlite3"."""
+    """Write a bag with grids (`grid`) and texts by topic; storage "ros1", "mcap" or "sqlite3"."""
     store = store_of(storage)
     if storage == "ros1":
         writer: Any = rosbag1.Writer(path)
@@ -148,7 +148,7 @@ def grid(
     storage: str = "mcap",
     **info: int,
 ) -> Any:
-    """An occupancy grid (H, W), percent; ``turned`` is the quaternion x, y, z, w of its origin."""
+    """Return an occupancy grid (H, W), percent; ``turned`` is the quaternion x, y, z, w of its origin."""
     types = store_of(storage).types
     time = types["builtin_interfaces/msg/Time"](0, 0)
     header = types["std_msgs/msg/Header"](stamp=time, frame_id="map", **({"seq": 0} if storage == "ros1" else {}))

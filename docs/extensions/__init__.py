@@ -1,1 +1,1 @@
-"""What the documentation site needs beyond Sphinx and MyST."""
+"""Extensions of the documentation site to Sphinx and MyST."""

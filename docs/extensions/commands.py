@@ -19,7 +19,7 @@ def cell(text: str) -> str:
 
 
 def form(option: click.Option, context: click.Context) -> str:
-    """How an option is written, as its own help says it."""
+    """Return an option as its help writes it."""
     record = option.get_help_record(context)
     return record[0] if record else ", ".join(option.opts)
 

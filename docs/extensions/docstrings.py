@@ -52,7 +52,7 @@ def entries(block: list[str]) -> Iterator[tuple[str, list[str]]]:
 
 
 def is_fields(block: list[str]) -> bool:
-    """Whether a paragraph is one of names and what they mean, in columns.
+    """Return True for a paragraph of names and their meanings, in columns.
 
     >>> is_fields(["a prose of", "two lines"]), is_fields(["x  m  ahead"]), is_fields([">>> f()  # why"])
     (False, True, False)
@@ -61,7 +61,7 @@ def is_fields(block: list[str]) -> bool:
 
 
 def fields(block: list[str]) -> Iterator[str]:
-    """A block of columns as definitions.
+    """Yield a block of columns as definitions.
 
     >>> print(*fields(["times  (N,)  s  increasing,", "                without gaps", "kind   one of three"]), sep="|")
     ``times`` : (N,), s|    increasing, without gaps|``kind``|    one of three
@@ -73,7 +73,7 @@ def fields(block: list[str]) -> Iterator[str]:
 
 
 def section(block: list[str]) -> Iterator[str]:
-    """A section of numpydoc: a heading and a line, then names with a type and what they mean, or with a sentence.
+    """Yield a section of numpydoc: a heading and a line, then names with a type and a meaning, or with a sentence.
 
     >>> print(*section(["Parameters", "----------", "scale : float", "    Of it, m.", "say : is called"]), sep="|")
     .. rubric:: Parameters||``scale`` : float|    Of it, m.|``say``|    is called|
@@ -92,7 +92,7 @@ def section(block: list[str]) -> Iterator[str]:
 
 
 def is_formula(block: list[str]) -> bool:
-    """Whether lines stand where they do for a reason: further in than the first, with columns of their own.
+    """Return True for lines that are laid out on purpose: indented beyond the first, with columns of their own.
 
     >>> is_formula(["Felt:  w = T s", "       v = f - v"]), is_formula(["- a point", "  that goes on"])
     (True, False)
@@ -128,7 +128,7 @@ def paragraphs(lines: list[str]) -> Iterator[list[str]]:
 
 
 def rewritten(lines: list[str]) -> list[str]:
-    """A docstring as reStructuredText."""
+    """Return a docstring as reStructuredText."""
     written: list[str] = []
     verbatim = False  # what is indented after a "::"
     for block in paragraphs(lines):

@@ -36,28 +36,28 @@ def block(language: str, text: str) -> str:
 
 
 def figure(picture: str, caption: str, *, alt: str) -> str:
-    """A picture as Markdown."""
+    """Return a picture as Markdown."""
     return f":::{{figure}} {picture}\n:alt: {alt}\n:class: drawn\n\n{caption}\n:::\n"
 
 
 def printed(recipe: Recipe) -> str:
-    """What a recipe printed, its long lines broken by the browser."""
+    """Return the output of a recipe; the browser breaks its long lines."""
     return f":::{{container}} printed\n{block('text', make_pictures.of(recipe.name)['printed'])}:::\n"
 
 
 def drawn(recipe: Recipe) -> Iterator[str]:
-    """The pictures of a recipe that have a caption."""
+    """Yield the pictures of a recipe that have a caption."""
     for picture, caption in recipe.captions.items():
         yield figure(f"{FROM_DOCS}/{recipe.name}/{picture}", caption, alt=caption)
 
 
 class Made(SphinxDirective):
-    """What shows something that was made."""
+    """Directive that shows generated files."""
 
     required_arguments = 1
 
     def recipe(self) -> Recipe:
-        """The recipe that is asked for; the page is read again when it is made again."""
+        """Return the recipe of this directive; the page is read again when the recipe has run again."""
         recipe = make_pictures.by_name()[self.arguments[0]]
         self.env.note_dependency(make_pictures.MADE / recipe.name / "made.json")
         return recipe
@@ -76,7 +76,7 @@ class Example(Made):
         return self.written(self.lines())
 
     def lines(self) -> Iterator[str]:
-        """The page from the code on."""
+        """Yield the page from the code on."""
         recipe = self.recipe()
         file = self.options.get("file", f"examples/{recipe.name}.py")
         yield f"## The code\n\n{{download}}`{file} </../{file}>` is this whole file, run from a clone's root by\n"
@@ -97,7 +97,7 @@ class Ran(Made):
 
 
 class Drawn(Made):
-    """What a command draws, alone."""
+    """Directive that shows the picture of a command alone."""
 
     def run(self) -> list[nodes.Node]:
         return self.written(drawn(self.recipe()))
@@ -135,7 +135,7 @@ class Notebook(Made):
         return self.written(self.lines())
 
     def lines(self) -> Iterator[str]:
-        """The whole page."""
+        """Yield the whole page."""
         recipe = self.recipe()
         file = recipe.command.split()[1]
         self.env.note_dependency(ROOT / file)

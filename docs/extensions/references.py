@@ -1,9 +1,9 @@
-"""What a docstring or a signature names: a link if the site has it, code if it only exists, a warning if it does not.
+"""References in docstrings and signatures: a link if the site has it, code if it only exists, else a warning.
 
 Docstrings name what is public, which has a page, and what is not, such as the module that holds a kernel. Both shall
 be true. So a reference that Sphinx does not resolve is looked up among all names of the package, read from its sources:
 what is documented under another name (`hpop.problems.problem.Problem` is `hpop.Problem`) becomes a link, what is only
-there becomes code. A name that nobody defines stays unresolved, and with ``nitpicky`` and ``-W`` fails the build. Names
+there becomes code. A name that exists nowhere stays unresolved, and with ``nitpicky`` and ``-W`` fails the build. Names
 of other projects are imported to see that they are there; nothing is fetched.
 
 The pages of source code link back to what documents it. Sphinx guesses the name by the module that it saw last, which
@@ -87,7 +87,7 @@ def defined(package: Path = PACKAGE) -> dict[str, set[str]]:
 
 
 def is_elsewhere(target: str) -> bool:
-    """Whether Python, NumPy or another project has the name."""
+    """Return True if Python, NumPy or another project has the name."""
     first, _, rest = target.partition(".")
     candidates = [target, f"{OTHERS.get(first, first)}.{rest}" if rest else target]
     if target == "ellipsis":  # the type of ``...``
@@ -112,7 +112,7 @@ def places(app: Sphinx, target: str) -> dict[tuple[str, str], str]:
 
 
 def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Element) -> nodes.Node | None:
-    """The link, or the code, that an unresolved reference to Python stands for; None if the name is nowhere."""
+    """Return the link or the code for an unresolved reference to Python; None if the name exists nowhere."""
     if node.get("refdomain") != "py":
         return None
     target = str(node["reftarget"]).lstrip(".~")
@@ -127,7 +127,7 @@ def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nod
 
 
 def prefer_public(app: Sphinx, doctree: nodes.document) -> None:
-    """A bare name in a signature, such as ``Front``, is what users import where its own module documents no other."""
+    """Resolve a bare name in a signature, such as ``Front``, to the public name unless its module documents another."""
     for node in doctree.findall(pending_xref):
         target = str(node["reftarget"])
         if node.get("refdomain") == "py" and target in PUBLIC and node.get("py:module") not in OWN_NAMES:

@@ -32,7 +32,7 @@ EXAMPLE = re.compile(r"examples/(notebooks/)?(\w+)\.(?:py|ipynb)")
 
 
 def page_of(file: str) -> str | None:
-    """The page, seen from docs/, of a file or folder of the repository; None if the site has none.
+    """Return the page, seen from docs/, of a file or folder of the repository; None if the site has none.
 
     >>> page_of("docs/front.md"), page_of("examples/01_museum.py"), page_of("examples/notebooks/04_own_graph.ipynb")
     ('front.md', 'tutorials/01_museum.md', 'tutorials/notebook_04_own_graph.md')

@@ -1,7 +1,7 @@
 """Signatures as a reader would write them, for autodoc.
 
 A default that a dataclass makes anew each time is ``...`` (Sphinx cannot read ``<factory>`` and would print the types
-beside it raw), arrays go by the names of :mod:`hpop.base.arrays`, parameters with an underscore are nobody's to give,
+beside it raw), arrays go by the names of :mod:`hpop.base.arrays`, parameters with an underscore are private,
 and what a named tuple says of its own fields ("Alias for field number 0") is left out.
 """
 
@@ -22,7 +22,7 @@ GETTER = type(namedtuple("One", "one").one)  # what reads a field of a named tup
 
 
 def written(text: str) -> str:
-    """A signature, or a type, as it is shown.
+    """Return a signature, or a type, as the site shows it.
 
     >>> written("(x: ~numpy.ndarray[tuple[~typing.Any, ...], ~numpy.dtype[~numpy.float64]], _kept: dict = <factory>)")
     '(x: FloatArray)'
@@ -39,7 +39,7 @@ def on_signature(
 
 
 def is_left_out(app: Sphinx, what: str, name: str, found: Any, skip: bool, options: Any) -> bool | None:
-    """Leave out what nobody has said anything of."""
+    """Leave out members without a docstring."""
     return True if isinstance(found, GETTER) else None
 
 

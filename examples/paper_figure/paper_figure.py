@@ -17,7 +17,7 @@ LENGTHS = {6.5: (1.5, 14.0), 11.75: (6.0, 18.5), 17.0: (1.5, 14.0)}  # x of each
 
 
 def museum() -> hpop.World:
-    """A closed room of 20.75 x 17 m; every way round leaves at least 2.25 m to both sides."""
+    """Return a closed room of 20.75 x 17 m; every path round leaves at least 2.25 m on both sides."""
     inner, outer = shapely.box(1.5, 1.5, 22.25, 18.5), shapely.box(1.25, 1.25, 22.5, 18.75)
     walls = [shapely.difference(outer, inner)]
     for x, (low, high) in LENGTHS.items():

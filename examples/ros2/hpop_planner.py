@@ -66,7 +66,7 @@ class Planner(Node):
         )
 
     def plan(self, goal):
-        """The result of a goal, which was accepted before."""
+        """Return the result of an accepted goal."""
 
         def follow(progress) -> None:
             if goal.is_cancel_requested:
@@ -90,7 +90,7 @@ class Planner(Node):
         return result
 
     def robot(self) -> PlanarPose | None:
-        """Where the robot is, by tf2; None where that is not known."""
+        """Return the robot's pose by tf2; None where it is unknown."""
         frame = self.planning.known.frame_id
         try:
             found = self.transforms.lookup_transform(frame, self.base_frame, rclpy.time.Time()).transform

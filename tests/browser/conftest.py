@@ -74,13 +74,13 @@ def watching(browser: Browser) -> Iterator[Watched]:
 
 @pytest.fixture
 def opened(browser: Browser) -> Iterator[Callable[..., Page]]:
-    """Opens a page: ``opened(path, "#fragment", size=(390, 844))``; it must ask for nothing and complain of nothing."""
+    """Open a page: ``opened(path, "#fragment", size=(390, 844))``; it may request nothing and report no error."""
     with watching(browser) as watched:
         yield watched
 
 
 @pytest.fixture(scope="module")
 def opened_once(browser: Browser) -> Iterator[Callable[..., Page]]:
-    """The same for a page that several tests look at."""
+    """Open a page that several tests of a module share, under the rules of ``opened``."""
     with watching(browser) as watched:
         yield watched

@@ -20,7 +20,7 @@ FRAME = "new Promise(done => requestAnimationFrame(done))"
 
 
 def written(problem: hpop.Problem, front: hpop.Front, path: Path) -> Path:
-    """The page of a front, in a file."""
+    """Write the page of a front to a file."""
     given = payload(problem, front, saved="out/front.json")
     path.write_text(single_page("explorer.js", given["title"], given), encoding="utf-8")
     return path
@@ -70,13 +70,13 @@ def pixels(page: Page, canvas: str) -> FloatArray:
 
 
 def state(page: Page, expression: str) -> Any:
-    """An expression of the page's state ``s``, after its next frame."""
+    """Evaluate an expression of the page's state ``s`` after its next frame."""
     page.evaluate(FRAME)
     return page.evaluate(f"(s => {expression})(window.hpop.state)")
 
 
 def selected(page: Page) -> BoolArray:
-    """Which rows the page selects, (n,)."""
+    """Return a mask (n,) of the rows that the page selects."""
     return np.array([letter == "1" for letter in state(page, "s.selected.join('')")], dtype=np.bool_)
 
 

@@ -36,7 +36,7 @@ LANDMARKS = (Landmark(9.5, 7.0, z=1.4, facing=-2.2, name=MARKUP), Landmark(0.6, 
 
 
 def room() -> hpop.World:
-    """Prisms of several heights, one with a hole; a wall all round; people, one of whom walks; plates; a zone."""
+    """Return a room: prisms of several heights, one with a hole; a wall; people, one walking; plates; a zone."""
     wall = shapely.box(-0.2, -0.2, 10.2, 8.2).difference(shapely.box(0, 0, 10, 8))
     world = hpop.World.from_polygons([*PRISMS, (wall, (None, None))], extent=shapely.box(0, 0, 10, 8))
     zone = Zone("speed", shapely.box(0.2, 5, 3, 7.8), limit=0.5, name="slow")
@@ -57,7 +57,7 @@ def through(model: object, points: list[tuple[float, float]]) -> hpop.Trajectory
 
 
 def front_of(problem: hpop.Problem, through_points: Mapping[str, list[tuple[float, float]]] = WAYS) -> hpop.Front:
-    """The two ways: row 0 is straight, row 1 goes round."""
+    """Return a front of two paths: row 0 is straight, row 1 goes round."""
     ways = [through(problem.model, points) for points in through_points.values()]
     return hpop.Front.of(
         trajectory_costs(problem.criteria, ways, problem.world),
@@ -82,7 +82,7 @@ class Seen(NamedTuple):
 
 
 def at_eye(world: hpop.World, eye: tuple[float, float], t: float) -> list[Seen]:
-    """What a level ray from the eye can meet at a time: sections at its height."""
+    """Return everything that a level ray from the eye can meet at a time: sections at the eye's height."""
     found = []
     for number, obstacle in enumerate(world.obstacles, 1):
         if obstacle.z_min < EYE < obstacle.z_max:
@@ -119,6 +119,6 @@ def horizon(world: hpop.World, eye: tuple[float, float], yaw: float, t: float, c
 
 
 def ready(page: Page) -> Page:
-    """The page, once it has drawn."""
+    """Return the page once it has drawn."""
     page.locator("html[data-ready=yes]").wait_for(state="attached")
     return page

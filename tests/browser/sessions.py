@@ -51,7 +51,7 @@ def small_study(folder: Path, *forms: str, kind: str = "ride") -> study.Design:
 
 @contextmanager
 def served(folder: Path, port: int = 0) -> Iterator[StudyServer]:
-    """The study's server in a thread."""
+    """Serve the study from a thread."""
     with StudyServer(folder, port=port) as server:
         thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
         thread.start()
@@ -61,7 +61,7 @@ def served(folder: Path, port: int = 0) -> Iterator[StudyServer]:
 
 
 def too_small(page: Page) -> list[str]:
-    """What is to be pressed on a page and is less than 44 pixels high or wide, or to be filled in and has no name.
+    """Return the buttons and links of a page below 44 x 44 pixels, and its fields without a name.
 
     Numbers of a scale stand in one row: 24 pixels wide will do.
     """
@@ -77,7 +77,7 @@ def too_small(page: Page) -> list[str]:
 
 
 class Participant:
-    """Who goes through a session. The page's clock stands still but where time is let pass."""
+    """A participant of a session. The page's clock stands still except where a test lets time pass."""
 
     def __init__(self, browser: Browser, address: str, size: tuple[int, int] = SIZE) -> None:
         width, height = size
@@ -115,7 +115,7 @@ class Participant:
             group.locator("label", has_text=re.compile(rf"^{re.escape(str(choice))}(,|$)")).click()
 
     def ride(self) -> FrameLocator:
-        """The view that waits to be started."""
+        """Return the view that waits to be started."""
         frame = self.page.frame_locator("iframe")
         frame.locator("#start").wait_for()
         return frame

@@ -36,7 +36,7 @@ def along(points: list[Point]) -> hpop.Trajectory:
 
 
 def front_of(ways: list[list[Point]]) -> hpop.Front:
-    """Of as many mutually non-dominated rows."""
+    """Return a front of mutually non-dominated rows, one for each path."""
     n = len(ways)
     made = [along(way) for way in ways]
     costs = np.stack([np.arange(1.0, n + 1), np.arange(n, 0.0, -1)], axis=1)
@@ -56,7 +56,7 @@ class Map:
     page: Page
 
     def pixel(self, x: float, y: float) -> Point:
-        """Where a place lies on the plot when the whole is shown, CSS pixels: as large as fits, in the middle."""
+        """Return the CSS pixel of a position when the plot shows the whole map: as large as fits, in the middle."""
         width, height = self.page.eval_on_selector(".map .plot", "e => [e.clientWidth, e.clientHeight]")
         x0, y0, x1, y1 = state(self.page, "s.model.world.view")
         scale = min((width - 2 * MARGIN) / (x1 - x0), (height - 2 * MARGIN) / (y1 - y0))
@@ -73,7 +73,7 @@ class Map:
         return self._pixels(x, y, layer, aside, 0)[0]
 
     def line_colour(self, x: float, y: float) -> FloatArray:
-        """The darkest there and one pixel round: a line is one pixel wide."""
+        """Return the darkest colour of a pixel and its neighbours: a line is one pixel wide."""
         near = self._pixels(x, y, "base", (0, 0), 1)
         return near[near[:, :3].sum(axis=1).argmin()]
 
@@ -92,7 +92,7 @@ class Map:
 
 
 def alike(one: FloatArray, other: FloatArray) -> bool:
-    """Whether pictures are one but for the edges of letters, which a browser smooths as it likes."""
+    """Compare two pictures except for the edges of letters, which a browser smooths as it likes."""
     return bool(np.any(one != other, axis=1).mean() < 0.003)
 
 
@@ -293,7 +293,7 @@ def test_two_fingers_come_nearer_and_one_scrolls_the_page_past_the_whole(
         send(kind, *([] if kind == "touchEnd" else [(x - apart, y), (x + apart, y)]))
 
     def swiped_up() -> float:
-        """How far the page scrolled when one finger moved up over the map, pixels."""
+        """Return by how many pixels the page scrolled when one finger moved up over the map."""
         before = page.evaluate("scrollY")
         send("touchStart", (x, y))
         for up in (10, 20, 40, 60, 80):

@@ -49,7 +49,7 @@ class Matrix:
         return LEFT + across * (wide + GAP), GAP + (up - 1) * (high + GAP), wide, high
 
     def points(self, across: int, up: int, box: tuple[float, float, float, float]) -> FloatArray:
-        """Where the rows lie (n, 2), pixels of the plot."""
+        """Return the pixels (n, 2) of the rows on the plot."""
         low, high = self.values.min(axis=0), self.values.max(axis=0)
         share = (self.values - low) / (high - low)
         left, top, wide, tall = box
@@ -75,7 +75,7 @@ def matrix(shared: Page, front: hpop.Front) -> Matrix:
 
 
 def coloured(pixels: FloatArray) -> FloatArray:
-    """Where the base has the colour of what is selected."""
+    """Return a mask of the pixels in the colour of selected rows."""
     return np.asarray(pixels[:, :, 2] - pixels[:, :, 0] > 25, dtype=np.float64)
 
 

@@ -46,7 +46,7 @@ process.stdout.write(plain(lines.map(({ ask, ...given }) => answers[ask](given))
 
 
 def asked(*questions: dict[str, Any]) -> list[Any]:
-    """What the page's own modules answer."""
+    """Return the answers of the page's own modules."""
     esbuild, node = WEB / "node_modules" / ".bin" / "esbuild", shutil.which("node")
     if node is None or not esbuild.exists():
         pytest.skip("no node, or no packages in web/: npm ci")
@@ -63,7 +63,7 @@ def asked(*questions: dict[str, Any]) -> list[Any]:
 
 
 def covered(lines: FloatArray, weights: IntArray) -> IntArray:
-    """Counts (HEIGHT, WIDTH): in each column of a flat line, or row of a steep one, the pixel that its middle is in."""
+    """Count lines (HEIGHT, WIDTH): a flat line covers one pixel in each column, a steep one in each row."""
     counts = np.zeros((HEIGHT, WIDTH), dtype=np.int64)
     for (x0, y0, x1, y1), weight in zip(lines, weights, strict=True):
         flat = abs(x1 - x0) >= abs(y1 - y0)
@@ -79,7 +79,7 @@ def covered(lines: FloatArray, weights: IntArray) -> IntArray:
 
 @pytest.fixture(scope="module")
 def lines() -> FloatArray:
-    """Of all slopes, forth and back, (m, 4); the last ones level, upright, and points."""
+    """Return lines (m, 4) of all slopes in both directions; the last ones are level, upright, and points."""
     rng = np.random.default_rng(3)
     any_way = rng.uniform([0, 0, 0, 0], [WIDTH, HEIGHT, WIDTH, HEIGHT], size=(200, 4))
     short = any_way[:60, [0, 1, 0, 1]] + rng.uniform(-2, 2, size=(60, 4))

@@ -1,4 +1,4 @@
-"""What is selected in the explorer is what NumPy selects; steps are taken back; a link restores all of it."""
+"""The explorer selects the rows that NumPy selects; steps are undone; a link restores the selection."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def page(shared: Page) -> Page:
 
 
 def counted(page: Page) -> int:
-    """The count that the header says."""
+    """Return the count in the header."""
     page.evaluate(explored.FRAME)
     return int(page.inner_text(".counts strong").replace(",", ""))
 

@@ -63,7 +63,7 @@ def test_answers_in_the_file_are_what_was_clicked(browser: Browser, tmp_path: Pa
 
 
 def row_of(page: Page, front: hpop.Front, column: int) -> int:
-    """The row of the front whose costs stand in a column of the page's table."""
+    """Return the row of the front with the costs in a column of the page's table."""
     costs = [float(text) for text in page.locator(f"tr td:nth-child({column + 1})").all_inner_texts()]
     (row,) = np.flatnonzero(np.isclose(front.costs, costs, rtol=1e-3).all(axis=1))
     return int(row)

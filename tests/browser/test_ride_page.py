@@ -1,4 +1,4 @@
-"""What one does on the page of a ride: compare, scrub, play, go blind, on screens of several sizes."""
+"""The page of a ride: comparing, scrubbing, playing, and blind mode, on screens of several sizes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def front() -> hpop.Front:
 
 @pytest.fixture(scope="module")
 def only_page(opened_once: Open, front: hpop.Front, tmp_path_factory: pytest.TempPathFactory) -> Page:
-    """A is row 1, which goes round; B is row 0, straight."""
+    """Open a page where A is row 1, which goes round, and B is row 0, straight."""
     path = save_ride(problem_of(room()), front, tmp_path_factory.mktemp("ride") / "ride.html", rows=[1, 0])
     return ready(opened_once(path, "#check", size=SMALL))
 
@@ -45,7 +45,7 @@ def page(only_page: Page) -> Page:
 
 
 def progress(run: hpop.Trajectory) -> tuple[np.ndarray, np.ndarray]:
-    """Times, and the share of the way that is done until then: metres, and radians times the lever."""
+    """Return times and the share of the path done by then: metres, and radians times the lever."""
     times = np.linspace(0.0, run.duration, 4001)
     states = run.at(times)
     steps = np.hypot(np.diff(states.x), np.diff(states.y)) + LEVER * np.abs(np.diff(states.yaw))

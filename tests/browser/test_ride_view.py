@@ -1,4 +1,4 @@
-"""What the ride shows is what is there: compared with rays that are cast apart, and with the renderer of pictures."""
+"""The view of a ride agrees with independently cast rays and with the renderer of pictures."""
 
 from __future__ import annotations
 

@@ -57,18 +57,18 @@ def enter(browser: Browser) -> Iterator[Enter]:
 
 
 def events(folder: Path, participant: str = "p01") -> list[dict[str, Any]]:
-    """What is on the disk."""
+    """Return the events stored on disk."""
     stored: dict[str, Any] = json.loads((folder / "answers" / f"{participant}.json").read_text())
     return list(stored["events"])
 
 
 def saved(participant: Participant) -> None:
-    """Waits until the page says that all is saved."""
+    """Wait until the page says that everything is saved."""
     expect(participant.page.locator("header .saved")).to_have_text("Saved")
 
 
 def reload(participant: Participant) -> None:
-    """Reloads the page, once all is saved and until all is again."""
+    """Reload the page once everything is saved, and wait until it is saved again."""
     saved(participant)
     participant.page.reload()
     participant.ready()
@@ -320,7 +320,7 @@ def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter,
 
 
 def filmed(path: Path, seconds: float) -> None:
-    """A video of a grey that becomes lighter."""
+    """Write a video of a grey that becomes lighter."""
     with av.open(str(path), "w") as file:
         stream = file.add_stream("libx264", rate=10)
         stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
@@ -331,7 +331,7 @@ def filmed(path: Path, seconds: float) -> None:
 
 
 def test_a_video_counts_as_watched_once_all_of_it_was_played(enter: Enter, tmp_path: Path) -> None:
-    """Who jumps to its end has to see it again; that it was played is in the answers."""
+    """A participant who jumps to the end must watch it again; the answers record that it was played."""
     design = small_study(tmp_path, "comfort", kind="video")
     for condition in design.conditions:
         filmed(tmp_path / condition.stimulus, 1.5)

@@ -14,7 +14,7 @@ ODD = "</script><b id=odd>bold</b><!-- <script>"
 
 @pytest.fixture
 def page(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
-    """A page whose script writes down what it was given."""
+    """Write a page whose script records its payload."""
     code = """
     document.documentElement.dataset.given = JSON.parse(document.getElementById("payload").textContent).name;
     const other = document.createElement("script");

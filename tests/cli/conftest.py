@@ -1,4 +1,4 @@
-"""What the tests of the command line share: a room with a map and a scenario, and ways to run commands on it."""
+"""Fixtures of the command line: a room with a map and a scenario, and ways to run commands on it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ MAP = {
 @pytest.fixture(scope="session")
 def write_map() -> Callable[..., None]:
     def write_map(folder: Path, door: float = 1.0, **keys: object) -> None:
-        """A room of 4 x 2 m with a wall in the middle; the door in it (m wide) is at the top."""
+        """Write the map of a room of 4 x 2 m with a wall in the middle; its door (m wide) is at the top."""
         pixels = np.full((20, 40), 255, dtype=np.uint8)
         pixels[round(10 * door) :, 19:21] = 0
         (folder / "map.pgm").write_bytes(b"P5\n40 20\n255\n" + pixels.tobytes())
@@ -51,7 +51,7 @@ def write_map() -> Callable[..., None]:
 @pytest.fixture(scope="session")
 def write() -> Callable[..., None]:
     def write(folder: Path, *changes: tuple[str, str]) -> None:
-        """The scenario, with some of its text replaced."""
+        """Write the scenario, with some of its text replaced."""
         text = ROOM
         for old, new in changes:
             assert old in text
@@ -103,7 +103,7 @@ def plan(run: Callable[..., Result]) -> Callable[..., Result]:
 @pytest.fixture(scope="session")
 def refused() -> Callable[..., None]:
     def refused(result: Result, code: int, *said: str) -> None:
-        """It ends with this exit code, and all this is said on standard error."""
+        """Check that a command ended with this exit code and wrote all these texts to standard error."""
         assert (result.exit_code, [text for text in said if text not in result.stderr]) == (code, []), result.stderr
         assert result.stderr.startswith("error: ")
 

@@ -25,7 +25,7 @@ def _robot_unknown(registered_as_before: None) -> None:
 
 @pytest.fixture
 def scenario(room: Path, write: Callable[..., None]) -> Path:
-    """The room, with the example plugin's base that slides."""
+    """Write the room's scenario with the example plugin's sliding base."""
     write(
         room,
         ("differential_drive: {radius: 0.2}", "holonomic: {length: 0.4, width: 0.3}"),

@@ -40,7 +40,7 @@ def no_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def write(folder: Path, planner: object, **changes: object) -> Path:
-    """The scenario with a planner."""
+    """Write the scenario with a planner."""
     (folder / "room.yaml").write_text(yaml.safe_dump(SCENARIO | {"planner": planner} | changes))
     return folder / "room.yaml"
 
@@ -53,7 +53,7 @@ def plan(scenario: Path, out: str, *options: object) -> Result:
 
 
 def front(folder: Path) -> tuple[object, ...]:
-    """What a front holds, but for the seconds it took."""
+    """Return the content of a saved front without its computing times."""
     found = Front.load(folder / "front.json")
     ways = [list(zip(t.states.x, t.states.y, t.states.yaw, strict=True)) for t in found.trajectories]
     return (found.costs.tolist(), ways, found.provenance, found.status, found.certificate)

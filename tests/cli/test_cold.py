@@ -34,7 +34,7 @@ def plan(folder: Path) -> subprocess.CompletedProcess[str]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which the room was planned twice."""
+    """Return a folder in which the room was planned twice."""
     folder = tmp_path_factory.mktemp("cold")
     (folder / "room.yaml").write_text(ROOM)
     for name in ("cold", "warm"):

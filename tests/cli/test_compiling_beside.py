@@ -25,7 +25,7 @@ WEIGHTS = "\n- weighted-sum: {step: 0.5}"
 
 @pytest.fixture
 def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What a run does in turn, while no kernel seems to be compiled and no process is made."""
+    """Record the steps of a run in which no kernel is compiled and no process is started."""
     done: list[str] = []
     save = results.save
 

@@ -28,7 +28,7 @@ MODULES = ("shapely", "numpy", "struct", "socket", "selectors", "signal", "yaml"
 
 
 class Run(NamedTuple):
-    """What a run left, and what it said on standard error."""
+    """Files that a run left, and its standard error."""
 
     code: int
     folder: Path
@@ -38,7 +38,7 @@ class Run(NamedTuple):
 
 @pytest.fixture(scope="module", params=[1, pytest.param(2, marks=pytest.mark.proof)])
 def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, write_map) -> Run:
-    """One run of the command, among traps, its standard output read by nobody."""
+    """Run the command among traps, with a standard output that has no reader."""
     folder = Path(os.fsdecode(os.fsencode(tmp_path_factory.mktemp("strange")) + b"/" + NOT_UTF8))
     folder.mkdir()
     write_map(folder)

@@ -1,4 +1,4 @@
-"""What ends a process: a closed terminal, a signal to its whole group, Ctrl-C before the command line is there."""
+"""Ends of a process: a closed terminal, a signal to its whole group, Ctrl-C before the command line is loaded."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ Run = Callable[..., Result]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory, write_map, write) -> Path:
-    """A folder with the front of a room."""
+    """Return a folder with the front of a room."""
     place = tmp_path_factory.mktemp("room")
     write_map(place)
     write(place)

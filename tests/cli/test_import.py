@@ -60,7 +60,7 @@ def hpop(warm: Warm) -> Hpop:
 
 @pytest.fixture
 def mine(tmp_path: Path) -> Path:
-    """A folder with code of somebody's own, apart from scenarios and from where commands are run."""
+    """Return a folder with a user's code, apart from scenarios and from the working directory."""
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "ways.py").write_text(WAY)
     return tmp_path / "mine"

@@ -22,7 +22,7 @@ from tests.worlds import pillars
 
 
 def until(terminal: int, pattern: bytes) -> bytes:
-    """What a terminal shows until some pattern appears."""
+    """Return the output of a terminal up to a pattern."""
     seen = b""
     while not re.search(pattern, seen):
         try:

@@ -1,4 +1,4 @@
-"""`hpop plan --web`: the page of a search that runs is served to whoever knows its address, to nobody else."""
+"""`hpop plan --web` serves the page of a running search to clients that know its address, and to no others."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def ask(shown: Shown) -> Iterator[Client]:
 
 
 def event(stream: HTTPResponse) -> dict[str, str]:
-    """The next event of a stream, waited for."""
+    """Wait for the next event of a stream and return it."""
     found: dict[str, str] = {}
     while line := stream.readline().decode().rstrip("\n"):
         name, _, value = line.partition(":")
@@ -210,7 +210,7 @@ def test_an_address_is_told_only_where_something_answers(
 
 
 def commands() -> bytes:
-    """What runs on this machine, as any of its users sees it."""
+    """Return the command lines of all processes, as every user of this machine sees them."""
     found = []
     for path in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):  # it has ended

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.usefixtures("no_pictures")
 
 
 def _image(folder: Path) -> Path:
-    """A sheet of 8 x 6 m at 0.05 m a pixel, on it a building with two rooms and a door."""
+    """Write a picture of 8 x 6 m at 0.05 m a pixel: a building with two rooms and a door."""
     pixels = np.full((120, 160), 255, dtype=np.uint8)
     pixels[[10, 110], 10:151] = 0
     pixels[10:111, [10, 80, 150]] = 0

@@ -21,7 +21,7 @@ Run = Callable[..., Result]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the front of the museum on a coarse lattice: 39 points, and a reported value."""
+    """Return a folder with the museum's front on a coarse lattice: 39 points, and a reported value."""
     place = tmp_path_factory.mktemp("museum")
     load_scenario(EXAMPLES / "museum.yaml").problem.solve(step=1.0).save(place / "front.json")
     return place

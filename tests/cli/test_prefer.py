@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Maps take half a second each; one test draws them."""
+    """Draw no maps: each takes half a second; one test draws them."""
     monkeypatch.setattr(preferring.Asking, "picture", lambda self: b"")
 
 
@@ -129,7 +129,7 @@ def test_what_was_learnt_is_marked_and_picked(folder: Path, run: Run) -> None:
 
 
 def marks_of(page: str) -> list[dict[str, Any]]:
-    """The marks in the data of a page."""
+    """Return the marks in the data of a page."""
     (data,) = re.findall(r'<script[^>]*type="application/json"[^>]*>(.*?)</script>', page, re.DOTALL)
     return list(json.loads(data)["marks"])
 
@@ -148,7 +148,7 @@ def test_differences_are_told_in_words() -> None:
 
 
 class Questions:
-    """What a page shows, for a test: two questions and what came out."""
+    """Stand-in for a page: two questions and a result."""
 
     def __init__(self) -> None:
         self.given: list[str] = []

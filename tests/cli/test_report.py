@@ -1,4 +1,4 @@
-"""What is printed: a readable choice of a long front, planned beside executed costs."""
+"""Printed tables: a readable choice of a long front, and planned beside executed costs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ STAY = Trajectory.from_poses(ROBOT, [(1, 1, 0)])
 
 
 def front_of(costs: list[list[float]], names: tuple[str, ...] = ("turns", "length"), **more: object) -> hpop.Front:
-    """A front with these costs, of trajectories that stay where they are."""
+    """Return a front with these costs, of trajectories that stay in place."""
     declared = {"units": ["1" if n == "turns" else "m" for n in names], "quanta": [1e-6] * len(names)}
     return hpop.Front.of(
         costs, [STAY] * len(costs), names=names, status="complete", certificate="as given", **(declared | more)
@@ -40,7 +40,7 @@ def front_of(costs: list[list[float]], names: tuple[str, ...] = ("turns", "lengt
 
 
 def arc(n: int) -> hpop.Front:
-    """A front of n points on a quarter circle."""
+    """Return a front of n points on a quarter circle."""
     angles = np.linspace(0, math.pi / 2, n)
     return front_of(np.column_stack([1 - np.sin(angles), 1 - np.cos(angles)]).tolist())
 
@@ -169,7 +169,7 @@ def test_numbers_are_written_for_people(value: float, quantum: float, text: str)
 
 
 def by(planner: str, costs: list[list[float]], **more: object) -> hpop.Front:
-    """A front of a planner, whose trajectories are its own."""
+    """Return a front of one planner, with trajectories of its own."""
     stay = [Trajectory.from_poses(ROBOT, [(1, 1, 0)]) for _ in costs]
     return hpop.Front.of(
         costs,
@@ -210,7 +210,7 @@ def test_the_front_never_gets_worse_and_every_point_comes_from_somewhere(found: 
 
 
 def test_a_point_found_again_is_the_merit_of_the_first() -> None:
-    """Of equal points the front keeps the one whose provenance comes first in the alphabet: here the second's."""
+    """The front keeps, of equal points, the one whose provenance is first in the alphabet: here the second's."""
     early, late = by("z", [[1.0, 1.0], [9.0, 0.0]]), by("a", [[1.0, 1.0], [0.0, 5.0]])
     assert [row.points for row in contributions(["z", "a"], [early, early | late])] == [2, 1]
 

@@ -39,7 +39,7 @@ def test_it_plans_goals_until_ctrl_c(run: Run, room: Path) -> None:
     assert main is not None
 
     def ask(bridge: FakeBridge) -> Any:
-        """What a client does while the command runs in the main thread, which gets the signal."""
+        """Send a goal while the command runs in the main thread, which receives the signal."""
         try:
             poses = {"start": pose_message(0.5, 1.5, 0), "goal": pose_message(3.5, 1.5, 0)}
             goal = bridge.send_goal("/way", {**poses, "planner_id": "", "use_start": True})

@@ -21,7 +21,7 @@ Study = Callable[..., Result]
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a front, as `hpop plan` writes it."""
+    """Return a folder with a front, as `hpop plan` writes it."""
     folder = tmp_path_factory.mktemp("planned")
     world = hpop.World.from_polygons([shapely.box(2, 1, 3, 3)], extent=shapely.box(0, 0, 5, 4))
     robot = hpop.DifferentialDrive(radius=0.2)
@@ -81,7 +81,7 @@ def test_from_the_front_to_the_tables_and_without_whoever_withdrew(study: Study,
 
 
 def totals() -> tuple[int, float]:
-    """Of how many people there are SSQ totals, and their sum."""
+    """Return the number of participants with SSQ totals, and the sum of the totals."""
     with sqlite3.connect("s/answers.sqlite") as base:
         found = base.execute(
             "SELECT count(DISTINCT participant), sum(value) FROM scores WHERE score = 'total'"

@@ -37,7 +37,7 @@ planner:
 
 @pytest.fixture
 def scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A room and two planners; pictures are tested elsewhere."""
+    """Write the scenario of a room with two planners; pictures are tested elsewhere."""
     monkeypatch.setattr(hpop.view, "save_pictures", lambda problem, front, folder, **options: [])
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)
     (tmp_path / "room.yaml").write_text(SCENARIO)
@@ -51,7 +51,7 @@ def plan(scenario: Path, out: str, *options: str) -> Result:
 
 
 def points(scenario: Path, out: str) -> Any:
-    """What a saved front holds of its points, trajectories included."""
+    """Return the points of a saved front, trajectories included."""
     saved = json.loads((scenario.parent / out / "front.json").read_text())
     return saved["points"] | saved["items"]
 

@@ -1,4 +1,4 @@
-"""What comes out of files cannot steer the terminal, whether it is printed, told as an error, or drawn."""
+"""Text from files cannot steer the terminal, whether hpop prints it, quotes it in an error, or draws it."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def test_without_web_no_page_is_written(run: Callable[..., Result], saved: Path)
 
 
 def browser(folder: Path, code: int) -> str:
-    """A browser, as the environment names one, that writes down what it is to open."""
+    """Return a browser command, as the environment names one, that records the address it opens."""
     script = folder / "browser.py"
     script.write_text(f"import sys; open({str(folder / 'opened')!r}, 'w').write(sys.argv[1]); sys.exit({code})")
     return f"{sys.executable} {script} %s"

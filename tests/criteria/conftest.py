@@ -1,4 +1,4 @@
-"""What tests of criteria share: a robot that also drives arcs of circles."""
+"""Fixtures of criteria: a robot that also drives arcs of circles."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -41,7 +41,7 @@ class Curvy(DifferentialDrive):
 
 
 def chained(lengths, rotations):
-    """A trajectory of arcs that follow each other, from (0, 0, 0); a length of 0 turns in place."""
+    """Return a trajectory of consecutive arcs from (0, 0, 0); a length of 0 turns in place."""
     x, y, yaw = [0.0], [0.0], [0.0]
     for length, rotation in zip(lengths, rotations, strict=True):
         middle = yaw[-1] + rotation / 2

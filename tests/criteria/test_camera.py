@@ -43,7 +43,7 @@ OF_CAMERA = [name for name in EVERY if "camera" in criteria[name].requires]
 
 
 def head(rows, *kinds):
-    """What a robot with a head does between states (x, y, yaw, pan, tilt)."""
+    """Return a trajectory of a robot with a head through states (x, y, yaw, pan, tilt)."""
     columns = dict(zip(HEAD.space.names, np.array(rows, float).T, strict=True))
     return hpop.Trajectory(HEAD, States(**columns), kinds)
 
@@ -54,7 +54,7 @@ def drives(model, *poses, kinds):
 
 
 def agree(one, other, names):
-    """Whether criteria have the same values on two trajectories; those of them that are above 0."""
+    """Check that criteria have equal values on two trajectories; return those above 0."""
     some = set()
     for name in names:
         expected, found = (trajectory_cost(own_criterion(name), trajectory, WORLD) for trajectory in (one, other))

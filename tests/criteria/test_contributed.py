@@ -1,4 +1,4 @@
-"""What a criterion of the house brings with it, by CONTRIBUTING.md: each failure says what is missing, and where."""
+"""A criterion of hpop comes with all files that CONTRIBUTING.md asks for: a failure names the missing one."""
 
 import re
 from functools import cache

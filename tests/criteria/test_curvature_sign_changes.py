@@ -23,7 +23,7 @@ def count(trajectory, **parameters):
 
 
 def polyline(*turns):
-    """Moves of a metre with turns in place between them, rad."""
+    """Return a trajectory of moves of one metre with turns in place (rad) between them."""
     heading, x, y, poses = 0.0, 0.0, 0.0, [(0.0, 0.0, 0.0)]
     for turn in (0.0, *turns):
         heading += turn

@@ -23,7 +23,7 @@ def cost(criterion, *people, drive=AHEAD):
 
 @pytest.mark.parametrize("leaves", [0.333, 1.0, 2.417, 2.4999999, 5.0])
 def test_who_leaves_is_driven_at_until_that_very_moment(leaves):
-    """Somebody stands 6 m ahead: the time to the collision is the rest of the way between surfaces over the speed."""
+    """A person stands 6 m ahead: the time to collision is the gap between surfaces divided by the speed."""
     left = (6 - 0.55 - 0.8 * leaves) / 0.8
     assert cost(TimeToCollision(horizon=8.0), Person(6, 0, until=leaves)) == pytest.approx(1 - left / 8, abs=1e-7)
     metrics = social_metrics(AHEAD, ROOM.with_content(people=[Person(6, 0, until=leaves)]))

@@ -1,4 +1,4 @@
-"""Costs about people of whom several things may come: the mean over sampled futures, and what is the worst of them."""
+"""Costs about people with several hypotheses: the mean over sampled hypotheses, and the worst of them."""
 
 from dataclasses import replace
 
@@ -50,7 +50,7 @@ def smooth(u):
 
 
 def rate(name, dx, dy, robot, walk, gaze):
-    """What somebody suffers from a robot at (dx, dy) from there, by the formula of the docstring."""
+    """Return the cost rate of a person for a robot at (dx, dy) from that person, by the docstring's formula."""
     d = np.hypot(dx, dy)
     ahead, left = dx * gaze[0] + dy * gaze[1], dy * gaze[0] - dx * gaze[1]
     if name == "hall_zones":
@@ -70,7 +70,7 @@ def rate(name, dx, dy, robot, walk, gaze):
 
 
 def moments():
-    """Times, and states and velocities of the robot then."""
+    """Return times, and the robot's states and velocities at them."""
     t = (np.arange(MOMENTS) + 0.5) * DRIVE.duration / MOMENTS
     s, h = DRIVE.at(t), 1e-6
     before, after = DRIVE.at(t - h), DRIVE.at(t + h)

@@ -1,4 +1,4 @@
-"""What it costs to stand still: time times the rate at that pose, and what people who pass meanwhile make of it."""
+"""Costs of standing still: time times the rate at that pose, and the effect of people who pass meanwhile."""
 
 import math
 from dataclasses import replace
@@ -34,7 +34,7 @@ FREE = {  # nothing is to pay for standing level: they are paid for by the metre
 
 
 def hold(seconds, *, world=WORLD, t0=None, panels=None, x=(1.5, 6.0, 9.5), y=(1.0, 4.4, 7.0)):
-    """The robot stands at three places, at one and the same time."""
+    """Return holds of a robot at three positions, at the same time."""
     x, y = (np.array(column, float) for column in (x, y))
     model = HEAD if panels == "head" else CAR
     where = {"x": x, "y": y, "yaw": np.array([0.3, -2.0, 3.0])[: x.size]}
@@ -125,7 +125,7 @@ def test_somebody_who_walks_into_the_robot_is_noticed_in_the_middle_of_a_hold():
 
 
 def test_long_holds_are_added_up_part_by_part(monkeypatch):
-    """Many hours together would take all memory, and more so where somebody runs past."""
+    """Integrating many hours at once would exhaust memory, above all where a person runs past."""
     runs = ROOM.with_content(people=[*WALKING, Person(1.0, 5.0, velocity=(10.0, 0.0))])
     together = hold(400.0, world=runs, t0=0.0, x=(6.0, 3.0, 9.0), y=(5.0, 5.0, 5.0))
     both = [make_criterion(name) for name in ("hall_zones", "time_to_collision")]

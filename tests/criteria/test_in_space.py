@@ -1,4 +1,4 @@
-"""What a camera sees whose height changes: against closed forms, brute force, and the plane at one height."""
+"""A camera of changing height: compared with closed forms, brute force, and the plane at one height."""
 
 import math
 from dataclasses import dataclass, replace
@@ -107,7 +107,7 @@ def test_the_obstructed_fraction_is_that_of_the_closed_form_of_prisms(radius):
 
 
 def test_a_landmark_is_seen_while_it_is_in_the_picture_and_nothing_is_before_it():
-    """The same by hand: components along the camera's axes, and points along the line for the pillar and the walls."""
+    """By hand: components along the camera's axes, and points on the line of sight for the pillar and the walls."""
     model = Jointed(foot=ARM.foot, field_of_view=(1.2, 0.8))
     mark = Landmark(1.6, 1.0, z=0.4, weight=2.0)
     world = ROOM.with_content(landmarks=[mark, Landmark(0.0, -9.0, z=0.0)])  # the second is behind the wall

@@ -84,7 +84,7 @@ def test_a_scenario_plans_with_it_and_the_front_moves_together_with_its_file(sce
 
 
 def agrees(problem: hpop.Problem, planner: dict[str, Any]) -> None:
-    """What a planner added up is the weighted sum of the parts, evaluated anew, within what it says."""
+    """Check that planned costs equal the weighted sum of the re-evaluated parts, within the claimed tolerance."""
     learnt, *_ = problem.criteria
     assert isinstance(learnt, Learnt)
     found = make_planner(planner).solve(problem)

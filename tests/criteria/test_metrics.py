@@ -1,4 +1,4 @@
-"""What is reported of a trajectory among people, against brute force and plain geometry."""
+"""Reported metrics of a trajectory among people, compared with brute force and plain geometry."""
 
 import math
 from functools import cache

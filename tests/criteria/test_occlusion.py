@@ -28,7 +28,7 @@ def share(model, world, criterion, row=(0.0, 0.0, 0.0)):
 
 
 def panel(y_min, y_max, *, x=1.0, z=(-1.0, 2.0)):
-    """A thin wall between the camera and the target."""
+    """Return a world with a thin wall between the camera and the target."""
     return hpop.World.from_polygons([(shapely.box(x, y_min, x + 0.01, y_max), z)], extent=EXTENT)
 
 
@@ -64,7 +64,7 @@ def test_a_camera_within_the_ball_sees_it():
 
 
 def poses_of(pose, size):
-    """A pose's columns as matrices (N, 4, 4)."""
+    """Return poses as matrices (N, 4, 4)."""
     poses = np.tile(np.eye(4), (size, 1, 1))
     for i, column in enumerate((*pose.ahead, *pose.left, *pose.up)):
         poses[:, i % 3, i // 3] = column

@@ -19,7 +19,7 @@ WORLD = World.from_polygons([], extent=shapely.box(-50, -50, 50, 50))
 
 
 def turning(*degrees):
-    """Turns of so many degrees, a move of 1 m between; None leaves a move out, so that turns follow each other."""
+    """Return turns by these degrees, a move of 1 m between them; None omits a move, so that two turns meet."""
     x, y, yaw, states, kinds = 0.0, 0.0, 0.0, [(0.0, 0.0, 0.0)], []
     for k, turn in enumerate(degrees):
         if turn is None:

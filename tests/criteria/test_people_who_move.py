@@ -31,7 +31,7 @@ TIMELESS = {  # asked on graphs without time, or in a frame in which velocities 
 
 
 def walking(rng):
-    """The random world, three people who walk through it for a minute, two of them side by side, and one who stands."""
+    """Return the random world with three people who walk for a minute, two side by side, and one who stands."""
     world = random_world(rng)
     slow = (0.04, -0.03)
     people = [

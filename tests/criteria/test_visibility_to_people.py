@@ -1,4 +1,4 @@
-"""Whether people see the robot: known angles, and the integral against sampling."""
+"""Visibility of the robot to people: known angles, and the integral compared with sampling."""
 
 import math
 

@@ -120,14 +120,14 @@ def test_what_the_eyes_see_turn_is_the_whole_rotation_in_the_cameras_frame():
 
 
 def replace_limits(arm):
-    """The same arm, whose link may go over the top."""
+    """Return the arm with a link that may go over the top."""
     over = Jointed(foot=arm.foot)
     over.__dict__["space"] = replace(over.space, low=(-2.5, -3.0, -np.pi), high=(2.5, 3.0, np.pi))
     return over
 
 
 def phase_ends(trajectory):
-    """Times (P,), s, at which a phase of a motion begins or ends."""
+    """Return the times (P,), s, at which a phase of a motion begins or ends."""
     ends = [0.0]
     for i in range(len(trajectory)):
         states = (trajectory.states.take([j]) for j in (i, i + 1))

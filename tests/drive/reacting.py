@@ -34,7 +34,7 @@ class Walker:
     velocity: np.ndarray
 
     def walk(self, others: list[Walker], robot: np.ndarray) -> None:
-        """Walk for a step: towards the goal, away from others, along walls; nobody walks through the robot."""
+        """Walk for one step: towards the goal, away from others, along walls, and never through the robot."""
         to = (robot if self.is_curious else self.goal) - self.place
         force = (self.speed * to / max(math.hypot(*to), 0.05) - self.velocity) / RELAXES
         bodies = [(one.place, 2 * BODY) for one in others if one is not self]
@@ -55,7 +55,7 @@ class Walker:
         self.place = place
 
     def seen(self) -> Person:
-        """The person as a tracker has it, predicted to walk on for four seconds."""
+        """Return the person as a tracker reports it, predicted to walk on for four seconds."""
         moves = math.hypot(*self.velocity) > 0.02
         velocity = (float(self.velocity[0]), float(self.velocity[1])) if moves else (0.0, 0.0)
         x, y = self.place.tolist()
@@ -63,7 +63,7 @@ class Walker:
 
 
 def crowd(seed: int, shy: int, curious: int) -> list[Walker]:
-    """Return people at random places, of whom some walk up to the robot."""
+    """Return people at random positions; the curious ones walk up to the robot."""
     rng = np.random.default_rng(seed)
     return [
         Walker(

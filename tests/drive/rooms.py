@@ -19,19 +19,19 @@ START, GOAL = (1.0, 2.0, 0.0), (10.0, 2.0, None)
 
 
 def two_doors(*zones: Zone, people: tuple[Person, ...] = ()) -> World:
-    """A hall of 11 x 6 m, a wall across it with a wide opening in the north and a narrow one, nearer, in the south."""
+    """Return a hall of 11 x 6 m and a wall across it: a wide opening in the north, a narrow nearer one in the south."""
     return World.from_polygons(MIDDLE, extent=EXTENT).with_content(people=people, zones=zones)
 
 
 def asked(world: World, *criteria: str, start: tuple[float, float, float] = START) -> hpop.Problem:
-    """A robot from the west to the east of it."""
+    """Return the problem of driving from the west of the hall to its east."""
     robot = hpop.DifferentialDrive(radius=0.3)
     return hpop.Problem(world, robot, start, GOAL, list(criteria or ("obstruction", "turns", "length")))
 
 
 @cache
 def planned() -> tuple[hpop.Problem, hpop.Front]:
-    """The hall with both doors open, and the front of ways through it."""
+    """Return the problem of the hall with both doors open, and its front."""
     problem = asked(
         two_doors(Zone("speed", NORTH, limit=1.0, name="north"), Zone("speed", SOUTH, limit=1.0, name="south"))
     )
@@ -39,6 +39,6 @@ def planned() -> tuple[hpop.Problem, hpop.Front]:
 
 
 def through(way: hpop.Trajectory) -> str:
-    """The door that a way takes."""
+    """Return the door that a trajectory takes."""
     between = (way.states.x > 5.2) & (way.states.x < 5.9)
     return "north" if float(np.mean(way.states.y[between])) > 3.0 else "south"

@@ -30,7 +30,7 @@ CLOSED = shapely.box(7.2, 2.2, 7.6, 2.6)
 
 
 def among(*people: Person, margin: float = 0.0) -> tuple[hpop.Problem, hpop.Front, Lattice]:
-    """A hall of 11 x 6 m, a wall across it with two openings, and people; the front of ways through it."""
+    """Return the problem of a hall with a wall, two openings and people; its front; and the planner."""
     robot = hpop.DifferentialDrive(radius=0.3)
     world = two_doors(people=people)
     problem = hpop.Problem(world, robot, START, (9.5, 2.0, None), list(CRITERIA), quanta=QUANTA)
@@ -48,7 +48,7 @@ def walkers(rng: np.random.Generator, now: float = 0.0) -> tuple[Person, ...]:
 
 
 def fresh(drive: Execution, options: Options) -> np.ndarray:
-    """What a search finds, in counts, on a graph that was put on a clock anew, at the tick next to the commit."""
+    """Return the costs, in quanta, that a search finds on a newly timed graph from the tick next to the commit."""
     known, commit = drive._network._among, options.commit
     assert known is not None
     surroundings, space = drive.surroundings, known.ways.query.space
@@ -67,7 +67,7 @@ def fresh(drive: Execution, options: Options) -> np.ndarray:
 
 
 def counts(drive: Execution, options: Options) -> np.ndarray:
-    """What the drive's own search found, in counts."""
+    """Return the costs, in quanta, that the drive's own search found."""
     known, commit = drive._network._among, options.commit
     assert known is not None
     node = int(known.ways.nodes(commit.state)[0])

@@ -1,4 +1,4 @@
-"""When people are told anew, a deadline is kept: known ways, looked at again, until the graph on the clock is made."""
+"""New predictions keep the deadline: known routes are re-checked until the timed graph is rebuilt."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def drive_among() -> Execution:
 
 
 def least_gap(way: hpop.Trajectory, person: Person, begins: float) -> float:
-    """Least gap, m, to somebody as predicted, looked at every 2 ms; a way begins so many seconds after that."""
+    """Return the least gap, m, to a person as predicted, every 2 ms; the trajectory begins after ``begins`` seconds."""
     times = np.arange(0.0, way.duration, 2e-3)
     states, (x, y) = way.at(times), person.at(times + begins)
     apart = np.hypot(states.x - x, states.y - y) - 0.3 - person.radius
@@ -126,7 +126,7 @@ def test_what_no_deadline_cut_short_is_found_again_however_long_that_takes(tmp_p
 
 
 def test_whom_a_way_was_chosen_to_leave_is_nobody_who_is_told_anew() -> None:
-    """Who comes within the margin a second after a way begins may be left, if that was known when it was chosen."""
+    """A route may leave a person who comes within the margin a second after it begins, if that was predicted."""
     drive = drive_among()
     drive.take(drive.options(0.3, 0.5)[-1])
     begins = drive._plan.chosen

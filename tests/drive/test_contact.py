@@ -30,14 +30,14 @@ def drive() -> Execution:
 
 
 def gaps(way: hpop.Trajectory, begin: float, person: Person) -> np.ndarray:
-    """Between the surfaces, m, every hundredth of a second from a time on, of somebody who does as predicted."""
+    """Return the gaps between the surfaces, m, every hundredth of a second, for a person who walks as predicted."""
     times = np.arange(begin, way.duration, 0.01)
     s, (x, y) = way.at(times), person.at(times - begin)
     return np.hypot(s.x - x, s.y - y) - 0.3 - person.radius
 
 
 def final(following: Execution, now: float) -> Options:
-    """The options when the graph among the people has been made."""
+    """Return the options once the timed graph among the people exists."""
     for _ in range(600):
         options = following.options(now, deadline=0.5)
         if options.status.is_final:

@@ -24,7 +24,7 @@ def plan() -> Plan:
 
 
 def moments(way: hpop.Trajectory, t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Times and places, a millisecond apart, from a time on."""
+    """Return times and positions, a millisecond apart, from a time on."""
     times = np.arange(t, way.duration, 1e-3)
     states = way.at(times)
     return times, states.x, states.y
@@ -75,7 +75,7 @@ def test_a_plan_is_cut_before_what_is_closed(t: float) -> None:
 
 
 def test_before_the_robot_leaves_people_walk_on() -> None:
-    """Somebody is told of 3 s before the robot leaves, and crosses its way 4 s after it has left."""
+    """A person is reported 3 s before the robot leaves, and crosses its path 4 s after it has left."""
     world = hpop.World.from_polygons([], extent=shapely.box(-2, -4, 12, 4))
     problem = hpop.Problem(world, ROBOT, (0.0, 0.0, 0.0), (8.0, 0.0, 0.0), ["length", "turns"])
     drive = hpop.follow(problem, problem.solve("lattice", step=1.0), "least length")
@@ -113,7 +113,7 @@ def test_who_comes_to_the_goal_while_the_robot_stops_there_cuts_a_plan_that_keep
 
 
 def test_known_ways_are_looked_at_as_a_robot_that_comes_along_executes_them() -> None:
-    """One that began its way from rest would come to the goal when somebody has gone."""
+    """A route that began from rest would come to the goal when the person has gone."""
     way, comes = punctual(), at_the_goal(5.8)
     world = hpop.World.from_polygons([], extent=shapely.box(-2, -8, 12, 8)).with_content(people=(comes,))
     problem = hpop.Problem(world, ROBOT, (0.0, 0.0, 0.0), (5.0, 0.0, 0.0), ["length", "turns"])
@@ -125,7 +125,7 @@ def test_known_ways_are_looked_at_as_a_robot_that_comes_along_executes_them() ->
 
 
 def test_a_margin_into_which_somebody_comes_as_a_way_is_taken_may_be_left() -> None:
-    """Chosen at 3.5 s, half a second before somebody is near: so it was planned, and so it is driven."""
+    """Chosen at 3.5 s, half a second before a person is near: planned so, and driven so."""
     way = punctual()
     comes = Person(3.6, 4.85, velocity=(0.0, -1.0), until=4.12)  # 0.73 m from the axis at the nearest, and gone
     assert cut_of(Plan(way), 1.0, (), (comes.later(1.0),), 0.3).stops is not None

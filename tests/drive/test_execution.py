@@ -12,7 +12,7 @@ from tests.drive.rooms import NORTH, SOUTH, planned, through
 
 
 def driving(door: str = "north") -> hpop.drive.Execution:
-    """A drive along the least turns through one of the doors."""
+    """Return a drive along the trajectory of least turns through one of the doors."""
     problem, front = planned()
     rows = [i for i, way in enumerate(front.trajectories) if through(way) == door]
     return hpop.follow(problem, front, min(rows, key=lambda i: front.costs[i, 1]))

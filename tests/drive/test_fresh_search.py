@@ -67,7 +67,7 @@ class Hall:
         return Person(*rng.uniform((2.5, 1.0), (7.0, 5.0)).tolist(), name="somebody")
 
     def area(self) -> Any:
-        """A triangle or a bar of some size."""
+        """Return a triangle or a bar of random size."""
         at = self.rng.uniform((2.0, 0.5), (7.0, 5.5))
         if self.rng.random() < 0.5:
             return shapely.MultiPoint(at + self.rng.uniform(-0.9, 0.9, (3, 2))).convex_hull
@@ -78,7 +78,7 @@ class Hall:
         return hpop.Problem(world, self.robot, start, self.goal, self.criteria)
 
     def fresh(self, start: tuple[float, ...]) -> Any:
-        """What a new search from there finds; None where the start or the goal is closed.
+        """Return the result of a new search from a state; None where the start or the goal is closed.
 
         The lattice goes through the drive's first place, wherever the robot stands.
         """
@@ -157,18 +157,18 @@ def check(hall: Hall, drive: hpop.drive.Execution, options: hpop.drive.Options) 
 
 
 def past_worst(hall: Hall, drive: hpop.drive.Execution, options: hpop.drive.Options) -> np.ndarray:
-    """What of the costs (k,) no rest can lower any more: the worst moment so far."""
+    """Return the part of the costs (k,) that no remaining path can lower: the worst moment so far."""
     past = drive.at(options.commit.time).past
     return np.array([past["clearance"] if name == "clearance" else 0.0 for name in options.front.names])
 
 
 def covered(some: np.ndarray, by: np.ndarray, slack: np.ndarray) -> bool:
-    """Whether each of some vectors (n, k) is covered by one of others, up to what rounding takes."""
+    """Check that each of some vectors (n, k) is covered by another set, up to rounding."""
     return bool((by[None] <= some[:, None] + slack).all(axis=2).any(axis=1).all())
 
 
 def hits(hall: Hall, way: hpop.Trajectory, area: Any) -> bool:
-    """Whether a robot hits an area on its way, seen at states two centimetres apart."""
+    """Check for contact of a robot with an area along a trajectory, at states two centimetres apart."""
     alone = World.from_polygons([], extent=shapely.box(-50, -50, 50, 50), keep_out=area)
     states = way.at(np.arange(0.0, way.duration, 0.02))
     return not hall.robot.judge(alone).states_free(states).all()

@@ -1,4 +1,4 @@
-"""What a drive has cost at any moment of it, also in the middle of a turn, and where one was stopped."""
+"""The costs so far of a drive at any moment, also in the middle of a turn, and after a stop."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ CRITERIA = ("duration", "hall_zones", "rotation", "obstruction", "msdv")
 
 @cache
 def beside_somebody() -> tuple[hpop.Problem, hpop.Front]:
-    """The hall with somebody who stands where the way through the south door turns."""
+    """Return the hall with a person who stands where the path through the south door turns."""
     problem = asked(two_doors(people=(ADA,)), *CRITERIA)
     return problem, problem.solve("lattice", step=STEP)
 
 
 def turning(share: float) -> tuple[hpop.drive.Execution, tuple[float, float, float]]:
-    """A drive, and when its first turn near somebody begins, is done to that share of its time, and ends, s."""
+    """Return a drive, and when its first turn near a person begins, is done to that share, and ends, s."""
     problem, front = beside_somebody()
     drive = hpop.follow(problem, front, "least duration")
     for begin, end, kind in zip(drive.plan.times, drive.plan.times[1:], drive.plan.kinds, strict=False):

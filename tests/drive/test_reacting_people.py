@@ -1,4 +1,4 @@
-"""Among people who react to the robot, some of whom come to touch it, each question of a drive has options."""
+"""Every query of a drive has options among people who react to the robot; some of them come to touch it."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from tests.drive.rooms import SOUTH, planned
 
 
 def driven(seed: int) -> hpop.drive.Execution:
-    """A drive to which all sorts of things happen."""
+    """Return a drive with events of every sort."""
     rng = np.random.default_rng(seed)
     problem, front = planned()
     drive = hpop.follow(problem, front, int(rng.integers(len(front))), begin=2.0)
@@ -57,7 +57,7 @@ def test_a_drive_that_is_told_again_is_the_same(seed: int, tmp_path: Path) -> No
 
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
-    """The document of a drive that has just begun."""
+    """Return the document of a drive that has just begun."""
     problem, front = planned()
     path = tmp_path_factory.mktemp("drives") / "drive.json"
     hpop.follow(problem, front, "knee").save(path)

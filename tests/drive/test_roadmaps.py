@@ -55,7 +55,7 @@ class Driven:
         self.drive = hpop.follow(self.problem, front, int(rng.integers(len(front))))
 
     def bends_less_than_a_degree(self) -> bool:
-        """Whether two links, or the start's heading and one, differ by less than a degree at some position."""
+        """Check for two links, or the start's heading and a link, that differ by less than a degree at a position."""
         states = self.roadmap.states(np.arange(self.roadmap.size))
         apart = np.abs(np.sin(0.5 * (states.yaw[:, None] - states.yaw)))
         same = self.roadmap.places(np.arange(self.roadmap.size))
@@ -83,7 +83,7 @@ class Driven:
                 self.drive.take(int(self.rng.integers(len(options))))
 
     def node(self, roadmap: StateRoadmap, commit: hpop.drive.Commit) -> int | None:
-        """The state of a roadmap at which options begin, if it is one."""
+        """Return the state of a roadmap at which options begin, if there is one."""
         states = roadmap.states(np.arange(roadmap.size))
         off = np.hypot(states.x - commit.state.x, states.y - commit.state.y)
         off += np.abs(np.sin(0.5 * (states.yaw - commit.state.yaw)))

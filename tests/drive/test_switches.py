@@ -16,7 +16,7 @@ PACE = 1e-3  # s between the samples
 
 
 def switched(seed: int) -> hpop.drive.Execution:
-    """A drive that takes another of its options ten times, while areas close and open before it."""
+    """Return a drive that switches its option ten times, while areas close and open before it."""
     rng = np.random.default_rng(seed)
     problem, front = planned()
     drive = hpop.follow(problem, front, int(rng.integers(len(front))))
@@ -64,7 +64,7 @@ def test_nothing_that_is_driven_jumps(seed: int) -> None:
 
 
 def alone(problem: hpop.Problem, drive: hpop.drive.Execution) -> hpop.Front:
-    """What was driven, as a front of its own."""
+    """Return the driven trajectory as a front of its own."""
     costs = problem.evaluate(drive.plan)
     names = [criterion.name for criterion in problem.criteria]
     return hpop.Front.of(

@@ -1,4 +1,4 @@
-"""What the tests of exports write: robots of every kind, a front with odd names, a world with all that there is."""
+"""Data for the tests of exports: robots of every kind, a front with odd names, a world with all content."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def through(model, *rows):
 
 @cache
 def robots() -> dict[str, Trajectory]:
-    """A trajectory of each kind of robot; one that holds, and one that stays where it is."""
+    """Return a trajectory of each kind of robot; one that holds, and one that stays in place."""
     goes = Trajectory.from_poses(DRIVE, POSES)
     return {
         "differential drive": goes,
@@ -44,7 +44,7 @@ def robots() -> dict[str, Trajectory]:
 
 @cache
 def problem() -> hpop.Problem:
-    """A room with a wall round it, a table, people, landmarks and zones, whose names are odd."""
+    """Return a room with a wall round it, a table, people, landmarks and zones with odd names."""
     obstacles = (Obstacle(FRAME, name="wall"), Obstacle(TABLE, 0.7, 0.75, name=ODD))
     room = hpop.World(Ground(obstacles, extent=shapely.box(0, 0, 8, 6))).with_content(
         people=[Person(6.5, 5, yaw=-1.0, velocity=(-0.5, 0.25), name=ODD), Person(7, 1)],

@@ -1,4 +1,4 @@
-"""What each format says, read by others' readers and turned back into the world's frame: x and y on the floor, z up.
+"""Every format, read by independent readers and turned back into the world's frame: x and y on the floor, z up.
 
 Nothing of hpop is used here: the turns between frames are matrices, and rotations are scipy's.
 """
@@ -100,7 +100,7 @@ def messages(path: Path) -> Iterator[tuple[str, int, Any]]:
 
 
 def mcap(path: Path) -> Read:
-    """The stream of poses, whatever the body."""
+    """Read the stream of poses, whatever the body."""
     times, places, turned = [], [], []
     for topic, time, message in messages(path):
         if topic.endswith("_pose"):
@@ -129,7 +129,7 @@ def bag(path: Path) -> Read:
 
 
 def nav2(path: Path) -> Read:
-    """A path: its times are numbers of poses."""
+    """Read a path: its times are numbers of poses."""
     goal = yaml.safe_load(path.read_text())
     poses = [pose["pose"] for pose in goal["path"]["poses"]]
     places = [[pose["position"].get(axis, 0.0) for axis in "xyz"] for pose in poses]
@@ -150,7 +150,7 @@ def glb(path: Path) -> Read:
 
 
 def accessor(file: pygltflib.GLTF2, index: int) -> np.ndarray:
-    """The rows of an accessor, as float64."""
+    """Return the rows of an accessor as float64."""
     one = file.accessors[index]
     view = file.bufferViews[one.bufferView]
     begin, width = view.byteOffset + (one.byteOffset or 0), {"SCALAR": 1, "VEC3": 3, "VEC4": 4}[one.type]

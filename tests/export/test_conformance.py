@@ -1,4 +1,4 @@
-"""What every export format does: whole files, read back by others as what was written, the same bytes every time."""
+"""Every export format writes whole files that independent readers read back, the same bytes every time."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ THREE = Path(__file__).resolve().parents[2] / "web/node_modules/three"
 
 
 def loaded(path, times):
-    """What three makes of a file."""
+    """Return a file as three.js reads it."""
     node = shutil.which("node")
     if node is None or not THREE.is_dir():
         pytest.skip("no node, or no modules in web/: npm ci")
@@ -111,7 +111,7 @@ def test_a_view_wider_than_a_picture_can_be_is_cut(tmp_path):
 
 @pytest.mark.proof
 def test_times_that_one_float32_cannot_tell_apart_are_kept_once(tmp_path):
-    """Which only the last two of very many can be: 50 ns before the end a float32 is the end."""
+    """Only the last two of very many times can coincide: 50 ns before the end, a float32 equals the end."""
     stays = Trajectory.from_poses(DRIVE, POSES[:1]).with_hold(at=0, seconds=1.000000055)
     file = pygltflib.GLTF2().load(write(stays, tmp_path / "any.glb", rate=2e5))
     times = accessor(file, file.animations[0].samplers[0].input).ravel()
@@ -138,7 +138,7 @@ def test_costs_and_what_is_not_drawn_as_it_is_are_in_the_file(tmp_path):
 
 
 def walks(path):
-    """Where each person of a scene is at some times, and whether they have a size: by pygltflib and linear keys."""
+    """Return each person's positions at some times, and visibility, by pygltflib and linear keys."""
     file = pygltflib.GLTF2().load(path)
     found = {}
     for i, node in enumerate(file.nodes):

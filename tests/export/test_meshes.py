@@ -15,12 +15,12 @@ from tests.export.given import FRAME, TABLE, problem
 
 
 def volume(corners):
-    """Of what triangles (T, 3, 3) enclose, counter-clockwise seen from outside."""
+    """Return the volume enclosed by triangles (T, 3, 3), counter-clockwise seen from outside."""
     return np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
 
 
 def closed(corners):
-    """Whether each edge is there as often one way as the other."""
+    """Check that each edge occurs as often in one direction as in the other."""
     edges = np.concatenate([corners[:, [i, (i + 1) % 3]] for i in range(3)]).reshape(-1, 6).round(9) + 0.0
     back = edges[:, [3, 4, 5, 0, 1, 2]]
     order = [each[np.lexsort(each.T)] for each in (edges, back)]
@@ -75,6 +75,6 @@ def test_cells_are_boxes_of_their_volume():
 
 
 def _middle(cell):
-    """Where a cell is: row and column, turned by 0.3 rad about the origin."""
+    """Return the middle of a cell: row and column, turned by 0.3 rad about the origin."""
     y, x = (cell + 0.5) * 0.25
     return 1.0 + x * np.cos(0.3) - y * np.sin(0.3), 2.0 + x * np.sin(0.3) + y * np.cos(0.3)

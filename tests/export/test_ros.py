@@ -115,7 +115,7 @@ def path_of(message):
 
 
 def still(message):
-    """Which poses (N,) of a path are that before them again, later: the ends of holds."""
+    """Return a mask (N,) of the poses that repeat the pose before: the ends of holds."""
     places, yaws = path_of(message)
     moved = np.abs(np.diff(places, axis=0)).max(axis=1, initial=0.0) + np.abs(np.diff(yaws))
     return np.append(False, moved < 1e-8)
@@ -154,7 +154,7 @@ def test_a_path_has_the_ends_of_all_motions_and_is_nowhere_coarse(robot, tmp_pat
 
 
 def from_yaml(store, kind, values):
-    """A message of what YAML says, its other fields as ROS has them: 0, empty, w = 1."""
+    """Return a message with the values of a YAML text, and ROS's defaults elsewhere: 0, empty, w = 1."""
     fields = store.fielddefs[kind][1]
     made = {}
     for name, (code, of) in fields:

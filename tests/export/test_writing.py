@@ -77,7 +77,7 @@ def test_where_it_cannot_be_written_is_told_and_nothing_is_left(tmp_path):
 def test_a_format_of_ones_own_that_makes_no_bytes_is_told(tmp_path, made):
     @export_format("no_bytes", suffix=".none", axes="none")
     def wrong(given: Exported) -> bytes:
-        """What is no bytes."""
+        """Return something other than bytes."""
         return made
 
     with pytest.raises(OwnCodeError, match="format 'no_bytes' must return bytes"):
@@ -88,12 +88,12 @@ def test_a_format_of_ones_own_that_makes_no_bytes_is_told(tmp_path, made):
 def test_where_one_of_several_formats_fails_the_others_are_written(tmp_path):
     @export_format("no_such_extra", suffix=".none", axes="none")
     def fails(given: Exported) -> bytes:
-        """What needs a package that is not there."""
+        """Fail as a format whose package is not installed."""
         raise ImportError("pip install it")
 
     @export_format("broken", suffix=".broken", axes="none")
     def breaks(given: Exported) -> bytes:
-        """What has a fault of its own."""
+        """Fail by a fault of its own."""
         raise ZeroDivisionError("a fault")
 
     asked = ["no_such_extra", "csv", "broken", "tum"]
@@ -202,7 +202,7 @@ def test_what_lies_beside_says_what_is_what(tmp_path):
 def test_a_format_of_your_own_is_a_function(tmp_path):
     @export_format("corners", suffix=".corners", axes="right-handed, x and y on the floor, z up, m; no times")
     def corners(given: Exported) -> bytes:
-        """Where the base turns."""
+        """Write the corners of the base's path."""
         states = given.trajectory.states
         return "".join(f"{x:g} {y:g}\n" for x, y in zip(states.x, states.y, strict=True)).encode()
 

@@ -272,7 +272,7 @@ def test_rows_that_are_always_chosen_come_first_and_none_is_chosen_twice(Y, coun
 
 
 class Third:
-    """Somebody who always prefers the third row, and minds the first cost alone."""
+    """Preference for the third row by a person who minds the first cost alone."""
 
     def row(self, front):
         return 2

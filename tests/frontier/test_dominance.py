@@ -15,7 +15,7 @@ def matrices(low=0, high=4, max_rows=25):
 
 
 def by_definition(Y):
-    """The mask straight from the definition, pair by pair."""
+    """Return the mask straight from the definition, pair by pair."""
     keep = []
     for i, row in enumerate(Y):
         dominated = any((other <= row).all() and (other < row).any() for other in Y)

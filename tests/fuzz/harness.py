@@ -32,12 +32,12 @@ Attempt = Callable[[np.random.Generator, Path], str]
 
 
 class Wrong(Exception):
-    """A target's own finding: an answer that is not right, or a message nobody should be shown."""
+    """Finding of a target: a wrong answer, or a message that is unfit for users."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """What inputs are thrown at.
+    """Target of mutated inputs.
 
     attempt  makes an input from a generator, in a folder of its own, tries it, and says "accepted" or "refused";
              whatever else it raises is a failure
@@ -73,7 +73,7 @@ class Tally:
 
 
 def generator(seed: int, target: Target, number: int) -> np.random.Generator:
-    """The randomness of one input."""
+    """Return the random generator of one input."""
     return np.random.default_rng([seed, *target.name.encode(), number])
 
 

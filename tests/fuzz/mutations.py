@@ -22,7 +22,7 @@ OTHERS: list[Any] = [None, True, False, [], {}, [[]], {"": None}, [None] * 3, [0
 
 
 def hostile(rng: Rng) -> Any:
-    """A value that is seldom meant: numbers at the edges, words with controls, containers in the place of others."""
+    """Return a hostile value: numbers at the edges, words with control characters, unexpected containers."""
     pool = (NUMBERS, NUMBERS, WORDS, OTHERS)[rng.integers(4)]
     value = copy.deepcopy(pool[rng.integers(len(pool))])
     if rng.random() < 0.03:
@@ -54,7 +54,7 @@ def bent_bytes(data: bytes, rng: Rng) -> bytes:
 
 
 def bent_tree(tree: Any, rng: Rng, *, most: int = 3) -> Any:
-    """A copy of a tree of lists and dicts with one of its nodes changed, or up to ``most``."""
+    """Return a copy of a tree of lists and dicts with one of its nodes changed, or up to ``most``."""
     holder = [copy.deepcopy(tree)]
     for _ in range(int(rng.integers(1, most + 1))):
         places = [*_places(holder)]
@@ -93,7 +93,7 @@ def _removed(container: Any, key: Any, places: list[Any], rng: Rng) -> None:
 
 
 def _copied(container: Any, key: Any, places: list[Any], rng: Rng) -> None:
-    """What stands elsewhere, shared: an alias in YAML."""
+    """Replace a value by one from another place, shared: an alias in YAML."""
     other, where = places[rng.integers(len(places))]
     value = other[where]
     holds_place = isinstance(value, dict | list) and any(inner is container for inner, _ in [*_places([value])])

@@ -1,4 +1,4 @@
-"""What is said of an input: it is accepted, or refused with a message that a person can be shown."""
+"""Verdict on an input: accepted, or refused with a message that is fit for users."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 
 def shown(text: str) -> str:
-    """A refusal, if its text is short and says nothing to the terminal but words."""
+    """Return a refusal if its text is short and free of control characters."""
     if len(text) > LONGEST:
         raise Wrong("a message of thousands of characters")
     found = CONTROLS.search(text)
@@ -28,7 +28,7 @@ def shown(text: str) -> str:
 
 
 def asked(question: Callable[[], Any]) -> str:
-    """What becomes of a question: an answer, or an error meant for the user."""
+    """Call a function and say "accepted", or "refused" for an error that is meant for the user."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -39,6 +39,6 @@ def asked(question: Callable[[], Any]) -> str:
 
 
 def verdict(question: Callable[[], Any]) -> str:
-    """ "accepted", or "refused" with a message that can be shown."""
+    """Return "accepted", or "refused" with a message that is fit for users."""
     message = asked(question)
     return shown(message) if message else "accepted"

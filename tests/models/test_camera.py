@@ -1,4 +1,4 @@
-"""What a camera sees at once: a parameter of models, checked, kept, and all round where nothing is said."""
+"""The field of view: a parameter of models, checked, kept, and all round by default."""
 
 import json
 import math

@@ -36,7 +36,7 @@ control = st.tuples(st.floats(-0.3, 1.0), st.floats(-3.0, 3.0), st.floats(0.1, 0
 
 
 def solved(controls, pose=(1.0, 2.0, 0.4), samples=2001):
-    """Times and (x, y, yaw, v, ω) of the same controls, step by step, by scipy."""
+    """Return times and (x, y, yaw, v, ω) of the same controls, step by step, by scipy."""
     state, t0, times, rows = np.array([*pose, 0.0, 0.0]), 0.0, [], []
     for a, alpha, lasts in controls:
 

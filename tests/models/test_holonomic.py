@@ -45,7 +45,7 @@ def slides(model, rows):
 
 
 def found(problem, trajectories):
-    """A front of trajectories that nobody planned."""
+    """Return a front of trajectories that no planner made."""
     planned = np.array([[problem.evaluate(t)[c.name] for c in problem.criteria] for t in trajectories])
     origin = tuple({"planner": "by hand"} for _ in trajectories)
     return problem.front(
@@ -75,9 +75,7 @@ def test_its_file_is_short_and_none_of_hpops_files_names_it():
 @pytest.mark.cases("-2.0")
 @pytest.mark.parametrize("sideways", [0.0, 0.5 * np.pi, -2.0])
 def test_sliding_costs_what_a_differential_drive_pays_for_the_same_way_at_the_same_speed(robot, sideways):
-    """In every criterion but those that need a heading or wheels, or mind where the camera looks; a radius of 0.3 m is
-    half a diagonal of this box.
-    """
+    """Every criterion, except those about a heading, wheels or the camera's direction; 0.3 m is half the diagonal."""
     world = random_world(np.random.default_rng(0))
     drive, base = hpop.DifferentialDrive(radius=0.3), robot(length=0.48, width=0.36)
     compared = set()

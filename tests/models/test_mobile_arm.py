@@ -363,7 +363,7 @@ def test_what_people_see_of_it_is_as_wide_as_its_base(robot, name):
 
 @pytest.fixture(scope="module")
 def slider() -> MobileArm:
-    """An arm on the example plugin's base, which slides in any direction; its mast is as low as its box."""
+    """Return an arm on the example plugin's base, which slides in any direction; its mast is as low as its box."""
     sys.path.insert(0, str(PLUGIN))
     try:
         base = importlib.import_module("hpop_example_plugin.holonomic").Holonomic(camera_height=0.4)

@@ -56,7 +56,7 @@ def replace_yaw(states, yaw):
 
 
 def still(model, trajectory):
-    """The trajectory of a base as that of a head which looks ahead all the way."""
+    """Return the trajectory of a base as that of a head that looks ahead all the way."""
     ahead = np.zeros(len(trajectory) + 1)
     return Trajectory(model, with_head(trajectory.states, ahead, ahead), trajectory.kinds)
 
@@ -66,7 +66,7 @@ def by_rows(model, rows, kinds):
 
 
 def looking_about(model):
-    """A way on which each law of the head and of the base comes once or more."""
+    """Return a path that uses each law of the head and of the base at least once."""
     rows = [
         (2, 2, 0.0, 0, 0), (4, 2, 0.0, 0, 0), (4, 2, 0.0, 1.2, 0), (4, 2, 1.0, 1.2, 0), (4, 2, 1.0, 1.2, 0.6),
         (4, 2, 2.0, 0.2, 0.6), (4 + math.cos(2.0), 2 + math.sin(2.0), 2.0, 0.2, 0.6),
@@ -177,7 +177,7 @@ def test_axes_are_right_handed_and_those_of_the_angles():
 
 
 def test_a_head_that_turns_back_as_the_base_turns_does_not_rotate():
-    """Exactly nothing, whatever is asked of its rotation; and nobody gets sick from turning."""
+    """Every criterion about rotation is exactly 0, and so is motion sickness from turning."""
     world, names = (
         random_world(np.random.default_rng(6)),
         ["rotation", "rotation_time", "angular_acceleration", "turns", "orientation_retention"],

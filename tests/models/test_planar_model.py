@@ -159,7 +159,7 @@ def test_slides_that_go_on_alike_are_executed_as_one_and_pass_every_planned_stat
 
 @dataclass(frozen=True)
 class Striding(Omnidirectional):
-    """The same, which also goes straight without turning, and does so by the same law."""
+    """Omnidirectional robot that also goes straight without turning, by the same law."""
 
     executed = {"slide": "glide", "stride": "glide"}  # noqa: RUF012
 

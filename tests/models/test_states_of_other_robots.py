@@ -53,7 +53,7 @@ def problem(start: object = (1, 1, 0, 0.5), goal: object = (5, 1, None, 0.5)) ->
 
 
 def straight(pan: float) -> hpop.Trajectory:
-    """A move from start to goal, the head panned."""
+    """Return a move from start to goal, the head panned."""
     columns = {"x": [1.0, 5.0], "y": [1.0, 1.0], "yaw": [0.0, 0.0], "pan": [pan, pan]}
     return hpop.Trajectory(ROBOT, States(**{name: np.array(column) for name, column in columns.items()}), ("move",))
 

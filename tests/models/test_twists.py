@@ -71,7 +71,7 @@ def test_closed_forms_are_the_integrals_of_twists(model, kind):
 
 
 def test_a_view_that_is_turned_back_as_the_base_turns_does_not_rotate():
-    """Whatever a criterion asks of the camera's rotation: nothing turns, and nobody gets sick from turning."""
+    """Every criterion about the camera's rotation is 0, and so is motion sickness from turning."""
     rng = np.random.default_rng(3)
     world, model = random_world(rng), hpop.DifferentialDrive(view="unwound", view_yaw=0.7)
     names = ["rotation", "rotation_time", "angular_acceleration", "turns", "orientation_retention"]

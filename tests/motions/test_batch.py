@@ -278,7 +278,7 @@ def test_what_a_criterion_requires_and_nobody_has_is_missing():
 
 
 def long_moves():
-    """A move of 2 km beside three short ones, 20,000 panels of 0.1 m."""
+    """Return a move of 2 km beside three short ones, 20,000 panels of 0.1 m."""
     world = World.from_polygons([shapely.box(900, 4, 901, 5)], extent=shapely.box(0, 0, 2100, 10))
     x, lengths = np.array([1.0, 2.0, 3.0, 4.0]), np.array([0.5, 2000.0, 1.0, 0.0])
     start = States(x=x, y=np.full(4, 2.0), yaw=np.zeros(4))

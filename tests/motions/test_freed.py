@@ -1,4 +1,4 @@
-"""What an integral needs is freed with it: millions of motions are integrated between two collections of garbage."""
+"""An integral frees its memory: millions of motions are integrated between two garbage collections."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ SIZE, MOMENTS = 24, 40_000
 
 
 def zigzag(rng, step, speed=1.2):
-    """Somebody who turns every so many seconds."""
+    """Return the track of a person who turns every ``step`` seconds."""
     count = int(14 / step)
     angles = np.cumsum(rng.normal(size=count))
     x, y = (np.cumsum(np.append(rng.uniform(-2, 2), f(angles) * speed * step)) for f in (np.cos, np.sin))

@@ -45,7 +45,7 @@ def test_time_integrals_of_polynomials_of_the_share_are_exact_for_any_profile(de
 
 
 def test_the_time_of_all_pieces_is_that_of_the_motion_whatever_their_number():
-    """What has ended by rounding has ended under a root too: to 1e-12, where a fraction off by 1e-16 costs 1e-8."""
+    """A piece that ends by rounding ends under a root too: to 1e-12, where a fraction off by 1e-16 costs 1e-8."""
     pieces, duration = np.arange(1, 60), np.linspace(0.1, 9.0, 59)
     lasts = adaptive_integrals(of(np.ones_like), timed(rest_to_rest(duration, 1.0, 2.0)), np.arange(59), pieces)
     expected = sum(phase.duration for phase in rest_to_rest(duration, 1.0, 2.0))
@@ -79,7 +79,7 @@ def test_a_kink_anywhere_is_integrated_to_a_thousandth(place, duration, at_rest)
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_deviations_that_cancel_in_the_integral_are_seen(sign):
-    """Of a full wave both integrals of interpolants are the same: one node's deviation is the other's, negative."""
+    """Both integrals of interpolants of a full wave are equal: the deviations of two nodes cancel."""
     nodes = []
     adaptive_integrals(of(lambda u: 1.0 + sign * np.sin(2 * np.pi * u), nodes), evenly, ONE, ALONE)
     assert len(nodes) > NODES.size

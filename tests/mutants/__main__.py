@@ -67,7 +67,7 @@ class Suite:
             self.seconds[f"{module.replace('.', '/')}.py::{case.get('name')}"] = float(case.get("time", 0))
 
     def reaching(self, site: Site) -> tuple[list[str], list[str]]:
-        """Tests that reach a site, and some others of their files, cheapest first."""
+        """Return the tests that reach a site, and some others of their files, cheapest first."""
         file, line = site.fault.file, site.lines[0]
         if (name := self.code.unseen(file, line)) is None:
             tests = self.seen.tests((file, n) for n in site.lines)
@@ -132,7 +132,7 @@ def run(tree: Path, seconds: dict[str, float]) -> tuple[int, str, float]:
 
 
 def result(suite: Suite, site: Site, tests: list[str], others: list[str]) -> dict[str, Any]:
-    """What the tests say of one fault."""
+    """Run the tests on one fault and return their verdict."""
     found: dict[str, Any] = {"tests": len(tests), "result": "not reached", "by": "", "processor seconds": 0.0}
     if not tests:
         return found
@@ -158,7 +158,7 @@ def result(suite: Suite, site: Site, tests: list[str], others: list[str]) -> dic
 
 
 def digest(root: Path) -> str:
-    """Of everything that results depend on."""
+    """Return a digest of every file that results depend on."""
     files = sorted(path for folder in ("hpop", "tests") for path in (root / folder).rglob("*.py"))
     return hashlib.sha256(b"".join(path.read_bytes() for path in files)).hexdigest()[:12]
 
@@ -174,7 +174,7 @@ def measured(root: Path) -> tuple[Path, Path]:
 
 
 def false_alarms(suite: Suite, found: Iterable[dict[str, Any]]) -> str:
-    """Whether a test that noticed a fault fails without one too."""
+    """Name the tests that noticed a fault and fail without one too."""
     noticed = {f["by"].partition(" (")[0]: 0.0 for f in found if "::" in f["by"]}
     with tempfile.TemporaryDirectory(prefix="hpop-mutant-") as folder:
         copy(suite.root, Path(folder))
@@ -183,21 +183,21 @@ def false_alarms(suite: Suite, found: Iterable[dict[str, Any]]) -> str:
 
 
 def find(root: Path, fault: Fault) -> Site | None:
-    """Where a fault stands in a tree; None where that code is no more."""
+    """Return the place of a fault in a tree; None where its code no longer exists."""
     path = root / fault.file
     found = sites(path.read_text(), fault.file) if path.exists() else []
     return next((site for site in found if site.fault == fault), None)
 
 
 def drawn(root: Path) -> list[dict[str, Any]]:
-    """New faults, in the form they are kept in."""
+    """Return new faults, in their stored form."""
     files = {g: sorted({str(p.relative_to(root)) for t in ts for p in root.glob(t)}) for g, ts in GROUPS.items()}
     read = {name: (root / name).read_text() for names in files.values() for name in names}
     return [{"fault": fault._asdict()} for fault in draw(files, read, COUNT, SEED)]
 
 
 def noticed(record: dict[str, Any], when: str) -> bool:
-    """Whether tests noticed a fault, now or when the baseline was recorded."""
+    """Return True if tests noticed a fault, now or when the baseline was recorded."""
     return record.get(when, GONE)["result"] == "caught"
 
 

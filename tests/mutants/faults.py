@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 
 class Fault(NamedTuple):
-    """What is replaced by what; `ordinal` counts those of a function that are else alike."""
+    """Replacement of one expression by another; `ordinal` tells equal expressions of a function apart."""
 
     file: str
     function: str
@@ -88,7 +88,7 @@ def sites(text: str, file: str) -> list[Site]:
 
 
 def applied(text: str, site: Site) -> str:
-    """The text with the fault."""
+    """Return the text with the fault."""
     source = text.encode()
     return (source[: site.begin] + site.new + source[site.end :]).decode()
 
@@ -116,7 +116,7 @@ def _lines(statement: ast.stmt) -> range:
 
 
 def _replacements(tree: ast.Module) -> Iterator[tuple[str, ast.stmt, ast.AST, ast.AST]]:
-    """Function, statement, old and new node of every fault."""
+    """Yield the function, statement, old and new node of every fault."""
     yield from _in_block(tree.body, "")
 
 

@@ -1,4 +1,4 @@
-"""Which tests may notice a change of a line: those that coverage saw there, or in a line that calls its kernel.
+"""Tests that may notice a change of a line: coverage saw them there, or in a line that calls its kernel.
 
 Coverage cannot see into kernels, nor what an import computes once for all tests. A line of either is reached by the
 tests that reach a line of Python which names the kernel (or the name that the import computed), through any number of
@@ -43,7 +43,7 @@ class Code:
         }
 
     def unseen(self, file: str, line: int) -> str | None:
-        """What a line belongs to at the top of its file, where coverage cannot see the line run in a test."""
+        """Return the top-level statement of a line that coverage cannot see run in a test; None otherwise."""
         for statement in self.trees[file].body:
             if statement.lineno <= line <= (statement.end_lineno or statement.lineno) or any(
                 decorator.lineno <= line < statement.lineno for decorator in getattr(statement, "decorator_list", [])
@@ -53,7 +53,7 @@ class Code:
 
     @cached_property
     def uses(self) -> dict[Name, list[Use]]:
-        """Where each name at the top of a file is named, in all files."""
+        """Return the uses of each top-level name in all files."""
         uses: dict[Name, list[Use]] = defaultdict(list)
         for file, tree in self.trees.items():
             local = self._names(file, tree)
@@ -110,7 +110,7 @@ class Code:
         return next((file for file in (f"{path}.py", f"{path}/__init__.py") if file in self.trees), None)
 
     def _names(self, file: str, tree: ast.Module) -> dict[str, Name]:
-        """What names of a file stand for: its own, and those it imports from the package."""
+        """Return the meaning of a file's names: its own, and those imported from the package."""
         names = {}
         for statement in tree.body:
             if isinstance(statement, (ast.FunctionDef, ast.ClassDef)):
@@ -161,7 +161,7 @@ def is_kernel(function: ast.FunctionDef) -> bool:
 
 
 class Seen:
-    """Which tests coverage saw where; what ran before a test, for its fixtures, is the test's too."""
+    """Tests by line, from coverage; the fixtures before a test count as that test."""
 
     def __init__(self, data: Path) -> None:
         self._data = CoverageData(str(data))

@@ -41,7 +41,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def models_here() -> dict[str, Any]:
-    """The models of the house, arms among them, and the example plugin's, which the house does not know."""
+    """Return hpop's models, arms among them, and those of the example plugin."""
     sys.path.insert(0, str(PLUGIN))
     try:
         importlib.import_module("hpop_example_plugin.holonomic")
@@ -67,7 +67,7 @@ LESS = {
 
 
 def in_proof(case: Any, model: str) -> Any:
-    """A case, in the proof alone where its motions take seconds: an arm on a base, beside an arm and a base."""
+    """Mark a case for the proof where its motions take seconds: an arm on a base, beside an arm and a base."""
     values = case if isinstance(case, tuple) else (case,)
     return pytest.param(*values, marks=pytest.mark.proof) if model == "mobile_arm" or case in LESS else case
 
@@ -92,7 +92,7 @@ def test_a_planner_keeps_its_promises_with_each_model_it_accepts(name, model):
 
 @pytest.mark.parametrize(("name", "model"), [("smoothing", "differential_drive"), ("spline", "serial_arm")])
 def test_what_solves_programs_keeps_its_promises_up_to_the_file_of_its_front(name, model):
-    """That it can be repeated, interrupted and limited is in its own tests, and in the proof."""
+    """Repetition, interrupts and limits have tests of their own, and run in the proof."""
     for check in planner_checks(make_planner({name: OPTIONS[name]}), models=[MODELS[model]]):
         assert not check.fault, check
         if check.claim == "is saved and loaded":

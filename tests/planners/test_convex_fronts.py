@@ -132,7 +132,7 @@ DENT = Problem(BLOCK, ROBOT, (1, 2, 0), (5, 2, None), ["length", "exposure"])
 
 @pytest.fixture(scope="module")
 def dented(hull):
-    """The lattice's front, exact in quanta, and those of its points that are not supported."""
+    """Return the lattice's front, exact in quanta, and those of its points that are not supported."""
     front = in_quanta(Lattice(step=0.5).solve(DENT))
     unsupported = {y for y in front if not hull.supported(y, front)}
     assert len(unsupported) >= 5

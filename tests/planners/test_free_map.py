@@ -1,4 +1,4 @@
-"""Where a robot is free, in parts: areas in closed form, and places far apart that a planner joins."""
+"""Free space in parts: areas in closed form, and distant positions that a planner joins."""
 
 from __future__ import annotations
 

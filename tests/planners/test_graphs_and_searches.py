@@ -61,7 +61,7 @@ def everything(family: str) -> np.ndarray:
 
 
 def planned(family: str, criteria: Any = CRITERIA, **options: Any) -> Candidates:
-    """What the exact search finds, checked as every answer is: re-evaluated, free, and with the ends asked for."""
+    """Return the result of the exact search, checked as every result is: re-evaluated, free, with the queried ends."""
     asked = question(family, criteria)
     found = Exact(FAMILIES[family][0], **options).solve(asked)
     front = asked.front(found)

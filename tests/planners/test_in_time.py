@@ -1,4 +1,4 @@
-"""What was found is evaluated within the time limit: all of it, or a spread over the front with a note on the rest."""
+"""Results are evaluated within the time limit: all of them, or a spread over the front with a note on the rest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a continuous solver returns is judged by its trajectory alone."""
+"""A result of a continuous solver is judged by its trajectory alone."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Where a limit ends planning early, what was found until then is returned: a part's paths, or the warm starts."""
+"""A limit that ends planning early returns the results so far: a part's paths, or the warm starts."""
 
 import time
 

@@ -1,4 +1,4 @@
-"""What planners know by a role: a criterion of any name may have it."""
+"""Planners know a criterion by its role: a criterion of any name may have it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ WORLD = hpop.World.from_polygons([shapely.box(2, 1, 3, 3)], extent=shapely.box(0
 
 @pytest.fixture
 def renamed(monkeypatch):
-    """Turns and length under other names, the length listed after another smooth cost."""
+    """Rename turns and length, and list length after another smooth cost."""
     monkeypatch.setattr(criteria, "_types", dict(criteria))
 
     @criterion("stops", group="C", unit="1", aggregate="sum", smooth=False, quantum=1.0, role="turns")

@@ -100,19 +100,19 @@ def test_comfort_and_preference_are_not_pooled() -> None:
 
 
 def test_a_profile_beyond_those_of_all_earlier_people_counts_as_the_nearest(forty: People) -> None:
-    """What nobody was is not extrapolated, however far it is: concentrations would pass all bounds."""
+    """Profiles are not extrapolated beyond those seen, however far: concentrations would pass all bounds."""
     known = [profile["mssq"] for profile in forty.profiles]
     assert forty.prior({"mssq": 1e5}) == forty.prior({"mssq": max(known)})
     assert forty.prior({"mssq": -1e5}) == forty.prior({"mssq": min(known)})
 
 
 def stretched(factors: list[float]) -> Front[int]:
-    """The front with other ranges of length, turns and exposure."""
+    """Return the front with other ranges of length, turns and exposure."""
     return Front.of(FRONT.costs * factors, names=FRONT.names, units=FRONT.units, quanta=[1e-6] * 3)
 
 
 def test_a_prior_is_rescaled_by_units_on_a_front_of_other_ranges() -> None:
-    """What a metre counts beside a turn stays, draw by draw; answers then are weighed as if none of it had happened."""
+    """The worth of a metre beside a turn stays, draw by draw; later answers are weighed as if nothing had changed."""
     prior = People([Preference.fit(FRONT, [(3, 9), (4, 20)], count=1_000)]).prior()
     here, there = (Preference.fit(front, prior=prior, count=1_000) for front in (FRONT, stretched([3.0, 1.0, 0.5])))
     weights = there.draws.weights / [3.0, 1.0, 0.5]

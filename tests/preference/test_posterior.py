@@ -17,9 +17,9 @@ TRIANGLE: Front[int] = Front.of([[0.0, 1.0], [1.0, 0.0], [0.4, 0.4]], names=["tu
 
 
 def integrated(gains: FloatArray, prior: Prior) -> tuple[float, float]:
-    """Expected share of the first of two costs, and the probability of random answers, on a fine grid.
+    """Return the expected share of the first of two costs, and the probability of random answers, on a fine grid.
 
-    Its ends are those who care for one of the two, half of the selective people each.
+    Its ends are the people who care for one cost only, half of the selective people each.
     """
     share = np.concatenate([[0.0], (np.arange(400) + 0.5) / 400, [1.0]])
     density = np.concatenate([[prior.selective / 2], np.full(400, (1 - prior.selective) / 400), [prior.selective / 2]])
@@ -87,7 +87,7 @@ def test_ranks_of_true_shares_are_uniform(n: int) -> None:
 @pytest.mark.proof
 @pytest.mark.parametrize("telling", [False, True])
 def test_intervals_hold_as_often_as_they_say(telling: bool) -> None:
-    """Of shares within; those of 0 and 1 are ends of intervals, which then hold with more than their level."""
+    """Intervals cover shares within (0, 1); shares of 0 and 1 are interval ends, which cover more than they claim."""
     front, held = people.front(158), []
     for i in range(1_000):
         shares, sharpness, _ = people.drawn(Prior(selective=0.0), 3, i)

@@ -1,4 +1,4 @@
-"""Which pairs are asked, when asking ends, and what a person who answers at random is told."""
+"""The choice of pairs, the end of asking, and the message to a person who answers at random."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_asking_stops_when_the_best_is_known_and_after_twelve_at_the_latest() ->
 
 @pytest.mark.parametrize(("n", "count"), [(1, 2_000), pytest.param(100, 5_000, marks=pytest.mark.proof)])
 def test_who_answers_at_random_is_told_that_no_preference_can_be_seen(n: int, count: int) -> None:
-    """After 25 questions; those few who happen to answer as somebody would who has a preference are not."""
+    """After 25 questions, except for the few people whose random answers look like a preference."""
     told, front = 0, people.front(158, 4)
     for i in range(n):
         start = Preference.fit(front, seed=i, count=count)

@@ -72,7 +72,7 @@ MAP = "type octile\nheight 3\nwidth 6\nmap\n......\n..@...\n......\n"
 
 @pytest.fixture
 def tour(tmp_path: Path) -> Path:
-    """A folder with a map and, deeper, the front of a problem on it."""
+    """Return a folder with a map and, deeper, the front of a problem on it."""
     (tmp_path / "tour" / "out").mkdir(parents=True)
     (tmp_path / "tour" / "hall.map").write_text(MAP)
     world = hpop.World.from_movingai(tmp_path / "tour" / "hall.map")
@@ -194,7 +194,7 @@ def test_a_front_with_whole_paths_alone_is_read(tour: Path) -> None:
 
 @pytest.fixture
 def masked(tmp_path: Path) -> Path:
-    """A folder with a ROS map, its mask, and the front of a problem on it."""
+    """Return a folder with a ROS map, its mask, and the front of a problem on it."""
     folder = tmp_path / "before"
     folder.mkdir()
     for name in ("map", "mask"):

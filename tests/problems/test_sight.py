@@ -1,4 +1,4 @@
-"""What cannot be seen is noted: targets behind walls, landmarks that obstacles close about."""
+"""Invisible things are noted: targets behind walls, landmarks that obstacles enclose."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The same question asked from elsewhere and later."""
+"""One problem, solved again from other starts and with more options."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ ROOM = random_world(np.random.default_rng(3))
     ],
 )
 def traced(request):
-    """A trajectory in a room with all that criteria ask for, and its trace in all of them that can be asked of it."""
+    """Return a trajectory in a room with everything that criteria need, and its trace in all criteria that apply."""
     trajectory, world = ROBOTS[request.param](), ROOM
     asked = []
     for name in EVERY:

@@ -38,7 +38,7 @@ def problem(**changes: object) -> Problem:
 
 
 def front_of(asked: Problem, *trajectories: Trajectory, off: float = 0.0, **changes: object) -> hpop.Front:
-    """A front that claims these trajectories, with costs that are off by as much as is told."""
+    """Return a front that claims these trajectories, with costs that are off by ``off``."""
     costs = trajectory_costs(asked.criteria, trajectories, asked.world) + off
     declared: dict[str, object] = {
         "names": [c.name for c in asked.criteria],
@@ -56,7 +56,7 @@ def path(*poses: tuple[float, float, float]) -> Trajectory:
 
 
 def shifted(trajectory: Trajectory, **by: float) -> Trajectory:
-    """The trajectory with some states changed by a constant."""
+    """Return the trajectory with some states changed by a constant."""
     s = trajectory.states
     columns = {name: getattr(s, name) + by.get(name, 0.0) for name in s.names}
     return replace(trajectory, states=hpop.motions.States(**columns))
@@ -191,7 +191,7 @@ def swerving() -> Trajectory:
 
 
 def driven_problem(goes: Trajectory, **changes: object) -> Problem:
-    """The problem whose goal is where a trajectory ends."""
+    """Return the problem whose goal is the end of a trajectory."""
     return problem(goal=(float(goes.states.x[-1]), float(goes.states.y[-1]), None), **changes)
 
 
@@ -255,7 +255,7 @@ def test_what_trajectories_share_is_checked_once(monkeypatch: pytest.MonkeyPatch
 
 
 def test_contact_of_what_is_executed_is_told_where_the_plan_has_none():
-    """At 3 m/3 s the plan is 0.1 m past somebody who crosses; from rest the robot is half a second later there."""
+    """At 3 m/3 s the plan passes a crossing person by 0.1 m; from rest the robot is there half a second later."""
     crosses = Person(4.0, -0.51, velocity=(0.0, 0.9), until=7.0, name="Ada")
     world = World.from_polygons([], extent=shapely.box(0, -2, 8, 8)).with_content(people=[crosses])
     asked = problem(world=world, start=(1, 3, 0), goal=(5, 3, 0))

@@ -97,7 +97,7 @@ class FakeBridge:
             return what()
 
     def offered(self, action: str) -> Client:
-        """The newest client that offers an action, once there is one."""
+        """Wait for a client that offers an action, and return the newest."""
         return self.until(lambda: next((one for one in reversed(self.clients) if action in one.actions), None))
 
     def send_goal(self, action: str, args: Any) -> Goal:
@@ -200,7 +200,7 @@ class FakeBridge:
             goal.status, goal.result = ABORTED, self.populated(f"{TYPE}_Result", {})
 
     def populated(self, kind: str, values: Any) -> Any:
-        """A message of a type: fields that are not given as ROS has them, unknown ones and other types refused."""
+        """Return a message of a type: missing fields get ROS's defaults, unknown fields and other types are refused."""
         assert isinstance(values, dict), f"{kind} of {values!r:.80}"
         fields = dict(self.store.fielddefs[kind][1])
         assert set(values) <= set(fields), f"{kind} has no field {sorted(set(values) - set(fields))}"

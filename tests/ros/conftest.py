@@ -20,7 +20,7 @@ WALL = shapely.box(3.8, 0, 4.2, 4)
 
 @pytest.fixture(scope="session")
 def room() -> hpop.Problem:
-    """A room of 8 x 6 m with a wall that leaves a door, and beyond it a closet of which nothing is reached."""
+    """Return a room of 8 x 6 m with a wall that leaves a door, and beyond it a closet that cannot be reached."""
     closet = shapely.box(6, 0, 8, 2).difference(shapely.box(6.2, 0, 8, 1.8))
     world = hpop.World.from_polygons([WALL, closet], extent=shapely.box(0, 0, 8, 6))
     return hpop.Problem(world, hpop.DifferentialDrive(radius=0.2), (1, 1, 0), (7, 5, None), ["turns", "length"])
@@ -74,7 +74,7 @@ def said() -> Said:
 
 @contextmanager
 def running(planning: Planning, url: str, say: Callable[[str], None]) -> Iterator[Bridge]:
-    """A planner that is served, until the block ends."""
+    """Serve a planner until the block ends."""
     server = PathServer(planning, say=say)
     bridge = Bridge(url, server, say=say, delays=DELAYS)
     thread = Thread(target=bridge.run)
@@ -95,6 +95,6 @@ def bridge() -> Iterator[FakeBridge]:
 
 @pytest.fixture
 def served(bridge: FakeBridge, planning: Planning, said: Said) -> Iterator[FakeBridge]:
-    """A bridge over which the room's planner is offered."""
+    """Offer the room's planner over a bridge."""
     with running(planning, bridge.url, said):
         yield bridge

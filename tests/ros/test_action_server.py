@@ -28,7 +28,7 @@ def asked(start=START, goal=GOAL, planner_id="", **more):
 
 
 def told(bridge, goal):
-    """What is told of the front of a goal."""
+    """Return the published message about the front of a goal."""
 
     def found():
         return next(
@@ -39,7 +39,7 @@ def told(bridge, goal):
 
 
 def ends(result):
-    """Where a path begins and ends."""
+    """Return the first and last pose of a path."""
     return [planar_pose(plain(result.path.poses[i])) for i in (0, -1)]
 
 

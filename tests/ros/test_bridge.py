@@ -69,7 +69,7 @@ def test_a_bridge_may_come_later_and_each_wait_is_twice_the_one_before(planning,
 
 
 def test_a_bridge_that_closes_at_once_is_tried_again_after_ever_longer_waits(planning, said):
-    """As one that lets nobody in."""
+    """Here by a bridge that refuses every client."""
     with serve(lambda connection: connection.close(), "127.0.0.1", 0) as listening:
         thread = Thread(target=listening.serve_forever)
         thread.start()
@@ -277,7 +277,7 @@ ops = st.sampled_from(["send_action_goal", "cancel_action_goal", "publish", "sta
 
 @pytest.fixture(scope="module")
 def alone(planning):
-    """A server that is connected to a list."""
+    """Return a server that is connected to a list."""
     sent, lines = [], []
     server = PathServer(planning, say=lines.append)
     server.connected(sent.append)

@@ -17,7 +17,7 @@ ROS = {"nav2_msgs", "rclpy", "rosidl_runtime_py", "std_msgs", "tf2_ros"}
 
 
 def calls(name: str) -> list[ast.Call]:
-    """Calls of a function or a method of this name."""
+    """Return the calls of a function or a method of this name."""
     found = [node for node in ast.walk(TREE) if isinstance(node, ast.Call)]
     return [one for one in found if getattr(one.func, "id", getattr(one.func, "attr", "")) == name]
 

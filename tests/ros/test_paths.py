@@ -26,7 +26,7 @@ types = cache(get_typestore)  # what serialises is made once
 
 
 def through_ros(message, kind=PATH, distribution=Stores.ROS2_JAZZY):
-    """A message after a journey: serialised as ROS does it, and read again."""
+    """Serialise a message as ROS does, and read it again."""
     store = types(distribution)
     data = store.serialize_cdr(typed(message, kind, store), kind)
     return plain(store.deserialize_cdr(data, kind))

@@ -27,7 +27,7 @@ TRACKS = "# framerate: 10 fps\n# id frame x/cm y/cm\n3 0 100 300\n3 40 300 300\n
 
 @pytest.fixture
 def made(tmp_path):
-    """A scenario with entries of people, one a line."""
+    """Write a scenario with entries of people, one a line."""
     (tmp_path / "tracks.txt").write_text(TRACKS)
 
     def make(*people: str, more: str = "") -> Path:

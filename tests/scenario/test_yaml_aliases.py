@@ -21,7 +21,7 @@ zones:
 
 
 def laughs(levels, width=8):
-    """A list of lists of ... of the same text: width to the power of levels values."""
+    """Return a list of lists of ... of one text: width to the power of levels values."""
     lines = ["a0: &a0 [lol]"]
     lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * width)}]" for i in range(1, levels)]
     return "\n".join(lines) + "\n"

@@ -88,7 +88,7 @@ def lattice() -> Callable[..., Graph]:
 
 
 def with_ends(inner: Graph, seed: int) -> tuple[Graph, int, int]:
-    """The lattice with a start joined to two cells and a goal to four, heading by heading, by up to two turns."""
+    """Join a start to two cells of the lattice and a goal to four, heading by heading, by up to two turns."""
     rng = np.random.default_rng(seed)
     start, goal, cells = inner.nodes, inner.nodes + 1, inner.nodes // 4
     near = rng.choice(cells, 6, replace=False)
@@ -107,7 +107,7 @@ def with_ends(inner: Graph, seed: int) -> tuple[Graph, int, int]:
 
 @pytest.fixture(scope="session")
 def beside() -> Callable[[int, int], tuple[Graph, int, int]]:
-    """A lattice with a start and a goal beside it."""
+    """Return a maker of lattices with a start and a goal beside them."""
 
     def made(seed: int, width: int) -> tuple[Graph, int, int]:
         graph = random_lattice(seed, width)
@@ -133,7 +133,7 @@ def chain() -> Callable[..., Graph]:
 
 @pytest.fixture
 def interrupted(tmp_path: Path) -> tuple[Graph, Path]:
-    """A graph, and the checkpoint of a search in it that was stopped."""
+    """Return a graph, and the checkpoint of a stopped search in it."""
     graph, file = random_chain(60), tmp_path / "search.ckpt"
     assert pareto_paths(graph, 0, 60, checkpoint=file, budget=Budget(max_labels=2000)).status is Status.LABEL_LIMIT
     return graph, file

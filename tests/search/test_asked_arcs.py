@@ -11,7 +11,7 @@ from hpop.search.lazy_paths import BLOCKED, FREE, UNKNOWN, AskedArcs
 
 
 class Doors:
-    """Which arcs are free, and which were asked about, call by call."""
+    """Free arcs, and the arcs that were queried, call by call."""
 
     def __init__(self, is_free: BoolArray) -> None:
         self.is_free, self.calls = is_free, list[list[int]]()

@@ -11,7 +11,7 @@ from hpop.search import Graph, pareto_paths
 
 
 def within(costs: np.ndarray, at_most: tuple[int | None, ...]) -> list[list[int]]:
-    """A path within the bounds that is dominated is so by one within them: so these rows are the front."""
+    """Check the front under bounds: a dominated path within them is dominated by another path within them."""
     bounds = np.array([np.inf if b is None else b for b in at_most])
     return costs[(costs <= bounds).all(axis=1)].tolist()
 

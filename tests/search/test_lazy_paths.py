@@ -17,7 +17,7 @@ from hpop.search.machinery.checkpoint import CheckpointError, Saved
 
 
 class Doors:
-    """Which arcs are free, and which were asked about."""
+    """Free arcs, and the arcs that were queried."""
 
     def __init__(self, is_free: BoolArray) -> None:
         self.is_free, self.asked = is_free, list[int]()
@@ -148,7 +148,7 @@ def test_a_search_in_pieces_ends_as_one_in_one_go_and_asks_nothing_twice(seed: i
 
 @pytest.fixture
 def stopped(tmp_path: Path) -> tuple[Graph, Doors, Path]:
-    """A search that has learnt something of its arcs, and its file."""
+    """Return a search that has checked some of its arcs, and its file."""
     graph, doors = blocked_by_chance(17)
     whole = lazy(graph, doors).stats.labels_generated
     lazy(graph, doors, checkpoint=tmp_path / "search.ckpt", budget=Budget(max_labels=whole - 1))

@@ -19,7 +19,7 @@ AGGREGATES = ["sum", "sum", "max"]
 
 
 def city(kind: type, seed: int, nodes: int = 7, edges: int = 14) -> nx.Graph:
-    """A random graph with names and three costs: floats of two sizes, and small whole numbers."""
+    """Return a random graph with names and three costs: floats of two sizes, and small whole numbers."""
     rng = np.random.default_rng(seed)
     g = kind()
     names = [f"place {n}" for n in rng.permutation(nodes)]
@@ -31,7 +31,7 @@ def city(kind: type, seed: int, nodes: int = 7, edges: int = 14) -> nx.Graph:
 
 
 def all_values(g: nx.Graph, source: object, target: object) -> np.ndarray:
-    """What every simple path costs, from networkx's own enumeration."""
+    """Return the costs of every simple path, by networkx's own enumeration."""
     found = []
     for path in nx.all_simple_edge_paths(g, source, target):
         rows = np.array([[g.edges[edge][name] for name in COSTS] for edge in path])

@@ -121,7 +121,7 @@ def test_turns_and_maxima_in_any_column(closure, lattice, columns, how):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_turns_that_break_the_triangle_are_taken_twice(closure, lattice, seed):
-    """Where one turn may cost more than two, the staircase must not skip the second."""
+    """The staircase must not skip a second turn where one turn may cost more than two."""
     full = lattice(seed, 4)
     costs = full.costs.copy()
     turns = costs[:, 1] > 0
@@ -154,7 +154,7 @@ def test_equal_vectors_have_one_representative():
 
 
 def staircase_graph(steps: int, index: int = 1, rest: int = 1) -> Graph:
-    """A chain of `steps` choices between (0, index, 0) and (1, 0, rest): steps + 1 vectors."""
+    """Return a chain of `steps` choices between (0, index, 0) and (1, 0, rest): steps + 1 vectors."""
     tails = np.repeat(np.arange(steps), 2)
     costs = np.tile([[0, index, 0], [1, 0, rest]], (steps, 1))
     return Graph.from_arcs(steps + 1, tails, tails + 1, costs)

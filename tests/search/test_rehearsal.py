@@ -40,7 +40,7 @@ def taken(query: Query, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
 
 
 def rehearsed(aggregates: list[str], turns: int, monkeypatch: pytest.MonkeyPatch) -> dict[str, set[Any]]:
-    """The same of a rehearsal."""
+    """Return the signatures that a rehearsal compiles."""
     seen: dict[str, set[Any]] = {}
 
     def noted(self: _Rehearsal, compiled: Any, *arguments: Any) -> None:

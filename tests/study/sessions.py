@@ -15,12 +15,12 @@ Rule = Callable[[str, int, str, str], float]
 
 
 def least(participant: str, place: int, form: str, item: str) -> float:
-    """The least of every scale that hpop's forms have."""
+    """Return the least value of every scale in hpop's forms."""
     return 0.0
 
 
 def events_of(design: Design, participant: str, rule: Rule = least, *, remark: str = "") -> list[dict[str, Any]]:
-    """What the page records, a second apart; pairs are answered by the first letter of the alphabet."""
+    """Return the events that the page records, a second apart; pairs are answered by the alphabet's first letter."""
     person = design.participant(participant)
     found: list[dict[str, Any]] = []
 
@@ -61,7 +61,7 @@ def events_of(design: Design, participant: str, rule: Rule = least, *, remark: s
 def session(
     design: Design, participant: str, events: list[dict[str, Any]] | None = None, **more: Any
 ) -> dict[str, Any]:
-    """What answers/p01.json holds."""
+    """Return the content of answers/p01.json."""
     device = {"browser": "Firefox", "touch": False, "width": 1280, "height": 720, "headset": True, "refresh_hz": 72}
     return {
         "schema": "hpop-answers",

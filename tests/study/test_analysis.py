@@ -1,4 +1,4 @@
-"""The analysis finds what is in the answers, names every choice, and marks what nobody answered."""
+"""The analysis finds every answer, names every choice, and marks questions without an answer."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FELT = {"A": -0.5, "B": 1.5, "C": 4.0}
 
 @pytest.fixture(scope="module", autouse=True)
 def coarse():
-    """The same figures of fewer pixels."""
+    """Draw the figures with fewer pixels."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("hpop.study.report.DPI", 30)
         yield
@@ -39,7 +39,7 @@ def result(design, answers):
 
 @pytest.fixture(scope="module")
 def saved(result, tmp_path_factory):
-    """A study's folder with its answers and its report."""
+    """Return a study's folder with its answers and its report."""
     folder = tmp_path_factory.mktemp("study")
     result.design.save(folder)
     for one in result.answers.sessions:
@@ -116,7 +116,7 @@ def test_who_did_not_answer_all_is_left_out_where_it_is_said(design, answers):
 
 
 def test_who_compared_some_pairs_alone_has_no_favourite_among_all(design, answers):
-    """Who made no comparison of one pair can have none: counted with the others, no share would reach 1."""
+    """A participant who did not compare one pair has no favourite: counted with the others, no share would reach 1."""
     events = [one for one in answers.sessions[0].events if one.kind != "compare" or one.value["question"] == "comfort"]
     some = replace(answers.sessions[0], events=tuple(events))
     result = study.analyse(design, study.Answers(design, (some, *answers.sessions[1:])))

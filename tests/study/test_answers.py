@@ -1,4 +1,4 @@
-"""Claims: answers come out as they were given, are refused where they are not of this design, and name nobody."""
+"""Claims: answers are stored as given, are refused where they are not of this design, and name no participant."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NAME = "Käthe Müller"
 
 @pytest.fixture
 def folder(design: Design, tmp_path: Path) -> Path:
-    """A study's folder, in which nobody has answered."""
+    """Return the folder of a study without answers."""
     design.save(tmp_path)
     return tmp_path
 

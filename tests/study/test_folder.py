@@ -24,13 +24,13 @@ WORD = re.compile(rb"(?<![A-Za-z0-9+/])p02(?![A-Za-z0-9+/])")  # not by chance, 
 
 @pytest.fixture(scope="module")
 def prepared(front: hpop.Front, design: Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study that nobody has taken part in."""
+    """Return a study without participants."""
     return folder.prepare(design, front, tmp_path_factory.mktemp("studies") / "begun")
 
 
 @pytest.fixture
 def begun(prepared: Path, tmp_path: Path) -> Path:
-    """A copy of it."""
+    """Return a copy of the prepared study."""
     return Path(shutil.copytree(prepared, tmp_path / "study"))
 
 
@@ -148,7 +148,7 @@ def test_all_faults_are_told_at_once(begun: Path, design: Design) -> None:
 def test_nothing_is_kept_of_whoever_withdraws(
     begun: Path, design: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Byte for byte, the folder is as if somebody who withdrew before answering had had the place."""
+    """Byte for byte, the folder is as if the place had gone to a person who withdrew before answering."""
     monkeypatch.setattr("hpop.study.report.DPI", 30)
 
     def rule(who: str, place: int, form: str, item: str) -> float:

@@ -28,7 +28,7 @@ def design(front: hpop.Front) -> study.Design:
 
 @pytest.fixture(scope="module")
 def folder(front: hpop.Front, design: study.Design, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Of a study whose world has names: of a person, whom nobody reads, and of a plate."""
+    """Return the folder of a study whose world has names: of a person, which is not shown, and of a plate."""
     made = tmp_path_factory.mktemp("study")
     problem = hpop.Problem.from_description(front.problem or {})
     world = problem.world.with_content(
@@ -40,7 +40,7 @@ def folder(front: hpop.Front, design: study.Design, tmp_path_factory: pytest.Tem
 
 
 def payload(page: str) -> Any:
-    """What a page is given."""
+    """Return the payload of a page."""
     (text,) = re.findall(r'<script type="application/json" id="payload">(.*?)</script>', page, re.DOTALL)
     return json.loads(text)
 

@@ -35,7 +35,7 @@ GRADIENT = "has the gradient of its differences"
 
 @dataclass(frozen=True)
 class Base:
-    """What a criterion declares, without a place in the registry."""
+    """Declarations of a criterion that is not in the registry."""
 
     name: ClassVar[str] = "wrong"
     group: ClassVar[str] = "R"
@@ -121,7 +121,7 @@ class Timed(Base):
 
 @dataclass(frozen=True)
 class Flat(Base):
-    """The same for a long and a short move, so that halves cost twice as much."""
+    """Cost that is equal for a long and a short move, so that halves cost twice as much."""
 
     price: float = 1.0
 
@@ -282,7 +282,7 @@ class Mean(Base):
 
 
 def declaring(**declared):
-    """A length that declares something else of itself."""
+    """Return a length with other declarations."""
     return type("Declaring", (Base,), {"cost": lambda self, m: m.base.length, **declared})()
 
 

@@ -68,7 +68,7 @@ def test_the_robots_of_the_house_and_of_its_example_pass_every_check(model: Any)
 
 @pytest.fixture(autouse=True)
 def few_motions(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The judge takes its time, most of all that of an arm, and motions are sampled one by one."""
+    """Check fewer motions: the judge is slow, above all that of an arm, and motions are sampled one by one."""
     monkeypatch.setattr("hpop.testing.models.JUDGED", 30)
     monkeypatch.setattr("hpop.testing.models.PAIRS", 5)
 
@@ -126,7 +126,7 @@ class Wrong(Holonomic):
 
 
 def turned_about(right: Callable[..., Any]) -> Callable[..., Any]:
-    """A twist of the wrong sign."""
+    """Return a twist of the wrong sign."""
 
     def twist(body: str, *given: States) -> Any:
         found = right(body, *given)
@@ -136,7 +136,7 @@ def turned_about(right: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def forgetful(right: Callable[..., Any]) -> Callable[..., Any]:
-    """A body that says nothing of how far it turns."""
+    """Return a body that reports no turn."""
     return lambda name, motions: replace(right(name, motions), turned=0.0 * motions.duration)
 
 
@@ -149,7 +149,7 @@ def short(right: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def kind_to(what: str) -> Callable[..., Any]:
-    """A collision that is free where it should not be."""
+    """Return a collision that is free where it should not be."""
 
     def collision(right: Callable[..., Any]) -> Callable[..., Any]:
         def of(world: Any) -> Any:
@@ -164,7 +164,7 @@ def kind_to(what: str) -> Callable[..., Any]:
 
 
 def timid(right: Callable[..., Any]) -> Callable[..., Any]:
-    """A collision that sees obstacles everywhere."""
+    """Return a collision that reports obstacles everywhere."""
 
     def of(world: Any) -> Any:
         never = lambda asked: np.zeros(getattr(asked, "size", 0) or len(asked), dtype=bool)  # noqa: E731
@@ -220,7 +220,7 @@ def unfree(right: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def elsewhere(right: Callable[..., Any]) -> Callable[..., Any]:
-    """An execution that begins with the second motion."""
+    """Return an execution that begins with the second motion."""
 
     def execution(trajectory: Any) -> Any:
         states = trajectory.states.take(slice(1, None))
@@ -302,7 +302,7 @@ def law(cls: type) -> Callable[..., Any]:
 
 
 def lying(right: Callable[..., Any]) -> Callable[..., Any]:
-    """A pose that looks to the side."""
+    """Return a pose that looks to the side."""
 
     def pose(body: str, states: States) -> Any:
         found = right(body, states)
@@ -313,7 +313,7 @@ def lying(right: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def halved(right: Callable[..., Any]) -> Callable[..., Any]:
-    """A pose that comes back only after two turns."""
+    """Return a pose that comes back only after two turns."""
     return lambda body, states: right(body, States(x=states.x, y=states.y, yaw=0.5 * states.yaw))
 
 
@@ -322,7 +322,7 @@ def says(answer: Any) -> Callable[..., Any]:
 
 
 def measuring(distance: float) -> Callable[..., Any]:
-    """A collision that measures a clearance."""
+    """Return a collision that measures a clearance."""
 
     def collision(right: Callable[..., Any]) -> Callable[..., Any]:
         def of(world: Any) -> Any:
@@ -431,7 +431,7 @@ def test_what_is_no_model_is_said(given: Any, said: str) -> None:
 
 
 def fault_of_stations(model: Any) -> str:
-    """What the check of stations says, which is not the last one."""
+    """Return the fault that the check of stations reports, which is not the last check."""
     return next(check.fault for check in conformance(model) if check.claim == STATIONS)
 
 

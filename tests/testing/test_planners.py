@@ -46,7 +46,7 @@ def unchanged(found: Candidates, problem: Problem) -> Candidates:
 
 @dataclass(frozen=True)
 class Changed:
-    """What the lattice finds, with one thing changed."""
+    """Planner that returns the lattice's result with one thing changed."""
 
     change: Change = unchanged
 
@@ -96,7 +96,7 @@ def elsewhere(found: Candidates, problem: Problem) -> Candidates:
 
 
 def into_people(found: Candidates, problem: Problem) -> Candidates:
-    """Where somebody walks, by way of the upper wall."""
+    """Redirect a path to where a person walks, by way of the upper wall."""
     x, (to_x, to_y, _) = problem.start[0], problem.goals[0]
     if not problem.world.content.people:
         return found
@@ -177,7 +177,7 @@ class Sweeping(Changed):
 
 @dataclass(frozen=True)
 class Hurried(Changed):
-    """What it has when time is over costs something else."""
+    """Planner whose costs differ once its time is over."""
 
     time_limit: float | None = None
 

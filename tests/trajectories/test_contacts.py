@@ -75,7 +75,7 @@ def test_a_robot_that_turns_sweeps_with_its_corners():
 
 @pytest.mark.parametrize("corners", range(1, 7))
 def test_the_distance_from_the_robot_is_that_of_its_placed_outline(corners):
-    """Of hulls of one corner, of two, of more; each grown by a radius."""
+    """For hulls of one corner, of two, and of more; each grown by a radius."""
     rng = np.random.default_rng(corners)
     parts = [Part(tuple(map(tuple, rng.uniform(-1, 1, (corners, 2)))), float(rng.uniform(0, 0.3)), 0, 1)] * 2
     x, y = rng.uniform(-2, 2, (2, 200))

@@ -34,7 +34,7 @@ drives = st.builds(lambda pose, cs: driven(ROBOT, pose, cs), poses, st.lists(con
 
 
 def mixed(drive: Trajectory, end: tuple[float, float, float]) -> Trajectory:
-    """A drive, then a turn and a move: all states have the columns of the drive."""
+    """Return a drive, then a turn and a move: all states have the columns of the drive."""
     s = drive.states
     after = Trajectory.from_poses(ROBOT, [(float(s.x[-1]), float(s.y[-1]), float(s.yaw[-1])), end])
     columns = {
@@ -122,7 +122,7 @@ def test_a_criterion_that_asks_when_a_motion_begins_is_told():
 
 @pytest.fixture(scope="module")
 def document(tmp_path_factory):
-    """The document of a front whose trajectories turn, move, drive and stand still."""
+    """Return the document of a front whose trajectories turn, move, drive and stand still."""
     path = tmp_path_factory.mktemp("front") / "front.json"
     walk = Trajectory.from_poses(ROBOT, [(0, 0, 0), (4, 0, 0), (4, 4, 0)])
     front_of([walk, Trajectory.from_poses(ROBOT, [(0, 0, 0)]), driven(ROBOT, (0, 0, 0), [(1, 0, 1)])]).save(path)
@@ -130,7 +130,7 @@ def document(tmp_path_factory):
 
 
 def put(place: str, value: object):
-    """A change of one entry of the items, named by its keys."""
+    """Return a function that changes one entry of the items, named by its keys."""
 
     def change(items):
         *keys, last = (int(key) if key.isdigit() else key for key in place.split("."))

@@ -306,7 +306,7 @@ def test_a_trajectory_is_frozen_and_keeps_a_copy():
 
 
 def test_a_trajectory_goes_through_states_as_the_model_connects_them():
-    """The same turns and moves as through poses; half a turn and more adds up without a jump."""
+    """With the turns and moves of a path through poses; half a turn and more adds up without a jump."""
     poses = [(0.0, 0.0, 3.0), (2.0, 0.0, -3.0), (2.0, 3.0, -2.0), (2.0, 3.0, 1.0)]
     columns = np.array(poses).T
     states = States(**dict(zip(("x", "y", "yaw"), columns, strict=True)))

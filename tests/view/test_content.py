@@ -1,4 +1,4 @@
-"""What a map shows of people, conversations, landmarks and zones: all that is there, and nothing that is not."""
+"""A map shows all people, conversations, landmarks and zones, and nothing else."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ SIX = ["turns", "length", "exposure", "rotation", "clearance", "duration"]
 
 @pytest.fixture
 def make(make_problem, make_front):
-    """A front of k criteria and about n points, the first criterion a count."""
+    """Return a front of k criteria and about n points, the first criterion a count."""
 
     def front(k: int, n: int = 40):
         rng = np.random.default_rng(k)

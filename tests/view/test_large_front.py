@@ -1,4 +1,4 @@
-"""Of a large front so many lines are drawn, always the same ones, and the picture says so."""
+"""The picture of a large front draws a fixed selection of its lines, and says so."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def problem(make_problem) -> hpop.Problem:
 
 @pytest.fixture(scope="module")
 def large(problem, make_front) -> hpop.Front:
-    """A front of more points than lines are drawn."""
+    """Return a front of more points than lines are drawn."""
     away = np.abs(np.random.default_rng(0).normal(size=(MOST_LINES + 500, len(CRITERIA))))
     costs = 20.0 - 10.0 * away / np.linalg.norm(away, axis=1)[:, None]  # concave, so that all are non-dominated
     front = make_front(problem, costs=costs)

@@ -1,4 +1,4 @@
-"""What notebooks show: tables that say what there is, small pictures once they can be drawn, figures by themselves."""
+"""Notebooks show tables of what exists, small pictures once they can be drawn, and figures by themselves."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ def problem(make_problem):
 
 @pytest.fixture
 def empty(problem, make_front):
-    """A front whose only picture is the map."""
+    """Return a front whose only picture is the map."""
     return make_front(problem, costs=np.zeros((0, 3)), status="no path")
 
 

@@ -40,7 +40,7 @@ def through(model: Model, rows: Sequence[tuple[float, ...]]) -> hpop.Trajectory:
 
 
 def seen(model: Model, *ways: Sequence[tuple[float, ...]], **changes: Any) -> tuple[hpop.Problem, hpop.Front]:
-    """A problem from the first state of the ways to their last, and the front of these, none better than another."""
+    """Return a problem from the first to the last state of the paths, and a front of the paths."""
     given = {"world": ROOM, "start": ways[0][0], "goal": ways[0][-1], "criteria": ["duration", "rotation"]} | changes
     found = [through(model, rows) for rows in ways]
     costs = [(1.0 + i, 9.0 - i) for i in range(len(found))]

@@ -1,4 +1,4 @@
-"""What all pictures share: ticks that say the whole value."""
+"""The style of all pictures: ticks that show the whole value."""
 
 from __future__ import annotations
 

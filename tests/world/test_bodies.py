@@ -39,7 +39,7 @@ def volume(solid):
 
 
 def collision_object(solid):
-    """A body for python-fcl."""
+    """Return a body for python-fcl."""
     match solid.shape:
         case Box(size):
             geometry = fcl.Box(*size)

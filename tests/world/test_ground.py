@@ -30,7 +30,7 @@ HALL = shapely.box(0, 0, 8, 6)
 
 @pytest.fixture
 def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """What was sampled since it was looked at last, a word for each field."""
+    """Return the fields that were sampled since the last look, a word for each."""
     found: list[str] = []
     hold = limits.hold
 
@@ -44,7 +44,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.fixture
 def sampled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Of how many points the signed clearance was asked, each time."""
+    """Return the number of points of each call of the signed clearance."""
     found: list[int] = []
     ask = FreeSpace.signed_clearance
 

@@ -45,7 +45,7 @@ class Slide:
         return begin + (getattr(end, name) - begin) * share
 
     def metres(self, start: States, end: States) -> Column:
-        """How far (M,), m, cruise speed leads in the time that the way and the turn take."""
+        """Return the distance (M,), m, at cruise speed in the time that a move and its turn take."""
         turned = smooth_abs(end.yaw - start.yaw)
         return np.maximum(hypot(end.x - start.x, end.y - start.y), turned * (self.speed / self.turn_rate))
 
@@ -91,7 +91,7 @@ class Holonomic(PlanarModel):
 
     @cached_property
     def space(self) -> StateSpace:
-        """Where it is and how it is turned; a radian is as far as it goes in the time of that turn."""
+        """Return the space of position and heading; a radian counts as the distance driven in the time of that turn."""
         return plane_space(self.speed / self.turn_rate)
 
     @cached_property

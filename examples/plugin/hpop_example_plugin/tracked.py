@@ -62,7 +62,7 @@ class Tracked(PlanarModel):
 
     @cached_property
     def space(self) -> StateSpace:
-        """Where it is and how it is turned, and its joints."""
+        """Return the space of position, heading and joints."""
         return plane_space(self.speed / self.turn_rate, self.arm, self.speed)
 
     @cached_property
@@ -95,7 +95,7 @@ class Tracked(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """What follows from parts, laws and joints; it looks where it goes, on two tracks."""
+        """Return the capabilities that follow from parts, laws and joints; it looks ahead, on two tracks."""
         return super().provides | {"heading", "wheels"}
 
     @property
@@ -105,12 +105,12 @@ class Tracked(PlanarModel):
 
     @property
     def wheel_speed(self) -> float:
-        """Of a track, m/s: what moves and turns ask for."""
+        """Return the speed of a track, m/s, that moves and turns need."""
         return max(self.speed, 0.5 * self.track_width * self.turn_rate)
 
     @property
     def wheel_acceleration(self) -> float:
-        """Of a track, m/s²."""
+        """Return the acceleration of a track, m/s²."""
         return max(self.acceleration, 0.5 * self.track_width * self.turn_acceleration)
 
 

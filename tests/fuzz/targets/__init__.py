@@ -1,4 +1,4 @@
-"""What is thrown at: readers, scenarios, fronts, checkpoints, the Python interface and the command line."""
+"""Targets: readers, scenarios, fronts, checkpoints, the Python interface and the command line."""
 
 from __future__ import annotations
 

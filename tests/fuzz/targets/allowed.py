@@ -29,7 +29,7 @@ HEAVY = {"smoothing", "spline", "epsilon-constraint", "weighted-sum-corridor", "
 
 @cache
 def plugin() -> str:
-    """The robot of the example package, which hpop itself does not know."""
+    """Register the robot of the example package, which is not part of hpop."""
     sys.path.insert(0, str(EXAMPLES / "plugin"))
     try:
         importlib.import_module("hpop_example_plugin.holonomic")
@@ -39,7 +39,7 @@ def plugin() -> str:
 
 
 def scenario(rng: Rng, folder: Path) -> dict[str, Any]:
-    """A scenario as its file has it; its files beside it are written to the folder."""
+    """Return the contents of a scenario file; write its other files to the folder."""
     model, states = robot(rng)
     tree: dict[str, Any] = {"world": world(rng), "model": model}
     tree["start"], tree["goal"] = ends(rng, states, len(states[0]) == 3 and next(iter(model)) == "serial_arm")
@@ -57,7 +57,7 @@ def scenario(rng: Rng, folder: Path) -> dict[str, Any]:
 
 
 def robot(rng: Rng) -> tuple[dict[str, Any], list[tuple[float, ...]]]:
-    """A robot, and places in its states: the start and some more, m and rad."""
+    """Return a robot and some of its states: the start and others, m and rad."""
     base: dict[str, Any] = {"radius": _one(rng, 0.05, 0.2, 0.3)}
     if rng.random() < 0.3:
         base = {"footprint": [[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]]}
@@ -85,7 +85,7 @@ def robot(rng: Rng) -> tuple[dict[str, Any], list[tuple[float, ...]]]:
 
 
 def world(rng: Rng) -> dict[str, Any]:
-    """A room with up to three things in it, upright or solid; one in six is cut in two by a wall."""
+    """Return a room with up to three things in it, upright or solid; one in six is cut in two by a wall."""
     extent = [[0, 0], [WIDTH, 0], [WIDTH, DEPTH], [0, DEPTH]]
     boxes = []
     for _ in range(int(rng.integers(0, 4))):
@@ -107,7 +107,7 @@ def world(rng: Rng) -> dict[str, Any]:
 
 
 def ends(rng: Rng, states: list[tuple[float, ...]], on_a_table: bool) -> tuple[list[float], Any]:
-    """A start and a goal: a state, one with free angles, several, or what is looked at."""
+    """Return a start and a goal: a state, one with free angles, several, or a point to look at."""
     start, others = list(states[0]), states[1:]
 
     def one() -> list[Any]:
@@ -166,7 +166,7 @@ def content(rng: Rng) -> dict[str, Any]:
 
 
 def wanted(rng: Rng) -> list[Any]:
-    """Some criteria, the everyday ones more often, with what they need told."""
+    """Return some criteria with their required options, the common criteria more often."""
     told: dict[str, Any] = {
         "look_at": {"target": [2.5, 1.0, 1.0]},
         "occlusion": {"target": [2.5, 1.0, 1.0]},
@@ -183,7 +183,7 @@ def wanted(rng: Rng) -> list[Any]:
 
 
 def planner(rng: Rng, folder: Path, number: int, provides: frozenset[str], moving: bool) -> dict[str, Any]:
-    """A planner that takes such a robot with some of its options, limits near 0 among them."""
+    """Return a planner for such a robot with some of its options, limits near 0 among them."""
     names = ("lattice", "lattice", "lattice", "roadmap", "roadmap", *planners)
     able = [name for name in names if planners[name].needs <= provides] or ["roadmap"]
     name = str(_one(rng, *able))
@@ -242,7 +242,7 @@ def planner(rng: Rng, folder: Path, number: int, provides: frozenset[str], movin
 
 
 def _unset(options: dict[str, Any]) -> dict[str, Any]:
-    """Of a hold, None is a value: the robot never waits."""
+    """Keep a hold of None: it is a value, and says that the robot never waits."""
     return {"hold": None} if "hold" in options and options["hold"] is None else {}
 
 

@@ -76,7 +76,7 @@ def _is_right(problem: hpop.Problem, front: hpop.Front) -> None:
 
 
 def _words(fault: str) -> str:
-    """A fault without its numbers, so that equal kinds are counted together."""
+    """Return a fault without its numbers, so that equal kinds are counted together."""
     return "".join("#" if letter.isdigit() else letter for letter in fault)[:100]
 
 
@@ -112,7 +112,7 @@ def _peak(*, reset: bool = False) -> int:
 
 
 def _exact(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> None:
-    """What an exact planner claims of its graph is so, by a search in plain loops."""
+    """Compare the claim of an exact planner with a search in plain loops on its graph."""
     problem = scenario.problem
     for planner in scenario.planners:
         query = planner.graph_of_drives
@@ -148,7 +148,7 @@ def _exact(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> Non
 
 
 def _in_plane(problem: hpop.Problem) -> bool:
-    """Whether the graph of the problem is one of positions and headings, which is soon built."""
+    """Check that the problem's graph is one of positions and headings, which is built quickly."""
     return not {"arm", "joints"} & problem.model.provides or len(problem.start) == 5
 
 
@@ -184,7 +184,7 @@ def _by_loops(graph: Graph, start: int, goals: list[int]) -> set[tuple[int, ...]
 
 
 def _resumed(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> None:
-    """A search that goes on from its checkpoint ends with the front that it finds at once."""
+    """Check that a search resumed from its checkpoint ends with the front of an uninterrupted search."""
     for number, planner in enumerate(scenario.planners):
         if not hasattr(planner, "checkpoint") or not (_in_plane(scenario.problem) or rng.random() < 0.1):
             continue
@@ -208,7 +208,7 @@ def _resumed(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> N
 
 
 def _driven(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> None:
-    """A drive of a point, with what happens on the way; its record is told again."""
+    """Drive a point of the front with events on the way, and replay its record."""
     if not len(front):
         return
     problem, now = scenario.problem, 0.0
@@ -247,7 +247,7 @@ def _driven(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> No
 
 
 def _on_disk(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> None:
-    """A front saved, loaded, joined with itself and evaluated further stays what it is."""
+    """Check that a front survives saving, loading, joining with itself and further evaluation."""
     path = folder / "saved.json"
     front.save(path)
     again = hpop.Front.load(path)
@@ -270,7 +270,7 @@ def _on_disk(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> N
 
 
 def _on_the_command_line(rng: Rng, folder: Path, scenario: Scenario, front: hpop.Front) -> None:
-    """The commands that read what `hpop plan` writes."""
+    """Run the commands that read the output of `hpop plan`."""
     draws = rng.random() < 0.3
     with nullcontext() if draws else patch("hpop.cli.results.draw", return_value=[]):
         command(["plan", "room.yaml", "--out", "out", *(["--verbose"] if draws else [])])

@@ -30,13 +30,13 @@ _RECORD: list[bytes] = []
 
 
 def asked() -> hpop.Problem:
-    """What is driven."""
+    """Return the problem that is driven."""
     world = hpop.World.from_polygons([], extent=box(0, 0, 6, 4))
     return hpop.Problem(world, hpop.DifferentialDrive(), (1, 1, 0), (5, 3, None), ["turns", "length"])
 
 
 def saved_drive() -> bytes:
-    """A drive of some events as it is saved; driven once."""
+    """Return the saved record of a drive with some events; driven once."""
     if not _RECORD:
         problem = asked()
         drive = hpop.follow(problem, problem.solve("lattice", step=1.0), "knee")
@@ -57,7 +57,7 @@ def events(rng: Rng, folder: Path) -> str:
 
 
 def drive(rng: Rng, folder: Path) -> str:
-    """A bent record, told again; its world stays as it is: to plan in a larger one takes what that takes."""
+    """Replay a bent record in its own world: planning in a larger world would take long."""
     path = folder / "drive.json"
     if rng.random() < 0.3:
         path.write_bytes(bent_bytes(saved_drive(), rng))

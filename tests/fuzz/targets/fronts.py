@@ -23,7 +23,7 @@ _FRONT: list[bytes] = []
 
 
 def saved_front() -> bytes:
-    """A small front of the room's, as it is saved; planned once."""
+    """Return a small saved front of the room; planned once."""
     if not _FRONT:
         world = hpop.World.from_solids(
             [
@@ -66,7 +66,7 @@ def show(rng: Rng, folder: Path) -> str:
 
 
 def pick(rng: Rng, folder: Path) -> str:
-    """A choice from a bent front, by what may be no name and no number, and the table of what is picked."""
+    """Pick from a bent front by names and numbers that may be hostile, and print the picked row."""
     tree = bent_tree(json.loads(saved_front()), rng) if rng.random() < 0.7 else json.loads(saved_front())
     (folder / "front.json").write_bytes(as_json(tree).encode("utf-8", "surrogatepass"))
     named = [str(hostile(rng))[:200].replace("\0", "") if rng.random() < 0.3 else "length" for _ in range(2)]
@@ -77,7 +77,7 @@ def pick(rng: Rng, folder: Path) -> str:
 
 
 def checkpoint(rng: Rng, folder: Path) -> str:
-    """A checkpoint with an array bent and a right checksum: refused, or the search ends with the same front."""
+    """Bend an array of a checkpoint and correct its checksum: refused, or the search ends with an equal front."""
     costs = int(rng.integers(2, 5))
     maker = np.random.default_rng(int(rng.integers(3)))
     tails, heads = maker.integers(0, 60, (2, 400))
@@ -103,7 +103,7 @@ def checkpoint(rng: Rng, folder: Path) -> str:
 
 
 def _forged(data: bytes, rng: Rng) -> bytes:
-    """A checkpoint with one of its arrays changed in places, sealed again."""
+    """Change parts of one array of a checkpoint, and correct its checksum."""
     import hashlib
 
     length = int.from_bytes(data[len(MAGIC) : len(MAGIC) + LENGTH], "little")

@@ -1,4 +1,4 @@
-"""What targets share: a room to bend, files with bent structure or bytes, a command of hpop in this process."""
+"""Tools of the targets: a room to bend, files with bent structure or bytes, a command of hpop in this process."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ BLOCK: dict[str, Any] = {
 
 
 def written(path: Path, tree: Any, rng: Rng, dump: Callable[[Any], str]) -> Path:
-    """A tree, bent as a whole or in its bytes, in a file."""
+    """Write a tree to a file, with its structure or its bytes bent."""
     if rng.random() < SOFTEST:
         data = bent_bytes(dump(tree).encode(), rng)
     else:
@@ -68,7 +68,7 @@ def as_yaml(tree: Any) -> str:
 
 
 def command(arguments: list[str]) -> str:
-    """A command of hpop in this process; its output is clean, whatever was asked."""
+    """Run a command of hpop in this process, and check that its output is clean."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = CliRunner().invoke(main, arguments)

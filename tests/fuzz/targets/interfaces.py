@@ -1,4 +1,4 @@
-"""What is called: Python, the search, ROS, the command line."""
+"""Targets that are called: Python, the search, ROS, the command line."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ SCENE = {
 
 
 def _looked_at(world: hpop.World) -> None:
-    """What everybody does with a world first."""
+    """Use a world as every caller does first."""
     x0, y0, x1, y1 = world.bounds
     world.clearance(np.linspace(x0, x1, 5), np.linspace(y0, y1, 5))
     json.dumps(world.describe(), allow_nan=False)
@@ -184,7 +184,7 @@ def image(rng: Rng, folder: Path) -> str:
 
 
 def dxf(rng: Rng, folder: Path) -> str:
-    """A drawing with bent bytes, or hostile options; read here, where memory and time are bounded as well."""
+    """Read a drawing with bent bytes, or hostile options; in this process, where memory and time are bounded too."""
     path = folder / "plan.dxf"
     path.write_bytes(bent_bytes(worlds.dxf(_drawn), rng))
     named = ("scale", "layers", "wall_width", "inside", "door_arcs")
@@ -209,7 +209,7 @@ def _drawn(drawing: Any) -> None:
 
 
 def pdf(rng: Rng, folder: Path) -> str:
-    """A page with bent bytes, in the process that is meant to break down where pdfium does."""
+    """Read a page with bent bytes, in the child process that contains crashes of pdfium."""
     form = worlds.stream(b"0 0 m 9 0 l 9 9 9 9 0 9 c S", b"/Type /XObject /Subtype /Form /BBox [0 0 99 99]")
     content = b"1 w 50 50 m 350 50 l 350 250 l 50 250 l s q 2 0 0 2 90 90 cm /X Do Q 0.2 g 100 200 30 30 re f"
     content += b" q 60 60 m 200 60 l 60 200 l h W n 5 w 0 100 m 500 100 l S 60 60 90 90 re f Q"

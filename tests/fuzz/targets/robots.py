@@ -20,7 +20,7 @@ ATTRIBUTE = re.compile(r'(?<==")[^"]*(?=")')
 
 
 def arm(rng: Rng, folder: Path) -> str:
-    """A URDF and an SRDF, bent in their bytes or attributes, and now and then a mesh: made, described, posed."""
+    """Build, describe and pose an arm of a URDF and SRDF with bent bytes or attributes, at times a bent mesh."""
     kind = ("stl", "obj", "ply", "off")[rng.integers(4)]
     for name in ("arm6.urdf", "arm6.srdf"):
         text = (ARM / name).read_text()

@@ -42,7 +42,7 @@ def scenario(rng: Rng, folder: Path) -> str:
 
 
 def plan(rng: Rng, folder: Path) -> str:
-    """The command line from a scenario with hostile numbers to a front that `hpop show` accepts."""
+    """Run the command line from a scenario with hostile numbers to a front that `hpop show` accepts."""
     spec = PLANNERS[rng.integers(len(PLANNERS))]
     tree = ROOM | {"planner": spec}
     key = ("planner", "planner", "start", "goal", "model", "criteria")[rng.integers(6)]

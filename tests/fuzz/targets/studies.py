@@ -32,7 +32,7 @@ LEARNT = {
 
 @cache
 def asked() -> hpop.Front:
-    """What people see."""
+    """Return the front that participants see."""
     path = Path("asked.json")
     path.write_bytes(saved_front())
     front = hpop.Front.load(path)

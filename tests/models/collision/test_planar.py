@@ -27,7 +27,7 @@ NEAR = 1e-5  # m: what touches within this may be called either way
 
 
 def room(seed):
-    """A room with boxes at all heights, triangles on the floor, tables, lamps and a keep-out zone."""
+    """Return a room with boxes at all heights, triangles on the floor, tables, lamps and a keep-out zone."""
     rng = np.random.default_rng(seed)
     obstacles = []
     for _ in range(7):

@@ -45,13 +45,13 @@ CRANE = """<robot name="crane">
 
 
 def arm6(**parameters: Any) -> SerialArm:
-    """The example's arm, its camera beside its fingers."""
+    """Return the example's arm, with its camera beside its fingers."""
     given: dict[str, Any] = {"tip": "tool", "srdf": HERE / "arm6.srdf", "acceleration": 6.0, "camera": IN_HAND}
     return SerialArm.from_urdf(HERE / "arm6.urdf", **given | parameters)
 
 
 def crane(folder: Path, **parameters: Any) -> SerialArm:
-    """A lift, a swing without end stops, a slide and a tilt about a slanting axis."""
+    """Return an arm of a lift, a swing without end stops, a slide and a tilt about a slanting axis."""
     path = folder / "crane.urdf"
     path.write_text(CRANE)
     return SerialArm.from_urdf(path, **{"tip": "eye", "acceleration": 2.0} | parameters)

@@ -54,7 +54,7 @@ def test_each_state_of_a_free_motion_is_free(seed):
 
 
 def gripper(apart: float, *, slides: bool, tip: float = 0.5) -> Cluttered:
-    """A ball of 1 cm on a lever, or on a slide along y, beside a wall whose near side is at y = 0.1 + ``apart``."""
+    """Return a ball of 1 cm on a lever, or on a slide along y, beside a wall that begins at y = 0.1 + ``apart``."""
     chain = Chain(
         names=("joint",),
         sliding=np.array([slides]),

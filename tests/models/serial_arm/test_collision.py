@@ -1,4 +1,4 @@
-"""What an arm may not touch: the world, itself, the limits of its joints; and how far it is from the world."""
+"""Collisions of an arm with the world, itself and the limits of its joints; its distance from the world."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""How near an arm comes along motions: what dense states say, to the tolerance that is proved, either way alike."""
+"""Distances of an arm along motions agree with dense states to the proven tolerance, in both directions."""
 
 import numpy as np
 import pytest

@@ -27,7 +27,7 @@ def box(size, at=(0.0, 0.0, 0.0), **turned):
 
 
 def drawn_shape(rng):
-    """A shape of sizes between 1 mm and 1 m, flat and thin ones among them."""
+    """Return a shape of sizes between 1 mm and 1 m, flat and thin ones among them."""
     sizes = (10.0 ** rng.uniform(-3, 0, 3)).tolist()
     return (
         lambda: Box(tuple(sizes)),
@@ -179,7 +179,7 @@ def test_flat_sticks_and_points_given_many_times_are_bodies_too(seed, of_a, of_b
 
 
 def least_distance(a, b):
-    """Of the hulls of few corners, as a quadratic program over their weights."""
+    """Return the distance of two hulls of few corners, by a quadratic program over their weights."""
     from scipy.optimize import nnls
 
     big = 1e4

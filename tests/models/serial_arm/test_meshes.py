@@ -55,7 +55,7 @@ def test_pieces_that_are_convex_are_hulls_each(tmp_path):
 
 
 def obj(mesh):
-    """A mesh as most programs write it: a normal for each face, and a part with its material for each third one."""
+    """Return a mesh as most programs write it: a normal for each face, and a material for every third face."""
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in mesh.vertices] + [
         f"vn {x:g} {y:g} {z:g}" for x, y, z in mesh.face_normals
     ]
@@ -66,7 +66,7 @@ def obj(mesh):
 
 
 def ply(mesh):
-    """A mesh with three corners of its own for each face, and their normals."""
+    """Return a mesh with three corners of its own for each face, and their normals."""
     rows = [
         (*mesh.vertices[corner], *normal)
         for face, normal in zip(mesh.faces, mesh.face_normals, strict=True)
@@ -79,7 +79,7 @@ def ply(mesh):
 
 
 def off(mesh):
-    """A mesh with corners that no face has, faces without an area, and one twice."""
+    """Return a mesh with corners that no face has, faces without an area, and one twice."""
     faces = [*mesh.faces.tolist(), [0, 0, 1], [3, 3, 3], mesh.faces[0].tolist()]
     rows = [" ".join(map(str, corner)) for corner in [*mesh.vertices, (900, 900, 900)]]
     return "\n".join(["OFF", f"{len(rows)} {len(faces)} 0", *rows, *(f"3 {a} {b} {c}" for a, b, c in faces)])

@@ -1,4 +1,4 @@
-"""What names of an arm's files stand for nothing: said in notes, or where they are asked for, with what was meant."""
+"""Names in an arm's files that match nothing are noted, or refused with the nearest name where they are used."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CAN = LookAt((0.7, 0.25, 0.43), (0.15, 0.3))
 
 @pytest.fixture
 def srdf(tmp_path):
-    """The example's SRDF, with some text replaced, once."""
+    """Return the example's SRDF, with some text replaced, once."""
 
     def written(old="", new=""):
         text = (HERE / "arm6.srdf").read_text()

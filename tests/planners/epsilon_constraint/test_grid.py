@@ -11,7 +11,7 @@ ROLES = Roles((Exposure(), Turns(), Length()), 2, (0, 2))
 
 
 def grid(*costs, divisions=0):
-    """A grid over warm starts of these costs; what they look like does not matter to it."""
+    """Return a grid over warm starts of these costs; their geometry does not matter to it."""
     warm = [Known(None, np.array(row, float)) for row in costs]
     return Grid(ROLES, warm, np.full(3, np.inf), divisions)
 

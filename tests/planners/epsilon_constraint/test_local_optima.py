@@ -1,4 +1,4 @@
-"""Whether what the planner calls a local optimum is one, by a search that shares nothing with it."""
+"""A local optimum by the planner's claim is one by a search that shares no code with it."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ BETTER = 1e-3  # share of the cost: what less can be gained is none
 
 
 def gains(seed, points):
-    """What can be gained near each point of a random room."""
+    """Return the possible gain near each point of a random room."""
     obstacles, problem, minimise = random_question(seed)
     try:
         found = EpsilonConstraint(step=0.5, minimise=minimise, max_points=points).solve(problem)

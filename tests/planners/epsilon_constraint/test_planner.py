@@ -36,12 +36,12 @@ MUSEUM = Path(__file__).parents[3] / "examples" / "museum.geojson"
 
 @pytest.fixture(scope="module", params=[1.0, pytest.param(0.5, marks=pytest.mark.proof)])
 def paper(request):
-    """The candidates of the paper's three costs round one block, and the lattice's front."""
+    """Return the candidates of the paper's three costs round one block, and the lattice's front."""
     return EpsilonConstraint(step=request.param).solve(PAPER), PAPER.solve("lattice", step=request.param)
 
 
 def covered(points, by):
-    """Whether each cost vector has one that is no worse in any cost, within a thousandth."""
+    """Check that each cost vector is matched by one that is no worse in any cost, within a thousandth."""
     return np.array([(by <= row + 1e-3 * np.maximum(row, 1e-3)).all(axis=1).any() for row in points])
 
 
@@ -165,7 +165,7 @@ def test_start_is_goal(step):
 @pytest.mark.parametrize("most", [3, None])
 @STEPS
 def test_every_bound_on_a_worst_moment_has_a_candidate(step, most):
-    """Where the way between block and border is as clear as can be, a sampled clearance is off by 3 cm."""
+    """A sampled clearance is off by 3 cm where the path between block and border is as clear as possible."""
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["clearance", "length"])
     candidates = EpsilonConstraint(step=step, max_points=most).solve(problem)
     assert candidates.stats["failed"] == {}

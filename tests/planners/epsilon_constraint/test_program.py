@@ -89,7 +89,7 @@ def test_a_simplified_polyline_keeps_the_vertices_that_turn():
 
 
 def test_lookups_have_the_values_and_derivatives_of_casadis_own_spline():
-    """Of a field that is sampled where it is read; CasADi's B-spline knows nothing of either."""
+    """A field that is sampled on demand agrees with CasADi's B-spline, which shares no code with it."""
     xs, ys = np.arange(300.0), np.arange(200.0)
     lazy = LazyField(xs, ys, 1.0, lambda x, y: np.sin(x) * np.cos(2 * y), (-1.0, 1.0))
     x, y = np.meshgrid(xs, ys)

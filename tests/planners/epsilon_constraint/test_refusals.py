@@ -1,4 +1,4 @@
-"""What epsilon-constraint refuses, and what it says when there is nothing."""
+"""Refusals of epsilon-constraint, and its message when no path exists."""
 
 import dataclasses
 import math
@@ -149,7 +149,7 @@ def test_a_missing_solver_is_said_with_what_to_do(monkeypatch):
 
 @pytest.mark.parametrize("criteria", [["passing_distance", "turns"], ["passing_distance", "net_misalignment"]])
 def test_the_only_smooth_cost_may_be_a_worst_moment_of_nobody(criteria):
-    """Nobody stands there: what every polyline costs is nothing."""
+    """The room is empty: every polyline costs nothing."""
     world = World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))
     problem = Problem(world, DifferentialDrive(radius=0.25), (1, 2, 0.3), (5, 2, 1.5), criteria)
     candidates = EpsilonConstraint(step=1.0, max_points=2).solve(problem)

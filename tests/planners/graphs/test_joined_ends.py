@@ -48,12 +48,12 @@ def random_ends(seed):
 
 
 def lattice_of(problem, headings, anchor=ANCHOR):
-    """A lattice that is anchored at neither end."""
+    """Return a lattice that is anchored at neither end."""
     return StateLattice(problem.model, problem.world, anchor, STEP, Headings(headings), False)
 
 
 def solved(problem, graph, reach=1.5 * STEP):
-    """The candidates on a graph with its ends."""
+    """Return the candidates on a graph with its ends."""
     space, start, goals = with_ends(graph, problem, reach)
     objectives = edge_objectives(problem.criteria, "test")
     query = Query(space, objectives, space.graph(objectives.optimised), start, goals, 0.0)
@@ -94,7 +94,7 @@ class Oracle:
         return self.known[a, b]
 
     def add(self, tail, head, poses):
-        """An arc along poses if it is free: its length, turns of over a degree and rotation in quanta, rounded once."""
+        """Return length, turns over a degree and rotation of a free arc along poses, in quanta, rounded once."""
         if not all(self.free(a, b) for a, b in itertools.pairwise(poses)):
             return
         turned = [abs(b[2] - a[2]) for a, b in itertools.pairwise(poses)]

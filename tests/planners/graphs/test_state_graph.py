@@ -1,4 +1,4 @@
-"""What holds of every graph of states, a lattice as well as a roadmap."""
+"""Properties of every graph of states, of a lattice as well as of a roadmap."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""What the lattice planner makes of criteria, what it then claims, and which options and criteria it refuses."""
+"""The lattice planner's treatment of criteria: its claims, and the options and criteria that it refuses."""
 
 import math
 from dataclasses import dataclass

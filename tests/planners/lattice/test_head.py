@@ -36,7 +36,7 @@ CRITERIA = ["rotation", {"landmark_blindness": {"near": 2.0, "far": 3.0}}, "dura
 
 
 def shorter(turn: int) -> int:
-    """The same turn in (-180, 180], degrees."""
+    """Return an equal turn in (-180, 180], degrees."""
     return 180 - (180 - turn) % 360
 
 

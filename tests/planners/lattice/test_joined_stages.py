@@ -20,7 +20,7 @@ MEMORY = ["sickness", "msdv"]
 
 @pytest.fixture(scope="module")
 def fronts() -> tuple[Problem, list[Front]]:
-    """The front after each stage, the last one at the end."""
+    """Return the front after each stage, the last one at the end."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(exact_search, "QUICK", 60.0)
         patch.setattr(exact_search, "_at_once", lambda *asked: None)

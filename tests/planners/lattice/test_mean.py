@@ -31,7 +31,7 @@ Vector = tuple[Fraction | int, ...]
 
 @pytest.fixture
 def gloom(monkeypatch):
-    """A time-mean that names no integral, of another quantum."""
+    """Register a time-mean that names no integral, with another quantum."""
     monkeypatch.setattr(registered, "_types", dict(registered))
 
     @criterion("gloom", group="P", unit="lux", aggregate="time-mean", quantum=1e-5)
@@ -44,7 +44,7 @@ def gloom(monkeypatch):
 
 
 def random_problem(seed: int, criteria, size: int = 4) -> Problem:
-    """A small room with posts between the positions of the lattice and one that may stand on one."""
+    """Return a small room with posts between the positions of the lattice, and one post that may stand on one."""
     rng = np.random.default_rng(seed)
     side = (size - 1) * STEP
     while True:
@@ -102,7 +102,7 @@ def all_walks(problem: Problem, planner: Lattice) -> tuple[set[Vector], int]:
 
 
 def capped(planner: Lattice) -> tuple[str, float]:
-    """The cost that max_detour caps, and how far above the least."""
+    """Return the cost that max_detour caps, and its factor above the least."""
     detour = planner.max_detour
     return next(iter(detour.items())) if isinstance(detour, dict) else ("duration", detour)
 

@@ -73,7 +73,7 @@ class Unconnected(Fixed):
 
 @dataclass(frozen=True)
 class Rising(Unconnected):
-    """The same, the mast moving at the end of each chain."""
+    """Robot without connecting turns whose mast moves at the end of each chain."""
 
     def connect(self, a: States, b: States) -> list[Leg]:
         legs = super().connect(a, b)
@@ -108,7 +108,7 @@ def test_an_end_to_which_no_motions_lead_is_refused(start: float, goal: float, e
 
 @dataclass(frozen=True)
 class Crossing(Rising):
-    """The same, but it never looks along +y."""
+    """Robot with a rising mast that never looks along +y."""
 
     def stations(self, yaw):
         states, headings, motions = super().stations(yaw)
@@ -135,7 +135,7 @@ def test_a_heading_without_a_station_is_one_along_which_nothing_goes(radius: flo
 
 @dataclass(frozen=True)
 class Undecided(Rising):
-    """The same, with a slow turn beside each turn."""
+    """Robot with a rising mast and a slow turn beside each turn."""
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:

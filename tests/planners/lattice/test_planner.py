@@ -130,7 +130,7 @@ def nondominated(vectors):
 
 
 def grid_step(yaw):
-    """The step of a heading that is a multiple of 45 degrees."""
+    """Return the step of a heading that is a multiple of 45 degrees."""
     return round(1.2 * math.cos(yaw)), round(1.2 * math.sin(yaw))
 
 

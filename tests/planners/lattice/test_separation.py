@@ -24,7 +24,7 @@ def note(obstacles, robot, *, step=0.25, start=(1.0, 4.0, 0.0), goal=(9.0, 4.0, 
 
 
 def wall_with_gaps(x0, x1, *gaps):
-    """A wall from x0 to x1 that is open between the given pairs of y."""
+    """Return a wall from x0 to x1 that is open between the given pairs of y."""
     edges = [0.0, *(y for gap in gaps for y in gap), 8.0]
     return [shapely.box(x0, low, x1, high) for low, high in zip(edges[::2], edges[1::2], strict=True)]
 

@@ -65,7 +65,7 @@ def large(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def same(a: Candidates, b: Candidates) -> bool:
-    """Whether two answers agree in all but the seconds they took."""
+    """Compare two results in everything but their computing times."""
     return (
         [t.describe() for t in a.trajectories] == [t.describe() for t in b.trajectories]
         and np.array_equal(a.planned, b.planned)
@@ -256,7 +256,7 @@ class Staged(Fixed):
 
 
 def rows(candidates: Candidates, chosen: list[int], status: Status, certificate: str) -> Candidates:
-    """Some of the points of an answer, as a stage of their own."""
+    """Return some of the points of a result, as a stage of their own."""
     return replace(
         candidates,
         trajectories=tuple(candidates.trajectories[i] for i in chosen),

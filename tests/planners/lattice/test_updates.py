@@ -37,7 +37,7 @@ def made(shapes: list[shapely.Polygon], people: tuple[Person, ...] = (), zones: 
 
 
 def changed(rng: np.random.Generator, shapes: list[shapely.Polygon], people: tuple[Person, ...]) -> World:
-    """The world with one obstacle more or less or moved, a door that closes, or a person who has stepped aside."""
+    """Return the world with an obstacle added, removed or moved, a door closed, or a person one step aside."""
     kind = rng.integers(5)
     if kind == 0:
         return made([*shapes, *pieces(rng, 1)], people)
@@ -51,7 +51,7 @@ def changed(rng: np.random.Generator, shapes: list[shapely.Polygon], people: tup
 
 
 def lattice(world: World, robot: Any, **options: Any) -> tuple[Any, Any]:
-    """The lattice of a world, and its costs."""
+    """Return the lattice of a world, and its costs."""
     family = LatticeGraph(anchor="world", **options)
     asked = edge_objectives(hpop.Problem(world, robot, *ENDS, CRITERIA).criteria, "lattice").optimised
     graph = family._lattice(robot, world, world.bounds[:2])

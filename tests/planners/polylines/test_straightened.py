@@ -19,7 +19,7 @@ ROOM = World.from_polygons([shapely.box(2.6, 0.0, 3.0, 2.4)], extent=shapely.box
 
 
 def to_the_left(world=ROOM):
-    """A curve to the left from (0.6, 1), and the problem of driving from its start to its end."""
+    """Return a curve to the left from (0.6, 1), and the problem of driving from its start to its end."""
     left = [(0.0, 1.0, 0.5), (0.0, 0.0, 1.8), (0.0, -1.0, 0.5)]
     curve = driven(ROBOT, (0.6, 1.0, 0.0), [(0.5, 0.0, 1.0), *left, (-0.5, 0.0, 1.0)])
     x, y, yaw = (float(getattr(curve.states, name)[-1]) for name in ("x", "y", "yaw"))

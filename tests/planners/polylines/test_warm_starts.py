@@ -1,4 +1,4 @@
-"""What planners start from: another planner, with options that are shared or its own; a front; trajectories."""
+"""Warm starts of planners: another planner, with shared or own options; a front; trajectories."""
 
 import dataclasses
 

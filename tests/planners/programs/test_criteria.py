@@ -1,4 +1,4 @@
-"""Which criteria nonlinear programs take: asked before anything is planned, and answered by name."""
+"""Criteria that nonlinear programs accept: checked before planning, and refused by name."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class OneForAll:
 @hpop.criterion("mean_with_if", group="C", unit="1", aggregate="time-mean")
 @dataclass(frozen=True)
 class MeanWithIf:
-    """The same, as a mean."""
+    """Time-mean of the criterion WithIf."""
 
     def cost(self, m):
         return WithIf().cost(m)

@@ -96,7 +96,7 @@ def test_a_corridor_ends_between_two_weights():
 
 
 def over_once(monkeypatch, of, name):
-    """A deadline that is over as soon as a method of a class is called."""
+    """Return a deadline that is over as soon as a method of a class is called."""
     deadline, method = Deadline.after(3600.0), getattr(of, name)
 
     def late(self, *arguments):

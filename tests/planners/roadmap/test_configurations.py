@@ -58,7 +58,7 @@ def apart(space: StateSpace, a: tuple[float, ...], b: tuple[float, ...]) -> floa
 
 
 def links_of(space: StateSpace, nodes: list[tuple[float, ...]], count: int) -> set[tuple[int, int]]:
-    """The first node is the start, the last the goal, both linked to samples one way only, and to each other."""
+    """Return the expected links: start (first) and goal (last) to samples in one direction, and to each other."""
     last = len(nodes) - 1
     samples = range(1, last)
 
@@ -207,7 +207,7 @@ def test_the_drive_keeps_its_roadmap_of_positions_and_headings() -> None:
 
 
 def walks(roadmap: ConfigurationRoadmap, sizes: list[int]) -> list[np.ndarray]:
-    """Walks of so many nodes along its arcs, from anywhere to anywhere but the goals, which nothing leaves."""
+    """Return walks of these numbers of nodes along the arcs, from anywhere; no arc leaves a goal."""
     rng, arcs = np.random.default_rng(0), roadmap.arcs
     found = []
     for size in sizes:

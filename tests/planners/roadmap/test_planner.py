@@ -183,7 +183,7 @@ def test_samples_are_free_and_more_of_them_never_lengthen_the_shortest_path():
 
 
 def line(*xs, start_yaw=0.0, goal_yaw=None, world=PILLAR):
-    """A roadmap of positions on y = 4, all linked."""
+    """Return a roadmap of positions on y = 4, all linked."""
     positions = np.array([(x, 4.0) for x in xs])
     links = np.stack(np.triu_indices(len(xs), 1), axis=1)
     return StateRoadmap(ROBOT, world, positions, links, start_yaw, ((1, goal_yaw),), "a line", {}, "add more")
@@ -210,7 +210,7 @@ def test_a_heading_along_a_link_is_the_heading_of_the_link(start_yaw):
 
 
 def star(*degrees, start_yaw, goal_yaw=None):
-    """A roadmap with links from (1, 2) to points 2 m away; the first goes on to the goal, straight up."""
+    """Return a roadmap with links from (1, 2) to points 2 m away; the first goes on to the goal, straight up."""
     rays = [(1 + 2 * math.cos(a), 2 + 2 * math.sin(a)) for a in np.radians(degrees)]
     positions = np.array([(1.0, 2.0), (rays[0][0], rays[0][1] + 1.0), *rays])
     links = np.array([(0, i + 2) for i in range(len(rays))] + [(2, 1)])

@@ -1,4 +1,4 @@
-"""What every candidate of smoothing keeps: limits, turns, the way round, and its costs."""
+"""Every candidate of smoothing keeps limits, turns, the homotopy class, and its costs."""
 
 import json
 

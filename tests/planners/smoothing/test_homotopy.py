@@ -11,7 +11,7 @@ ROOM = shapely.box(0, 0, 10, 10)
 
 
 def winding(point, one, other):
-    """How often the loop along one way and back along the other goes round a point, by summed angles of its edges."""
+    """Return the winding number of the loop along one path and back along another, by summed angles of its edges."""
     loop = [*one, *other[::-1]]
     total = 0.0
     for (ax, ay), (bx, by) in zip(loop, [*loop[1:], loop[0]], strict=True):

@@ -10,7 +10,7 @@ from hpop.planners import Smoothing
 
 
 def taut(left, right, height, far, radius):
-    """The shortest way, m, of a disc from (0, 0) over a block to (far, 0): tangents, arcs round corners, the top."""
+    """Return the shortest path, m, of a disc from (0, 0) over a block to (far, 0): tangents, arcs, the top."""
 
     def side(x):
         """Tangent from the end to the circle round the corner, and the arc up to the top of the block."""

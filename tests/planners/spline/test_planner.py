@@ -62,7 +62,7 @@ def paths(arm):
 
 @pytest.fixture(scope="module", params=[0, pytest.param(1, marks=pytest.mark.proof)])
 def planned(request, arm, world, paths):
-    """A problem, its path, and what the planner makes of it."""
+    """Return a problem, its path, and the planner's result for it."""
     rows = PATHS[request.param]
     problem = hpop.Problem(world, arm, rows[0], rows[-1], CRITERIA)
     planner = make_planner({"spline": {"warm_start": [paths[request.param]], "pieces": 4}})
@@ -149,7 +149,7 @@ def test_steps_keep_limits_and_gradients_are_those_of_the_costs(arm, world, path
 
 
 def knots_moved(knots, move):
-    """Moved in the same time."""
+    """Move the inner knots in the same time."""
     values, slopes = knots.values.copy(), knots.slopes.copy()
     values[1:-1] += move[0]
     slopes[1:-1] += move[1]
@@ -178,7 +178,7 @@ def test_distances_have_the_gradients_that_differences_say(arm, world):
 
 
 def test_a_path_that_cannot_be_a_spline_stays_and_is_counted(arm, world):
-    """Of one joint's motion, as quick as it may be, no spline of few pieces is as quick."""
+    """A motion of one joint at its limits has no equally quick spline of few pieces."""
     start, goal = arm.space.named["ready"], (1.0, *arm.space.named["ready"][1:])
     ends = States(**dict(zip(arm.space.names, np.array([start, goal]).T, strict=True)))
     path = Trajectory.through(arm, ends)

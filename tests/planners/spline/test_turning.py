@@ -16,7 +16,7 @@ ROWS = ((0.7, 0.0, 0.0, 0.0), (0.2, 2.5, 0.1, 0.5), (0.6, 5.0, 0.3, -1.5), (-0.2
 
 @pytest.fixture(scope="module")
 def planned(tmp_path_factory):
-    """A problem whose goal is more than a turn away, at the limits of three joints; a path to it; what it becomes."""
+    """Return a problem with a goal over a turn away, at the limits of three joints; a path to it; its spline."""
     arm = crane(tmp_path_factory.mktemp("crane"))
     pose = np.eye(4)
     pose[:3, 3] = 5.0

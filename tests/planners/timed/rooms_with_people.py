@@ -22,7 +22,7 @@ QUANTA = {"length": 1e-3}
 
 
 def in_the_door(until: float, **others) -> Person:
-    """Somebody who stands in the door that is on the way, and is gone then."""
+    """Return a person who stands in the door on the path and is gone after ``until``."""
     return Person(3.0, 2.0, until=until, name="Ann", **others)
 
 

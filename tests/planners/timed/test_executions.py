@@ -1,4 +1,4 @@
-"""Claims: what is executed of a plan among people who move keeps its clock, and touches nobody."""
+"""Claims: the execution of a plan among moving people keeps its clock and touches no person."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from tests.planners.timed.rooms_with_people import ROBOT, gaps, in_the_door, thr
 
 
 def random_plan(rng, robot):
-    """Runs, often short ones, turns, often several, and holds; it stands before it moves off, and between runs."""
+    """Return runs, often short, turns and holds in random order; the robot stands before and between runs."""
     half = 0.5 * robot.speed / robot.acceleration
     rows, kinds = [(0.0, 0.0, 0.0, 0.0)], []
     for _ in range(rng.integers(2, 12)):

@@ -170,7 +170,7 @@ def test_somebody_who_walks_up_to_the_start_may_be_left_and_who_comes_too_fast_i
 
 
 def test_somebody_slow_who_is_outside_the_margin_and_leaves_no_time_to_go_is_named_with_when():
-    """A robot in a dead end, whose only way out somebody comes up at 0.3 m/s: her margin is 0.9 m away."""
+    """The only way out of a dead end is closed by a person at 0.3 m/s, whose margin is 0.9 m away."""
     comes = Person(2.6, 2.0, velocity=(-0.3, 0.0), until=8.0, name="Ada")
     room = World.from_polygons([], extent=shapely.box(0.6, 1.6, 8.0, 2.4)).with_content(people=[comes])
     problem = Problem(room, DifferentialDrive(radius=0.25), (1.0, 2.0, 0.0), (7.0, 2.0, 0.0), ["duration"])

@@ -51,7 +51,7 @@ def test_plans_among_people_who_are_not_sure_are_what_they_claim(person):
 
 
 def test_who_may_be_anywhere_blocks_nothing_but_who_is_here_does():
-    """With a deviation of 2 m nobody is at one place with 5 %; with one of 1 cm somebody is."""
+    """With a deviation of 2 m no position is taken with 5 %; with one of 1 cm one position is."""
     hall = World.from_polygons([], extent=shapely.box(0, 0, 8, 1.2))
 
     def lengths(spread):

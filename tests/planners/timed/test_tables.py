@@ -38,7 +38,7 @@ def on_a_clock(people, criterion, robot=ROBOT, **options):
 
 
 def earliest_ticks(timed):
-    """When each node can be reached."""
+    """Return the first tick at which each node can be reached."""
     graph = timed.graph.graph
     ticks = csr_array((timed.arcs.ticks.astype(float), graph.heads, graph.indptr), shape=(graph.nodes,) * 2)
     return dijkstra(ticks, indices=timed.start)
@@ -54,7 +54,7 @@ def some(rng, timed, number):
 
 
 def by_criterion(problem, timed, arcs, ticks):
-    """What the problem's one criterion says of arcs of the lattice, left for at ticks."""
+    """Return the problem's one criterion on arcs of the lattice that are left at some ticks."""
     costs = np.empty(arcs.size)
     for i, (arc, tick) in enumerate(zip(arcs, ticks, strict=True)):
         ((_, _, m),) = motions_of(timed.arcs.inner, np.array([arc]))
@@ -73,7 +73,7 @@ def standing(graph, place, begin, end):
 
 
 def on_the_clock(timed, arcs, ticks):
-    """What the graph on a clock says, in counts."""
+    """Return the costs, in quanta, of the timed graph."""
     graph, costs = timed.graph, np.empty(arcs.size)
     for i, (arc, tick) in enumerate(zip(timed.arcs.own[arcs].tolist(), ticks.tolist(), strict=True)):
         row = int(np.searchsorted(graph.timed, arc))
@@ -125,7 +125,7 @@ def test_standing_costs_what_a_hold_does(people):
 
 
 def test_turns_have_tables_of_their_own_where_the_heading_matters():
-    """A camera ahead of the axis is nearer to somebody at some headings."""
+    """A camera ahead of the axis is nearer to a person at some headings."""
     robot = DifferentialDrive(radius=0.25, camera_offset=(0.2, 0.0))
     problem = through_the_doors(STAYS, criteria=(SeenFromTheCamera(),), robot=robot)
     lattice = Lattice(step=1.0)

@@ -1,4 +1,4 @@
-"""Who walks slowly against the robot at its start leaves it paths: such people are taken to stop before it."""
+"""A person who walks slowly against the robot at its start leaves it paths: the prediction stops before the robot."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ ROOM = World.from_polygons([shapely.box(2, 2, 3, 3)], extent=shapely.box(0, 0, 6
 
 
 def paths(problem, step):
-    """The polylines of the lattice's front."""
+    """Return the polylines of the lattice's front."""
     return [Polyline.of(t, problem) for t in problem.solve(Lattice(step=step)).trajectories]
 
 

@@ -1,4 +1,4 @@
-"""Whether lengths through corridors are the least, by a solver that shares nothing with the planner's."""
+"""Lengths through corridors are minimal by a solver that shares no code with the planner's."""
 
 import math
 

@@ -36,7 +36,7 @@ OUTSIDE = [(1, 1), (1, 5), (5, 5), (5, 1)]  # round the block, away from it
 
 @pytest.fixture
 def beacon(monkeypatch):
-    """A criterion of a test: distance of the end of each move from (0, 2), added up."""
+    """Register a criterion of a test: the summed distance of the end of each move from (0, 2)."""
     monkeypatch.setattr(criteria, "_types", dict(criteria))
 
     @criterion("beacon", group="P", unit="m", aggregate="sum")

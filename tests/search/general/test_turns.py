@@ -20,7 +20,7 @@ DEAR = 4  # what a turn costs in every column where none is free
 
 
 def dearer(full: Graph, seed: int, free: bool) -> Graph:
-    """The lattice with up to three costs more, in any order: a turn's angle, random sums, the worst of either kind."""
+    """Add up to three costs in any order: a turn's angle, random sums, the worst of either kind."""
     rng = np.random.default_rng(seed)
     tails = np.repeat(np.arange(full.nodes), np.diff(full.indptr))
     turn = full.costs[:, TURNS] > 0
@@ -49,7 +49,7 @@ def test_fronts_of_lattices_with_four_to_six_costs_are_those_of_the_closure(clos
 
 
 def searched(graph: Graph, targets: IntArray, groups: Groups, clock: Clock) -> tuple[IntArray, int]:
-    """The front, and how many labels it took."""
+    """Return the front and the number of labels."""
     h, _, _ = lower_bounds(graph, 1, targets, clock, groups)
     search = General(graph, 1, targets, h, (FREE, 0, TURNS), groups, clock)
     search.run(clock)

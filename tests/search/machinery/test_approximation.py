@@ -20,7 +20,7 @@ def covered(exact: np.ndarray, found: np.ndarray, eps: float, tolerance: np.ndar
 
 
 def attained(graph: Graph, paths: ParetoPaths) -> bool:
-    """Whether each path has the costs that are told, by its own arcs."""
+    """Check that each path has the claimed costs by its own arcs."""
     original = np.empty_like(graph.costs)
     original[graph.arc] = graph.costs
     how = {"sum": np.sum, "max": np.max}

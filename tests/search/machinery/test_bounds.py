@@ -76,7 +76,7 @@ def test_a_hub_with_more_arcs_than_the_heap_has_room():
 
 
 def test_memory_is_counted_before_it_is_taken_scratch_included():
-    """What the bounds allocate, measured, is no more than what they count before."""
+    """The measured allocation of the bounds is at most the memory that they count beforehand."""
     rng = np.random.default_rng(3)
     graph = Graph.from_arcs(20_000, *rng.integers(0, 20_000, (2, 80_000)), rng.integers(0, 9, (80_000, 3)))
     clock = Clock(Budget(), None)

@@ -23,7 +23,7 @@ from hpop.search.staircase.tables import LAYERS
 
 
 def widening(steps: int = 60, dear: int = 2**26) -> Graph:
-    """The first cost avoids a dear way, so that numbers outgrow 32 bits, and much dearer ones a key."""
+    """Return a graph whose first cost avoids a dear path, so that numbers outgrow 32 bits and dearer ones a key."""
     tails = np.repeat(np.arange(steps), 2)
     return Graph.from_arcs(steps + 1, tails, tails + 1, np.tile([[0, 1, dear], [1, 0, 0]], (steps, 1)))
 

@@ -48,7 +48,7 @@ def test_the_checkpoint_of_another_question_is_refused(interrupted):
 
 
 def rewritten(file: Path, **changes: Any) -> bytes:
-    """The file with another header, its checksum not made anew."""
+    """Return the file with another header and the old checksum."""
     content = file.read_bytes()
     begin = len(module.MAGIC) + module.LENGTH
     length = int.from_bytes(content[len(module.MAGIC) : begin], "little")

@@ -40,7 +40,7 @@ def of_a_mean(lattice: Callable[..., Graph]) -> Search:
 
 
 def forged(array: IntArray, other: IntArray, rng: np.random.Generator) -> IntArray:
-    """An array of labels, changed in one of many ways."""
+    """Return an array of labels, changed in one of many ways."""
     new, n = array.copy(), len(array)
     i, j = rng.integers(0, max(n, 1), 2)
     large = rng.integers(-(2**63), 2**63 - 1, size=n, dtype=np.int64)

@@ -19,7 +19,7 @@ def groups_of(graph: Graph) -> Groups | None:
 
 
 def shuffled(graph: Graph, seed: int) -> tuple[Graph, np.ndarray]:
-    """The same graph under other numbers, and the new number of each node."""
+    """Return the graph with its nodes renumbered, and the new number of each node."""
     name = np.random.default_rng(seed).permutation(graph.nodes)
     tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
     return Graph.from_arcs(graph.nodes, name[tails], name[graph.heads], graph.costs), name

@@ -81,7 +81,7 @@ def test_arcs_that_take_no_time_are_taken(walks_within, query):
 
 
 def dense(seed: int, others: int) -> tuple[Graph, int]:
-    """A graph of five nodes with many walks from 0 to 4, and a cap somewhat above the least duration."""
+    """Return a graph of five nodes with many walks from 0 to 4, and a cap somewhat above the least duration."""
     rng = np.random.default_rng([seed, others])
     tails, heads = rng.integers(0, 5, (2, 11))
     tails, heads = [0, 1, *tails], [1, 4, *heads]
@@ -231,14 +231,14 @@ def test_other_costs_too_large_for_one_key_word(lattice, scale):
 
 @pytest.fixture(scope="module")
 def large(lattice) -> tuple[Graph, int, MeanPaths]:
-    """A lattice with enough work to be stopped in the second search, its cap and its front."""
+    """Return a lattice with enough work to be stopped in the second search, its cap and its front."""
     graph = with_times(lattice(5, 8))
     cap = int(1.5 * pareto_paths(graph, 0, graph.nodes - 1).costs[:, T].min())
     return graph, cap, search(graph, 0, {graph.nodes - 1}, cap)
 
 
 def check_partial(graph: Graph, cap: int, paths: MeanPaths, exact: MeanPaths) -> None:
-    """What a stopped search leaves: walks under the cap, mutually non-dominated, none better than the exact front."""
+    """Check the result of a stopped search: walks under the cap, non-dominated, none better than the exact front."""
     target = graph.nodes - 1
     check(graph, paths, 0, {target}, cap)
     found = vectors(paths)

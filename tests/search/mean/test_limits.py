@@ -19,7 +19,7 @@ Vector = tuple[Fraction | int, ...]
 
 
 def front(walks: set[tuple[int, tuple[int, ...]]], targets: set[int]) -> list[Vector]:
-    """The non-dominated (S/T, other costs), sorted."""
+    """Return the non-dominated (S/T, other costs), sorted."""
     kept: list[Vector] = []
     for v in sorted({(Fraction(g[S], max(1, g[T])), *g[2:]) for node, g in walks if node in targets}):
         if not any(all(a <= b for a, b in zip(w, v, strict=True)) for w in kept):

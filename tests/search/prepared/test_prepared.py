@@ -59,7 +59,7 @@ def an_event(graph: Graph, closed: BoolArray, rng: np.random.Generator, number: 
 
 
 def costs_along(graph: Graph, paths: ParetoPaths, closed: BoolArray, source: int, targets: set[int]) -> list[list[int]]:
-    """What the paths cost, added up; each leads from the source to a target by arcs that are open."""
+    """Return the summed costs of paths; each path leads from the source to a target by open arcs."""
     worst = np.array([aggregate == "max" for aggregate in graph.aggregates])
     tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
     found = []
@@ -117,7 +117,7 @@ def test_bounds_are_those_made_anew_after_every_event(seed: int, lattice: Callab
 
 
 def covers(front: IntArray, exact: IntArray, gap: float) -> bool:
-    """Whether every exact vector has one of the front that is at most (1 + gap) times it."""
+    """Check that every exact vector has a vector of the front that is at most (1 + gap) times it."""
     return all((front <= exact[i] * (1 + gap) + 1e-9).all(axis=1).any() for i in range(len(exact)))
 
 
@@ -142,7 +142,7 @@ def test_the_gap_that_is_told_is_true_of_what_was_found_and_known(
 
 
 def rich(lattice: Callable[..., Graph], seed: int, width: int) -> Graph:
-    """A lattice whose moves cost up to a thousand, so that the front has many trade-offs, and turns alike or not."""
+    """Return a lattice whose moves cost up to a thousand, for many trade-offs, with equal or unequal turns."""
     graph, rng = lattice(seed, width), np.random.default_rng(seed)
     costs = graph.costs.copy()
     turn = costs[:, 1] > 0

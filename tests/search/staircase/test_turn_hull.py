@@ -24,7 +24,7 @@ from hpop.search.staircase.turn_hull import LANES, STEP_BITS, TurnHull, directio
 
 
 def rich(lattice, seed: int, width: int, uneven: bool = False) -> Graph:
-    """A lattice whose moves cost up to a thousand, so that the front has many trade-offs."""
+    """Return a lattice whose moves cost up to a thousand, so that the front has many trade-offs."""
     graph = lattice(seed, width)
     rng = np.random.default_rng(seed)
     costs = graph.costs.copy()

@@ -42,7 +42,7 @@ def lazy(graph: Graph, free: BoolArray, **options: Any) -> SupportedPaths:
 
 
 def all_of(found: SupportedPaths) -> list[Any]:
-    """What is found, but for which of the two ends of a facet, that tie, its weights are noted at."""
+    """Return the result without the choice among tied ends of a facet at which its weights are noted."""
     weights = sorted(np.concatenate(found.weights).tolist())
     return [found.status, found.solved, weights, *(row.tolist() for row in (found.costs, found.ideal, found.nadir))]
 

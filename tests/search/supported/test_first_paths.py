@@ -14,7 +14,7 @@ from hpop.search.supported.first_paths import first_paths
 
 
 def drawn(seed: int) -> tuple[Graph, list[int]]:
-    """A random graph with parallel arcs, loops, arcs that cost nothing, and two targets."""
+    """Return a random graph with parallel arcs, loops, arcs that cost nothing, and two targets."""
     rng = np.random.default_rng(seed)
     n, m, k = int(rng.integers(2, 7)), int(rng.integers(1, 16)), int(rng.integers(1, 4))
     tails, heads = rng.integers(0, n, (2, m))

@@ -11,7 +11,7 @@ from tests.search.timed.instances import TimedQuery
 
 
 def front_by_expansion(query: TimedQuery) -> list[tuple[int, ...]]:
-    """The front as the search without time finds it on the expanded graph."""
+    """Return the front of the untimed search on the expanded graph."""
     graph, n = query.graph, query.graph.graph.nodes
     ticks = _ticks(graph)
     tails, heads, costs = (np.concatenate(parts) for parts in zip(*_arcs(graph, ticks), strict=True))
@@ -87,7 +87,7 @@ def _standing(graph: TimedGraph, v: int, t: IntArray, length: int) -> IntArray:
 
 
 def _integral(graph: TimedGraph, j: int, p: int, t: IntArray) -> IntArray:
-    """What standing has cost at ticks (N,) since tick 0, or since any other."""
+    """Return the cost of standing until ticks (N,) since tick 0, or since another common tick."""
     if j not in graph.standing:
         return graph.rate[p, j] * t >> 20
     after = graph.rate[p, j] * np.maximum(t - graph.horizon, 0) >> 20

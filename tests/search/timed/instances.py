@@ -25,7 +25,7 @@ class TimedQuery(NamedTuple):
 
 
 def timed_query(seed: int, *, costs: tuple[int, ...] = COSTS) -> TimedQuery:
-    """A question with 1 to 6 costs on 2 to 6 nodes, whose walks last some 10 to 20 ticks."""
+    """Return a query with 1 to 6 costs on 2 to 6 nodes, whose walks last some 10 to 20 ticks."""
     rng = np.random.default_rng([17, seed])
     k = int(rng.choice(costs))
     n, h = int(rng.integers(2, 7)), int(rng.integers(0, 11 if k < 4 else 7))
@@ -76,7 +76,7 @@ def _chain(rng: np.random.Generator, n: int) -> IntArray:
 
 
 def _latest(graph: Graph, durations: IntArray, hold: int | None) -> int:
-    """The last tick until when there are few enough walks to enumerate, were all arcs open and all holds allowed."""
+    """Return the last tick with few enough walks to enumerate, were all arcs open and all holds allowed."""
     tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr)).tolist()
     arcs = list(zip(tails, graph.heads.tolist(), durations.tolist(), strict=True))
     arrived = [[int(node == 0) for node in range(graph.nodes)]]  # walks by tick and node
@@ -120,7 +120,7 @@ def _standing(
 
 
 def _rates(rng: np.random.Generator, aggregates: list[str], places: int, most: int) -> IntArray:
-    """What a tick of standing costs (P, k): parts of a count for sums, whole ones for maxima."""
+    """Return the cost of a tick of standing (P, k): parts of a quantum for sums, whole quanta for maxima."""
     counts = rng.integers(0, most + 1, (places, len(aggregates))) * (rng.random((places, len(aggregates))) < 0.6)
     sums = np.array([aggregate == "sum" for aggregate in aggregates])
     parts = rng.choice([1 << 20, 1 << 19, 700_001], (places, 1))

@@ -13,7 +13,7 @@ Rule = Callable[[Semantics, int, Label, Label], bool]  # at a node: does the fir
 
 
 def front_by_labels(query: TimedQuery, rule: Rule, *, at_once: bool = False) -> list[Vector]:
-    """The front if labels are dropped by a rule; ``at_once`` if each arc is left for as soon as it is open."""
+    """Return the front if labels are dropped by a rule; ``at_once``: each arc is left for as soon as it opens."""
     of = Semantics(query.graph)
     kept: list[list[Label]] = [[] for _ in range(of.nodes)]
     buckets: list[list[tuple[int, Vector]]] = [[] for _ in range(of.last + 1)]
@@ -44,7 +44,7 @@ def _departures(of: Semantics, v: int, t: int, g: Vector) -> Iterator[tuple[int,
 
 
 def at_most(a: Vector, b: Vector) -> bool:
-    """Whether no component is larger."""
+    """Return True if no component of a is larger."""
     return all(x <= y for x, y in zip(a, b, strict=True))
 
 

@@ -1,4 +1,4 @@
-"""What a timed graph means, read from its tables one number at a time, in plain Python; and walks replayed by it."""
+"""Meaning of a timed graph, read from its tables one number at a time, in plain Python; and walks replayed by it."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Semantics:
         return tuple(max(a, b) if how == "max" else a + b for a, b, how in columns)
 
     def may_stand(self, place: int, begin: int, end: int) -> bool:
-        """Whether nobody comes too near from one tick to another."""
+        """Return True if no person comes too near from one tick to another."""
         return not any(self.cut[place][min(t, self.horizon)] for t in range(begin, end))
 
     def may_leave(self, arc: int, tail: int, t: int) -> bool:
-        """Whether an arc is open at a tick."""
+        """Return True if an arc is open at a tick."""
         t = min(t, self.horizon)
         if arc in self.row:
             return not self.blocked[self.row[arc]][t]

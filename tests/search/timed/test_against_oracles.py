@@ -21,7 +21,7 @@ TOGETHER = 10  # questions a test
 
 
 def agrees(query: TimedQuery, expected: list[Vector]) -> None:
-    """The search finds these vectors, and a walk for each."""
+    """Check that the search finds these vectors, and a walk for each."""
     paths = timed_paths(*query)
     assert [tuple(row) for row in paths.costs.tolist()] == expected
     assert paths.status is (Status.COMPLETE if expected else Status.NO_PATH)
@@ -45,7 +45,7 @@ def test_it_finds_the_front_of_the_expanded_graph(seed):
 
 @pytest.mark.seeds(1, of=200)
 def test_it_finds_it_where_first_solutions_are_looked_for_next_to_best_ways(monkeypatch, seed):
-    """As in large graphs; nodes that nobody needs are then left out. A slice of the sweeps is a few states."""
+    """As in large graphs; nodes on no path are then omitted. A slice of the sweeps is a few states."""
     monkeypatch.setattr(bounds, "MANY", -1)
     monkeypatch.setattr(bounds, "STEPS", 3)
     for one in range(30_000 + TOGETHER * seed, 30_000 + TOGETHER * (seed + 1)):
@@ -63,7 +63,7 @@ def test_it_finds_that_of_expanded_lattices(seed, options):
 
 
 def two_nodes(static: list[int], **options: Any) -> TimedGraph:
-    """An arc of three ticks, and a horizon of four."""
+    """Return an arc of three ticks, and a horizon of four."""
     return TimedGraph(Graph.from_arcs(2, [0], [1], [static]), np.array([3], np.int32), 4, **options)
 
 

@@ -1,4 +1,4 @@
-"""Of paths that cost the same the one that is found does not stop twice where once would do."""
+"""Among paths with equal costs, the search returns one that does not stop twice where once would do."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from tests.search.timed.semantics import HOLD, Semantics, Vector, check_timed_wa
 
 
 def cost_of(of: Semantics, source: int, arcs: list[int], leaves: list[int]) -> Vector | None:
-    """What arcs cost that are left for at some ticks, holds between them; None where that cannot be."""
+    """Return the costs of arcs left at some ticks, with holds between them; None where that is impossible."""
     v, ready, costs = source, 0, (0,) * len(of.aggregates)
     for arc, t in zip(arcs, leaves, strict=True):
         if t != ready:
@@ -41,7 +41,7 @@ def test_a_robot_that_lets_somebody_pass_stops_once() -> None:
 
 
 def gated(seed: int) -> TimedGraph:
-    """A row of nodes with a way beside it, each arc blocked now and then; waiting costs the same nearly everywhere."""
+    """Return a row of nodes with a path beside it; arcs are blocked at times, and waiting costs nearly nothing more."""
     rng = np.random.default_rng(seed)
     n, horizon = 7, 30
     tails, heads = [*range(n - 1), *range(n - 1)], [*range(1, n), *range(1, n)]

@@ -23,7 +23,7 @@ def query() -> TimedQuery:
 
 @pytest.fixture
 def file(query: TimedQuery, tmp_path: Path) -> Path:
-    """What a search keeps that is stopped at once."""
+    """Return the checkpoint of a search that is stopped at once."""
     path = tmp_path / "solutions.ckpt"
     paths = timed_paths(*query, budget=Budget(max_labels=1), checkpoint=path)
     assert paths.status is Status.LABEL_LIMIT

@@ -19,7 +19,7 @@ TOGETHER = 10  # questions a test
 def uncovered(
     exact: Sequence[Vector], found: Sequence[Sequence[int]], eps: float, tolerance: Sequence[int]
 ) -> list[Vector]:
-    """The vectors that none of those found is near enough to."""
+    """Return the exact vectors without a near enough vector in the result."""
     return [
         p
         for p in exact

@@ -23,7 +23,7 @@ MOST = 100_000  # vectors of a question that are enumerated: a second or so
 
 
 def from_there(query: TimedQuery, node: int, tick: int) -> TimedQuery:
-    """The same from another node at a tick: one arc leads to it, which lasts so long, from where nobody waits."""
+    """Return the query from another node and tick: one arc of that duration leads there from a start without holds."""
     graph, h = query.graph, query.graph.horizon
     if tick == 0:
         return query._replace(source=node)

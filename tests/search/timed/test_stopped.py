@@ -52,7 +52,7 @@ def test_after_any_number_of_labels_on_a_lattice(seed):
 
 
 def test_the_gap_is_the_same_in_blocks_of_any_size(monkeypatch):
-    """What is still open is looked at in blocks: all at once it would take more memory than the search."""
+    """Open labels are examined in blocks: all at once would take more memory than the search."""
     query = timed_lattice(2, 8, duration=True)
     for labels in (20, 200):
         gaps = set()

@@ -52,7 +52,7 @@ def on_a_line(costs: list[Any], tables: dict[int, Any], **options: Any) -> Timed
 
 
 def found(query: TimedQuery) -> list[tuple[int, ...]]:
-    """The front of the search."""
+    """Return the front of the search."""
     return [tuple(row) for row in timed_paths(*query).costs.tolist()]
 
 
@@ -64,14 +64,14 @@ def test_the_arrival_as_one_more_cost_loses_the_only_optimum():
 
 
 def test_to_leave_at_once_loses_the_way_of_who_waits():
-    """Beside the passage somebody stands until tick 5: 3 of intrusion at once, none after a hold; a tick costs 1."""
+    """A person stands beside the passage until tick 5: intrusion is 3 at once, 0 after a hold; a tick costs 1."""
     query = on_a_line([[0, 1], [0, 9], [0, 1]], {0: [[3, 3, 3, 3, 3, 0]]}, hold=2, rate=np.array([[0, 1 << 20]] * 3))
     assert found(query) == front_by_enumeration(query) == front_by_labels(query, by_waiting) == [(0, 6), (3, 2)]
     assert front_by_labels(query, by_waiting, at_once=True) == [(3, 2)]
 
 
 def test_to_compare_across_a_cut_loses_who_comes_after_it():
-    """To wait in the middle is free, but nobody may stand there at tick 2; who comes at tick 4 leaves for less."""
+    """Waiting in the middle is free but forbidden at tick 2; a path that comes at tick 4 leaves at a lower cost."""
     cut = np.zeros((3, 6), bool)
     cut[1, 2] = cut[0] = True
     query = on_a_line([[0], [1], [0]], {0: [[9, 9, 9, 9, 0, 0]]}, hold=1, cut=cut, later=4)

@@ -154,7 +154,7 @@ def test_whoever_is_named_first_cannot_decide_all(choices):
 
 
 def test_ties_alone_give_no_finite_strengths_to_who_never_lost():
-    """Of two the likelihood grows with the strength of 1, and nu with it: 0 was never chosen."""
+    """With two rows, the likelihood grows with the strength of 1, and nu with it: 0 was never chosen."""
     with pytest.raises(StudyError, match="one was chosen always, or tied"):
         bradley_terry([0] * 10, [1] * 10, [1] * 6 + [None] * 4, stimuli=2)
 

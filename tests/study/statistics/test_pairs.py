@@ -76,7 +76,7 @@ def test_exchanging_the_two_turns_signs_only(values):
 
 
 def rejected(values, shift, zeros, exact, level):
-    """Whether the test of the differences less a shift rejects."""
+    """Return True if the test of the differences less a shift rejects."""
     ranks = signed_ranks(values - shift, zeros)
     z = ranks.sum() / np.sqrt((ranks**2).sum() or 1)
     return (exact_p(ranks) if exact else 2 * stats.norm.sf(abs(z))) <= 1 - level + 1e-12

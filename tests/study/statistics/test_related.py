@@ -24,7 +24,7 @@ def test_friedmans_of_hollander_and_wolfe():
 
 
 def test_cochrans_q_of_three_classifiers():
-    """Of mlxtend's guide, example 1, which prints Q 7.529 and p .023."""
+    """Example 1 of mlxtend's guide, which prints Q 7.529 and p .023."""
     # The guide's three columns of 100: wrong is 1.
     first = np.array([1] * 16 + [0] * 6 + [0] * 76 + [0] * 2)
     second = np.array([1] * 6 + [0] * 14 + [1] * 2 + [0] * 76 + [0] * 2)

@@ -17,7 +17,7 @@ LETTERS = {"int32": "i", "int16": "h", "float64": "d"}
 
 
 def held(path: Path) -> Page:
-    """The payload that a page holds."""
+    """Return the payload of a page."""
     found = re.search(r'<script type="application/json" id="payload">(.*?)</script>', path.read_text(encoding="utf-8"))
     assert found is not None
     return Page(json.loads(found[1]))
@@ -60,7 +60,7 @@ class Page:
         return self.places[self.corners[begin : begin + self.counts[row]]]
 
     def area(self, packed: dict[str, int]) -> shapely.Geometry:
-        """An area by the even-odd rule."""
+        """Return an area by the even-odd rule."""
         found: shapely.Geometry = shapely.Polygon()
         for ring in self.rings[packed["first"] : packed["first"] + packed["count"]]:
             found = shapely.symmetric_difference(found, shapely.make_valid(shapely.Polygon(ring)))

@@ -16,7 +16,7 @@ UNITS = ("s", "1", "m", "rad", "m")
 
 @cache
 def seeded(n: int, seed: int = 7) -> tuple[hpop.Problem, hpop.Front]:
-    """So many mutually non-dominated cost vectors, with ways of 5 to 12 runs, each of steps of about 0.25 m."""
+    """Return n mutually non-dominated cost vectors, with paths of 5 to 12 runs in steps of about 0.25 m."""
     rng = np.random.default_rng(seed)
     model = hpop.DifferentialDrive(radius=0.3, camera_height=1.2)
     world = hpop.World.from_geojson(hpop.examples.path("museum.geojson"))

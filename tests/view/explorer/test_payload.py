@@ -36,7 +36,7 @@ def through(model, **columns):
 
 
 def of(trajectories, problem):
-    """A front of trajectories whatever they cost."""
+    """Return a front of trajectories with arbitrary costs."""
     costs = [[i, len(trajectories) - i] for i in range(len(trajectories))]
     return hpop.Front.of(costs, trajectories, names=["length", "turns"], quanta=[1, 1], problem=problem.describe())
 
@@ -58,7 +58,7 @@ def test_costs_are_those_that_the_file_of_the_front_holds_bit_for_bit(tmp_path):
 
 
 def assert_on_the_way(page: Page, row: int, trajectory: hpop.Trajectory) -> None:
-    """A decoded path is where the camera is, seen from above, to 3 mm."""
+    """Check that a decoded path is the camera's, seen from above, to 3 mm."""
     pose = trajectory.model.pose("camera", trajectory.at(np.linspace(0, trajectory.duration, 997)))
     way = np.stack([pose.x, pose.y], axis=1)
     drawn = page.path(row)

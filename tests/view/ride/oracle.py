@@ -1,4 +1,4 @@
-"""What a camera sees, by shapely: rays in the plane cut obstacles in intervals, and heights decide along each."""
+"""A camera's view by shapely: rays in the plane cut obstacles in intervals, and heights decide along each."""
 
 import math
 
@@ -11,7 +11,7 @@ FAR = 200.0
 
 
 def seen(world: hpop.World, position, bearings, elevations, storey: float = 3.0):
-    """The place, from 1, of the obstacle that each line of sight (N,) meets first; 0 for floor and sky."""
+    """Return the place, from 1, of the obstacle that each line of sight (N,) meets first; 0 for floor and sky."""
     x, y, h = position
     ends = np.stack([x + FAR * np.cos(bearings), y + FAR * np.sin(bearings)], axis=1)
     starts = np.broadcast_to([x, y], ends.shape)

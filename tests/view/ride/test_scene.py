@@ -1,4 +1,4 @@
-"""What there is to see: each obstacle with its heights and number, people and landmarks at their places."""
+"""The scene of a ride: each obstacle with its heights and number, people and landmarks at their positions."""
 
 import json
 import math

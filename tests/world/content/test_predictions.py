@@ -163,7 +163,7 @@ def test_who_is_ever_less_surely_there_needs_an_end():
 
 
 def entry(x: float, y: float, vx: float, vy: float) -> float:
-    """When a point first is within the wall, by small steps: up to a tick late."""
+    """Return the time at which a point first is within the wall, by small steps: up to one step late."""
     t = np.arange(0.0, 40.0, 1e-3)
     inside = (x + vx * t > 6) & (x + vx * t < 6.5) & (y + vy * t > 0) & (y + vy * t < 4)
     return float(t[np.argmax(inside)]) if inside.any() else math.inf

@@ -1,4 +1,4 @@
-"""How places lie to people, effects of many people, and means over an uncertain place."""
+"""Positions relative to people, effects of many people, and means over an uncertain position."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def bell(r):
 
 @cache
 def tables():
-    """The mean of the Gaussian, and of the distance times it times a cosine."""
+    """Return the mean of the Gaussian, and of the distance times it times a cosine."""
     ahead = Blurred(lambda r: r * bell(r), 7 * WIDTH, detail=WIDTH, harmonic=1)
     return Blurred(bell, 7 * WIDTH, detail=WIDTH), ahead
 

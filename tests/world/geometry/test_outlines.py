@@ -22,7 +22,7 @@ from hpop.world.readers import geojson_content
 
 
 def joined(cells: BoolArray) -> shapely.Geometry:
-    """The union of all squares by GEOS, which knows nothing of rows and columns."""
+    """Return the union of all squares by GEOS, independent of rows and columns."""
     y, x = np.nonzero(cells)
     return shapely.union_all(shapely.box(x, y, x + 1, y + 1))
 
@@ -86,7 +86,7 @@ def random_ring(count):
 
 
 def comb(teeth):
-    """A polygon whose many teeth reach up; turned by a quarter, it crosses itself teeth squared times."""
+    """Return a polygon whose many teeth reach up; turned by a quarter, it crosses itself teeth squared times."""
     x, y = np.arange(2 * teeth) / (2 * teeth), np.where(np.arange(2 * teeth) % 2, 1.0, 0.01)
     return np.concatenate([np.column_stack([x, y]), [[1, 0], [0, 0]]])
 

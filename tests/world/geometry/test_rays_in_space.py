@@ -28,7 +28,7 @@ def drawn(rng):
 
 
 def contains(solid, points):
-    """Whether points (N, 3) are inside, by what each shape is."""
+    """Return a mask of the points (N, 3) inside a solid, by the definition of each shape."""
     local = (points - solid.pose[:3, 3]) @ solid.pose[:3, :3]
     match solid.shape:
         case Box(size=size):

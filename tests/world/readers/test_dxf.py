@@ -19,7 +19,7 @@ ROOM = [(0, 0), (6, 0), (6, 4), (0, 4)]
 
 
 def lines(draw, layers=None):
-    """What `extract` finds: words, and the lines as arrays (n, 2) with their layers."""
+    """Return the result of `extract`: words, and the lines as arrays (n, 2) with their layers."""
     words, arrays = extract(dxf(draw), {"layers": layers})
     parts = np.split(arrays["points"], arrays["starts"][1:-1])
     return words, [(words["layers"][layer], part) for layer, part in zip(arrays["layer"], parts, strict=True)]

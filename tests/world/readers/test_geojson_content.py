@@ -259,7 +259,7 @@ FLOORS = {"landmarks": ("Point", [1, 1]), "flows": ("LineString", [[0, 0], [4, 0
 
 
 def floors(folder, role):
-    """A file whose features are on the levels 0, 1, 0 to 2, and none."""
+    """Write a file whose features are on the levels 0, 1, 0 to 2, and none."""
     kind, coordinates = FLOORS[role]
     given = [{"level": 0}, {"level": "1"}, {"level": "0-2"}, {}]
     features = [feature(kind, coordinates, {"name": f"n{i}", "limit": 1, **own}) for i, own in enumerate(given)]

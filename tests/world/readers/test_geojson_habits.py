@@ -42,7 +42,7 @@ def in_degrees(metres):
 
 
 def in_web_mercator(metres):
-    """The same in EPSG:3857, by its two formulas (OGP Guidance Note 7-2, 3.2.1.2)."""
+    """Convert metres to EPSG:3857, by its two formulas (OGP Guidance Note 7-2, 3.2.1.2)."""
     return [
         [RADIUS * math.radians(lon), RADIUS * math.asinh(math.tan(math.radians(lat)))]
         for lon, lat in in_degrees(metres)

@@ -101,7 +101,7 @@ def pixel(*metres):
 
 
 def drawn(folder, *, words=True, statues=True):
-    """A plan of 16 x 10 m as a picture, and what is solid in it: all but the lettering."""
+    """Draw a plan of 16 x 10 m; return the picture and its solid parts: everything but the lettering."""
     font = ImageFont.load_default(14)
     plan, solid = Image.new("L", pixel(16, 10), 255), Image.new("1", pixel(16, 10), 0)
     for picture, ink in ((plan, 0), (solid, 1)):
@@ -147,7 +147,7 @@ def test_what_is_not_what_was_drawn_is_noted_with_its_place_and_the_way_out(tmp_
 
 
 def asked(note, option):
-    """The option that a note proposes."""
+    """Return the option that a note proposes."""
     return {option: float(re.search(rf"{option}: ([0-9.]+[0-9])", note)[1])}
 
 

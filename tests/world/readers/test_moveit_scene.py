@@ -60,7 +60,7 @@ def written(folder: Path, scene: object) -> Path:
 
 
 def changed(*place, to):
-    """The scene with something else in a place."""
+    """Return the scene with one entry replaced."""
     scene = copy.deepcopy(SCENE)
     inside = scene
     for key in place[:-1]:
@@ -204,7 +204,7 @@ def test_what_is_not_read_is_refused_with_the_object_and_what_was_expected(tmp_p
 
 
 def echoed(scene):
-    """A message as ros2 topic echo prints it: a byte as a character, --- after it."""
+    """Return a message as ros2 topic echo prints it: a byte as a character, --- after it."""
     for thing in scene["world"]["collision_objects"]:
         if isinstance(thing.get("operation"), int):
             thing["operation"] = chr(thing["operation"])

@@ -49,7 +49,7 @@ class Counted:
 
 
 def polygons(folder: Path) -> Path:
-    """A file of squares that stand apart, each with a speed limit."""
+    """Return a file of squares that stand apart, each with a speed limit."""
     features = []
     for i in range(SIDE * SIDE):
         x, y = 3 * (i % SIDE), 3 * (i // SIDE)
@@ -160,7 +160,7 @@ def scenario(folder: Path, *planners: dict[str, object]) -> Path:
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """A clock that goes on by a second whenever a spending looks at it."""
+    """Return a clock that advances by a second whenever a limit reads it."""
     now = [0.0]
 
     def look() -> float:

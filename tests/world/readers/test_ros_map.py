@@ -25,7 +25,7 @@ YAML = {
 
 
 def write(folder, content=None, /, **changes):
-    """A map in a folder; a change to None removes the key."""
+    """Write a map to a folder; a change to None removes the key."""
     values = {key: value for key, value in {**YAML, **changes}.items() if value is not None}
     path = folder / "map.yaml"
     path.write_text("".join(f"{key}: {value}\n" for key, value in values.items()))
@@ -209,7 +209,7 @@ def test_the_image_of_the_very_name_comes_before_others_and_folders_are_no_image
 
 
 def mask(folder, pixels, **changes):
-    """A mask of one row beside a map, as (the mask's yaml, the map's yaml)."""
+    """Write a mask of one row beside a map; return (the mask's yaml, the map's yaml)."""
     (folder / "masks").mkdir(exist_ok=True)
     image = b"P5\n%d 1\n255\n" % len(pixels) + bytes(pixels)
     given = {"mode": "scale", "occupied_thresh": 1.0, "free_thresh": 0.0, "origin": "[1, 2, 0]", **changes}
@@ -363,7 +363,7 @@ def test_a_wrong_height_is_refused(tmp_path):
 
 
 def read_again(world):
-    """A map that was read is whole: it has a place, and its description builds the same cells."""
+    """Check that a map is whole: it has a position, and its description builds equal cells."""
     assert world.raster.cells.size > 0
     assert np.isfinite([world.raster.resolution, *world.raster.origin, *world.bounds]).all()
     again = World.from_description(world.describe())

@@ -27,7 +27,7 @@ def by_shapely(solid, x, y, angle):
 
 
 def numbers(column, **inputs):
-    """The values of a column of symbols."""
+    """Return the values of a column of symbols."""
     symbols = [casadi.MX.sym(name, len(value)) for name, value in inputs.items()]
     function = casadi.Function("f", symbols, [casadi.MX(column(*(lift(s, s.numel()) for s in symbols)))])
     return np.array(function(*inputs.values())).ravel()
@@ -124,7 +124,7 @@ def test_rotation_flows_alike_at_any_depth_and_adds_to_translation():
 
 
 def among_boxes(seed):
-    """A hall with 70 small boxes, and straight moves in it that stay 0.3 m off them: ends and direction."""
+    """Return a hall with 70 small boxes, and straight moves in it that stay 0.3 m off them: ends and direction."""
     rng = np.random.default_rng(seed)
     boxes = []
     for _ in range(70):

@@ -37,7 +37,7 @@ class Camera:
 
 
 def hidden(prisms, landmark, x, y, z):
-    """Whether any prism holds a part of the line from landmark to camera, by cutting the line at its heights."""
+    """Return True if a prism holds a part of the line from landmark to camera, by cutting the line at its heights."""
     for polygon, (bottom, top) in prisms:
         low, high = 0.0, 1.0
         if z == landmark.z:
@@ -64,7 +64,7 @@ def random_prisms(rng, count=14):
 
 
 def samples(field, world):
-    """Samples that are not cut by the border of a shadow, with their places."""
+    """Return samples that are not cut by the border of a shadow, with their places."""
     xs, ys, _ = _grid(world)
     rows, columns = np.nonzero((field.values == 0) | (field.values > 1 - 1e-12))
     return xs[columns], ys[rows], field.values[rows, columns]

@@ -144,7 +144,7 @@ def test_jupedsim_wrote_text_with_the_names_of_columns_in_a_comment(tmp_path):
 
 
 def database(path, rows, fps="8"):
-    """What JuPedSim's sqlite writer makes (schema of its documentation)."""
+    """Write a database as JuPedSim's sqlite writer does (schema of its documentation)."""
     with closing(sqlite3.connect(path)) as base:
         base.execute("CREATE TABLE trajectory_data (frame INTEGER, id INTEGER, pos_x REAL, pos_y REAL, ori_x REAL)")
         base.execute("CREATE TABLE metadata (key TEXT NOT NULL UNIQUE PRIMARY KEY, value TEXT NOT NULL)")

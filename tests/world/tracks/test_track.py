@@ -1,4 +1,4 @@
-"""Tracks: where somebody is at which time, on numbers and on symbols; what is no track."""
+"""Tracks: a person's position at each time, on numbers and on symbols; refusals of other input."""
 
 from __future__ import annotations
 
