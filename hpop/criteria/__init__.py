@@ -1,6 +1,6 @@
-"""Criteria in four groups. Each is imported when it is first used, and then registered.
+"""Criteria in four groups. Each is imported, and then registered, when it is first used.
 
-A criterion of the house is named once, below: the names of this package, and what is registered, follow from that.
+The imports below are the only list of hpop's criteria: names of this package and registered names follow from it.
 """
 
 from __future__ import annotations

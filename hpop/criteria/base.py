@@ -1,7 +1,7 @@
-"""What a criterion is: a plain NumPy function of motions, and what it declares.
+"""Criteria: plain NumPy functions of motions, with declared unit, group and aggregate.
 
-A criterion is a frozen dataclass (its fields are its parameters) with a method ``cost(m)`` that gives one number a
-motion, minimised, >= 0::
+A criterion is a frozen dataclass; its fields are its parameters. Its method ``cost(m)`` returns one number for each
+motion, >= 0, to be minimised::
 
     @hpop.criterion("rotation", group="C", unit="rad", aggregate="sum")
     @dataclass(frozen=True)
@@ -9,8 +9,8 @@ motion, minimised, >= 0::
         def cost(self, m: Motions) -> Column:
             return m.camera.turned
 
-The four groups are the paper's (Becerra et al. 2020, arXiv 2002.10696): P performance (the camera does its work),
-C comfort of the immersed user, R robot, O others near the robot.
+The four groups are the paper's (Becerra et al. 2020, arXiv 2002.10696): P performance (the camera does its work), C
+comfort of the immersed user, R robot, O others near the robot.
 """
 
 from __future__ import annotations
@@ -47,24 +47,24 @@ T = TypeVar("T", bound=type)
 class Criterion(Protocol):
     """Criterion as planners and fronts see it.
 
-    name       as the registry has it
+    name       in the registry
     group      P, C, R or O
     unit       of the cost, SI; "1" for a count or a share
     aggregate  how motions add up: sum; time-mean (sum over duration); max (worst moment); trajectory (with memory)
     requires   bodies or world contents it needs: "camera", "people", ...
-    smooth     whether the cost has a gradient; a nonlinear program refuses the others by name
+    smooth     whether the cost has a gradient; nonlinear programs refuse criteria without one
     quantum    resolution at which costs are compared, in the unit: exact searches add integers of it
 
     These may be left out, and have defaults:
 
-    role         "duration", "length" or "turns", where planners know the cost as that; None
-    world_frame  whether it knows directions or places by itself, apart from the world's content; False
-    instead      names of criteria for models that lack what it requires; ()
-    integral     of a time-mean: the criterion that adds up in its place; None for its own integral over time
-    mean         of what stands in for a time-mean: that one; None
-    stand_in_quantum  quantum of what adds up in its place, where one was set; None
-    places       (x, y, z) m, that pictures mark; ()
-    bound        method of states (M,) and others: a lower bound (M,) on the cost of any trajectory between them; None
+    role         "duration", "length" or "turns", if the cost is what planners know by that name; None
+    world_frame  whether the cost depends on directions or positions of its own, apart from the world's content; False
+    instead      names of criteria for models that lack a requirement; ()
+    integral     of a time-mean: the criterion that adds up in its place; None for the time integral of ``cost`` itself
+    mean         of a stand-in for a time-mean: that time-mean; None
+    stand_in_quantum  of a time-mean: the quantum of its stand-in, where one was set; None
+    places       positions (x, y, z), m, for pictures to mark; ()
+    bound        method of two states (M,): a lower bound (M,) on the cost of any trajectory between them; None
     convex       method of a path: the cost of polylines as a convex expression, :mod:`hpop.criteria.convex`; None
     """
 
@@ -83,9 +83,9 @@ class Criterion(Protocol):
     @property
     def quantum(self) -> float: ...
     def cost(self, m: Any) -> Column:
-        """Return the cost (M,) of each motion of :class:`hpop.Motions`: its share of the sum, integral or worst moment.
+        """Return the cost (M,) of each motion of :class:`hpop.Motions`: its part of the sum, integral or worst moment.
 
-        With memory (aggregate "trajectory"), the running value (M,) at the end of each motion of a
+        With memory (aggregate "trajectory"), return the running value (M,) at the end of each motion of a
         :class:`hpop.trajectories.history.History`.
         """
 
@@ -122,7 +122,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "bound": None,
     "convex": None,
 }
-"""What a criterion has of the contract without saying so."""
+"""Values of the contract's optional members."""
 
 
 CriterionSpec = str | Criterion | Mapping[str, Mapping[str, Any] | None]
@@ -142,12 +142,12 @@ def criterion(
     role: Role | None = None,
     instead: tuple[str, ...] = (),
 ) -> Callable[[T], T]:
-    """Declare and register a criterion; see :class:`Criterion` for what the arguments mean.
+    """Declare and register a criterion; :class:`Criterion` explains the arguments.
 
-    ``world_frame`` says that it knows directions or places by itself, apart from the world's content (where the sun
-    stands), so that turning the world with everything in it changes its cost. ``role`` says that it is what planners
-    know as the duration, the length of the way or the number of turns, whatever its name. ``instead`` names criteria
-    for models that lack what it requires.
+    ``world_frame`` says that the cost depends on a direction or position of its own, such as that of the sun, so that
+    it changes if the world is turned with everything in it. ``role`` says that planners may use the cost as the
+    duration, the length of the path or the number of turns, whatever its name. ``instead`` names criteria for models
+    that lack a requirement.
 
     Raises CriterionError when the declaration is wrong or the name is taken.
     """
@@ -194,9 +194,9 @@ def criterion(
 
 @checked_arguments
 def make_criterion(spec: CriterionSpec) -> Criterion:
-    """Return a criterion from its name, from ``{name: {parameter: value}}``, or itself.
+    """Return a criterion from its name, from ``{name: {parameter: value}}``, or the criterion itself.
 
-    Raises UnknownName for a name that is not registered and CriterionError for parameters it does not have.
+    Raises UnknownName for a name that is not registered and CriterionError for unknown parameters.
     """
     if isinstance(spec, str | Mapping):
         return cast(Criterion, made(criteria, spec))
@@ -207,8 +207,8 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     )
 
 
-def place_of(role: Role, criteria: Sequence[Criterion]) -> int | None:
-    """Return the index of the criterion that planners know by a role; None if none has it."""
+def index_of_role(role: Role, criteria: Sequence[Criterion]) -> int | None:
+    """Return the index of the criterion with a role; None if none has it."""
     return next((j for j, criterion in enumerate(criteria) if criterion.role == role), None)
 
 
@@ -219,7 +219,7 @@ def describe_criterion(criterion: Criterion) -> dict[str, dict[str, Any]]:
 
 
 def check_usable(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError where a criterion requires what robot and world lack, or cannot be saved."""
+    """Raise CriterionError if a criterion lacks a requirement in robot and world, or cannot be saved."""
     check_requirements(criterion, model, world)
     try:
         json.dumps(describe_criterion(criterion), allow_nan=False)
@@ -231,7 +231,7 @@ def check_usable(criterion: Criterion, model: Model, world: World) -> None:
 
 
 def check_command(criterion: Criterion) -> str:
-    """Return the command of a criterion's conformance checks, by the file or the module of its class."""
+    """Return the command that checks a criterion's conformance, by the file or the module of its class."""
     cls = class_of(criterion)
     file = getattr(sys.modules.get(cls.__module__), "__file__", None)
     source = cls.__module__ if "." in cls.__module__ or file is None else file
@@ -239,19 +239,19 @@ def check_command(criterion: Criterion) -> str:
 
 
 def class_of(criterion: Criterion) -> type:
-    """Return the class of a criterion; of the mean, where a time integral of hpop stands in for one."""
+    """Return the class of a criterion; for hpop's own time integral in place of a mean, the class of the mean."""
     cls, mean = type(criterion), criterion.mean
     return type(mean) if cls.__module__.startswith("hpop.") and mean is not None else cls
 
 
 def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError where a criterion requires what model and world lack, with criteria to take instead."""
+    """Raise CriterionError if a criterion lacks a requirement in model and world, and name criteria to use instead."""
     absent = lacking(completed(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return
-    found = {name: cast(Criterion, criteria[name]) for name in criterion.instead if name in criteria}
-    able = [name for name, one in found.items() if not lacking(one.requires, model, world)]
+    substitutes = {name: cast(Criterion, criteria[name]) for name in criterion.instead if name in criteria}
+    usable = [name for name, substitute in substitutes.items() if not lacking(substitute.requires, model, world)]
     raise CriterionError(
         f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
-        + (f"; take {' or '.join(map(repr, able))}" if able else "")
+        + (f"; take {' or '.join(map(repr, usable))}" if usable else "")
     )

@@ -1,12 +1,12 @@
-"""How a criterion declares that it is convex in the vertices of a polyline, as an atom of cvxpy declares its curvature.
+"""Convex forms of criteria for polylines, declared as an atom of cvxpy declares its curvature.
 
 A criterion that can be minimised by convex programs has one more method::
 
     def convex(self, path: ConvexPath) -> ConvexCost:
         return ConvexCost(path.length, exact=True)
 
-Each segment of the path stays in a convex region of free space, so a constraint or a cost that is convex in its ends
-holds all along it.
+Each segment of the path stays in a convex region of free space. So a constraint or a cost that is convex in the ends of
+a segment holds all along it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ConvexCost:
-    """A convex cvxpy expression, and what it is of the cost.
+    """Convex cvxpy expression of a cost.
 
     expression  scalar, >= 0, in the criterion's unit
     exact       whether it equals the cost of every trajectory along the path; else it is an upper bound
@@ -34,7 +34,7 @@ class ConvexCost:
 
 
 class ConvexPath(Protocol):
-    """A polyline of n segments whose vertices are cvxpy expressions.
+    """Polyline of n segments with vertices that are cvxpy expressions.
 
     world, model
     start     the state at the start, (1,)
@@ -54,8 +54,8 @@ class ConvexPath(Protocol):
         """Sum of the segments' lengths, m: convex."""
 
     def shortfall(self, enough: float, space: FreeSpace, body: str) -> Any:
-        """Upper bound of max (enough - d)₊ along the path, m: convex. d is a body's distance to a space's border.
+        """Return a convex upper bound of max (enough - d)₊ along the path, m, d being a body's distance to the border.
 
         In a convex region that the border does not enter, the distance to the region's own border is concave and no
-        greater than d. Equal to d where the nearest obstacle is a straight wall.
+        greater than d. It equals d where the nearest obstacle is a straight wall.
         """

@@ -1,4 +1,4 @@
-"""Costs of criteria on motions and trajectories, and the quanta in which the costs of a problem are compared."""
+"""Costs of motions and trajectories by criteria, and the quanta at which the costs of a problem are compared."""
 
 from __future__ import annotations
 
@@ -25,17 +25,18 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.world import World
 
-SPOKEN = 100  # trajectories between two reports of how far an evaluation is
-FINEST = 1e-12  # in the unit; exact searches refuse what makes sums of it overflow
+PROGRESS_EVERY = 100  # trajectories between two progress reports
+FINEST = 1e-12  # in the unit; exact searches refuse quanta that make their sums overflow
 C = TypeVar("C", bound=Criterion)
 
 
 @checked_arguments
 def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
-    """Return the costs (M,) of motions, checked: one finite number >= 0 a motion.
+    """Return the costs (M,) of motions, checked: one finite number >= 0 for each motion.
 
-    Raises CriterionError that names the criterion, the kind of motion and the first wrong value; where somebody's
-    ``cost`` itself raises an error, one that says where, from that error. Of no motions a criterion is not asked.
+    Raises CriterionError that names the criterion, the kind of motion and the first wrong value. An error in the
+    ``cost`` of a user's criterion becomes a CriterionError that says where it came from. Without motions, ``cost`` is
+    not called.
     """
     if not len(motions):
         check_requirements(criterion, motions.model, motions.world)
@@ -44,7 +45,7 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
 
 
 def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
-    laws_of(completed(m.model, MODEL_DEFAULTS))  # completes these as well
+    laws_of(completed(m.model, MODEL_DEFAULTS))  # completes the laws as well
     check_requirements(criterion, m.model, m.world)
     try:
         costs = np.asarray(criterion.cost(m))
@@ -52,7 +53,7 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
     except (HpopError, MemoryError, LimitPassed):
         raise
-    except Exception as error:  # someone else's criterion: anything can come; one of hpop's own that fails is a bug
+    except Exception as error:  # a user's criterion may raise anything; a failure of hpop's own is a bug
         if class_of(criterion).__module__.startswith("hpop."):
             raise
         failure = CriterionError(own_failure(f"criterion {criterion.name!r}", error))
@@ -60,7 +61,7 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
         raise failure from error
     if costs.shape != (size,):
         raise CriterionError(
-            f"criterion {criterion.name!r} must return one cost a motion, shape ({size},), "
+            f"criterion {criterion.name!r} must return one cost for each motion, shape ({size},), "
             f"for {kind!r} motions; it returned shape {costs.shape}"
         )
     if not (np.can_cast(costs.dtype, np.float64, "same_kind")):
@@ -78,7 +79,7 @@ def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -
 
 @checked_arguments
 def trajectory_cost(criterion: Criterion, trajectory: Trajectory, world: World) -> float:
-    """Return a criterion's value on one trajectory; see :func:`trajectory_costs`."""
+    """Return the cost of one trajectory by a criterion; see :func:`trajectory_costs`."""
     return float(trajectory_costs([criterion], [trajectory], world)[0, 0])
 
 
@@ -90,24 +91,24 @@ def trajectory_costs(
     table: MotionTable | None = None,
     say: Callable[[str], None] | None = None,
 ) -> FloatArray:
-    """Return values (n, k) of criteria on whole trajectories of one model; 0 where nothing moves.
+    """Return costs (n, k) of whole trajectories of one model by criteria; 0 where nothing moves.
 
-    The motions of all trajectories are evaluated together, grouped by law; one that several share is evaluated once,
-    unless its cost depends on its time or, along curves, on its neighbours. A time-mean is the integral over the
+    The motions of all trajectories are evaluated together, grouped by law. A motion that several share is evaluated
+    once, unless its cost depends on its time or, along curves, on its neighbours. A time-mean is the integral over the
     duration. With ``aggregate="trajectory"`` each trajectory is evaluated by itself, and the last running value counts.
 
     Parameters
     ----------
-    table : the motions of the trajectories, where that is known
-    say : called now and then with what is done, in words
+    table : the motions of the trajectories, if already at hand
+    say : called now and then with progress in words
     """
     values = np.full((len(trajectories), len(criteria)), np.nan)
     with_memory = [j for j, criterion in enumerate(criteria) if criterion.aggregate == "trajectory"]
     for i, trajectory in enumerate(trajectories if with_memory else ()):
-        if say is not None and i % SPOKEN == 0:
+        if say is not None and i % PROGRESS_EVERY == 0:
             named = ", ".join(criteria[j].name for j in with_memory)
             say(f"{named} of {i:,} of {len(trajectories):,} trajectories")
-        history = History(world, trajectory)  # what criteria derive from it, one derives for all
+        history = History(world, trajectory)  # shares among the criteria what each derives from it
         for j in with_memory:
             running = running_values(criteria[j], history)
             values[i, j] = running[-1] if running.size else 0.0
@@ -128,26 +129,26 @@ def trajectory_costs(
 def _shared_costs(
     criteria: Sequence[Criterion], table: MotionTable, world: World, say: Callable[[str], None] | None
 ) -> FloatArray:
-    """Return values (n, k) of criteria without memory, each distinct motion evaluated once.
+    """Return costs (n, k) by criteria without memory, each distinct motion evaluated once.
 
-    NaN of trajectories with curves, and for criteria that want to know when a motion begins.
+    Trajectories with curves get NaN, and so do criteria that depend on the time at which a motion begins.
     """
-    each, lasts = np.zeros((len(criteria), len(table))), np.zeros(len(table))
+    of_motions, lengths = np.zeros((len(criteria), len(table))), np.zeros(len(table))  # (k, M), (M,) s
     done = 0
     for index, motions in table.batches(world):
-        lasts[index] = motions.duration
+        lengths[index] = motions.duration
         for j, criterion in enumerate(criteria):
             if say is not None:
                 say(f"{criterion.name} of {done:,} of {len(table):,} motions")
             try:
-                each[j, index] = motion_costs(criterion, motions)
-            except (CriterionError, UnsupportedCriterion):  # evaluated with its time, it says itself what is wrong
-                each[j] = np.nan
+                of_motions[j, index] = motion_costs(criterion, motions)
+            except (CriterionError, UnsupportedCriterion):  # _own_costs evaluates it with times, and raises
+                of_motions[j] = np.nan
         done += index.size
-    each[:, table.curved] = np.nan
-    durations = np.bincount(table.owner, lasts[table.motions], minlength=len(table.counts))  # (n,) s, in time order
+    of_motions[:, table.curved] = np.nan
+    durations = np.bincount(table.owner, lengths[table.motions], minlength=len(table.counts))  # (n,) s, in time order
     values = []
-    for costs, criterion in zip(each, criteria, strict=True):
+    for costs, criterion in zip(of_motions, criteria, strict=True):
         total = table.maxima(costs) if criterion.aggregate == "max" else table.sums(costs)
         if criterion.aggregate == "time-mean":
             total = np.divide(total, durations, out=np.zeros(durations.size), where=durations > 0)
@@ -156,7 +157,7 @@ def _shared_costs(
 
 
 def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory], world: World) -> FloatArray:
-    """Return values (n, k) of criteria without memory, each motion evaluated at its time and with its neighbours."""
+    """Return costs (n, k) by criteria without memory, each motion evaluated at its time and with its neighbours."""
     values = np.zeros((len(trajectories), len(criteria)))
     durations = np.array([trajectory.duration for trajectory in trajectories])
     for owner, motions in batches(trajectories, world):
@@ -172,7 +173,7 @@ def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory]
 
 
 def _parts(counts: Sequence[int]) -> Iterator[slice]:
-    """Return runs of trajectories that together have a bounded number of motions."""
+    """Yield slices of trajectories that together have a bounded number of motions."""
     begin = motions = 0
     for i, number in enumerate(counts):
         motions += number
@@ -182,7 +183,7 @@ def _parts(counts: Sequence[int]) -> Iterator[slice]:
 
 
 def running_costs(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatArray:
-    """Return running values (M,) of a criterion with memory, checked like :func:`motion_costs`."""
+    """Return running values (M,) of a criterion with memory, checked as by :func:`motion_costs`."""
     return running_values(criterion, History(world, trajectory))
 
 
@@ -192,9 +193,9 @@ def running_values(criterion: Criterion, history: History) -> FloatArray:
 
 
 def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tuple[C, ...]:
-    """Return criteria that compare costs at other quanta, by the name of a criterion or of a mean's stand-in.
+    """Return criteria that compare costs at other quanta, given by the name of a criterion or of a mean's stand-in.
 
-    Raises CriterionError for a name that is none of theirs, what is no positive number, and another one for a count.
+    Raises CriterionError for an unknown name, a quantum that is not positive, and a quantum other than 1 for a count.
 
     >>> from hpop.criteria.comfort.length import Length
     >>> with_quanta([Length()], {"length": 0.001})[0].quantum, Length().quantum
@@ -204,7 +205,7 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
         return tuple(criteria)
     if not isinstance(quanta, Mapping):
         raise CriterionError(
-            f"quanta gives steps by the names of costs, such as {{'length': 0.01}}, got {shown(quanta)}"
+            f"quanta must map names of costs to numbers, such as {{'length': 0.01}}, got {shown(quanta)}"
         )
     stand_ins = [criterion.integral for criterion in criteria if criterion.integral is not None]
     by_name: dict[str, Criterion] = {**{c.name: c for c in criteria}, **{c.name: c for c in stand_ins}}
@@ -222,7 +223,7 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
 
 
 def stand_in_of(mean: Criterion) -> Criterion | None:
-    """Return the criterion that adds up in the place of a time-mean, with the quantum set for it."""
+    """Return the criterion that adds up in place of a time-mean, with the quantum set for it."""
     if mean.integral is None or mean.stand_in_quantum is None:
         return mean.integral
     return _set(mean.integral, "quantum", mean.stand_in_quantum)
@@ -248,12 +249,12 @@ def _with_quantum(criterion: C, quanta: Mapping[str, float]) -> C:
 
 def _set(criterion: C, name: str, quantum: float) -> C:
     """Return a copy with an attribute that hides the class's declaration."""
-    made = copy(criterion)
+    changed = copy(criterion)
     try:
-        object.__setattr__(made, name, float(quantum))
+        object.__setattr__(changed, name, float(quantum))
     except AttributeError:
         raise CriterionError(
-            f"{criterion.name} takes no other quantum, for its class {type(criterion).__name__} has slots; declare it "
-            "without"
+            f"the quantum of {criterion.name} cannot be set, because its class {type(criterion).__name__} has slots; "
+            "declare the class without slots"
         ) from None
-    return made
+    return changed

@@ -1,7 +1,7 @@
-"""A criterion learnt from what people said of trajectories: a sum of other criteria, with weights from a file.
+"""A criterion learnt from ratings of trajectories: a sum of other criteria, with weights from a file.
 
-The file is ``hpop-learnt`` version 1, strict JSON: the criteria with their parameters and weights, and where the
-weights are from. :func:`hpop.study.fit_criterion` writes it.
+The file is ``hpop-learnt`` version 1, strict JSON: the criteria with their parameters and weights, and the source of
+the weights. :func:`hpop.study.fit_criterion` writes it.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from hpop.motions import Motions
 
 SCHEMA, VERSION = "hpop-learnt", 1
 SIZE_LIMIT = 1024**2
-"""Bytes."""
+"""Largest size of the file, in bytes."""
 MOST_PARTS = 50
 MOST_LETTERS = 2_000
-"""Of what is said about the source."""
+"""Largest length of the question and of the source's description."""
 LEAST_WEIGHT = 1e-9
 _TOP: Kinds = {"schema": str, "version": int, "parts": list, "learnt": dict}
 _PART: Kinds = {"criterion": dict, "weight": (int, float)}
@@ -40,13 +40,13 @@ _LEARNT: Kinds = {
 class Source(NamedTuple):
     """Ratings from which the weights were learnt.
 
-    question       what was rated
-    source         who was asked, when, where, in the words of whoever asked
+    question       that was rated
+    source         participants, time and place, in the words of the study's author
     ratings        count
     people         count
     trajectories   count, distinct
     error          cross-validated: root of the mean square, in the unit of the ratings, on trajectories left out
-    error_of_mean  the same of each person's mean
+    error_of_mean  likewise, of each person's mean
     """
 
     question: str
@@ -58,7 +58,7 @@ class Source(NamedTuple):
     error_of_mean: float
 
     def __str__(self) -> str:
-        """In words."""
+        """Return the source in words."""
         people = "1 person" if self.people == 1 else f"{self.people} people"
         asked = f"{self.ratings} ratings ({self.question}) of {self.trajectories} trajectories by {people}"
         off = f"{self.error:.3g}, of each person's mean {self.error_of_mean:.3g}"
@@ -66,7 +66,7 @@ class Source(NamedTuple):
 
 
 class LearntFile(dict[str, Any]):
-    """A file as a saved front names it: its path and SHA-256."""
+    """File of a learnt criterion as a saved front names it: its path and SHA-256."""
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash((self["path"], *self["sha256"]))
@@ -75,15 +75,16 @@ class LearntFile(dict[str, Any]):
 @criterion("learnt", group="C", unit="1", aggregate="sum")
 @dataclass(frozen=True)
 class Learnt:
-    """Σ w_j J_j: other criteria that are sums, with weights w_j >= 0 learnt from ratings of trajectories.
+    """Weighted sum of other criteria, Σ w_j J_j, with weights w_j >= 0 learnt from ratings of trajectories.
 
-    file  what :meth:`hpop.study.Fitted.save` wrote, relative to the scenario
+    file  written by :meth:`hpop.study.Fitted.save`; relative to the scenario
 
-    In the unit of the ratings, of which more is worse, but for a constant. It adds up along a trajectory as its parts
-    do, so every planner of sums takes it (weighted-sum-corridor needs convex ones); it requires what they require, and
-    has a gradient where all of them have one. Weights are never negative: a criterion is a cost, of which nobody wants
-    more. ``source`` says where they are from, and how far the criterion is off on trajectories that it was not learnt
-    from. A saved front names the file by its SHA-256.
+    The unit is that of the ratings (more is worse), up to a constant. All parts are sums, so the criterion adds up over
+    motions and every planner of sums takes it; weighted-sum-corridor needs convex parts. It requires what its parts
+    require, and has a gradient if all parts have one. Weights are never negative, since every part is a cost.
+
+    ``source`` has the study behind the weights, and the error on trajectories from which they were not learnt. A saved
+    front names the file by its SHA-256.
     """
 
     file: Annotated[Any, BesideScenario]
@@ -91,8 +92,8 @@ class Learnt:
     source: Source = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        given = self.file
-        path = _path(given)
+        file = self.file
+        path = _path(file)
         try:
             data = read_regular(path, SIZE_LIMIT)
         except OSError as error:
@@ -100,78 +101,80 @@ class Learnt:
                 f"learnt: cannot read {shown(str(path), 400)}: {error.strerror or error}; give the file that "
                 "hpop.study.fit_criterion(...).save(file) wrote"
             ) from None
-        found = files.record(path, hashlib.sha256(data).hexdigest())
-        if files.is_record(given) and list(given["sha256"]) != found["sha256"]:
+        record = files.record(path, hashlib.sha256(data).hexdigest())
+        if files.is_record(file) and list(file["sha256"]) != record["sha256"]:
             raise CriterionError(
                 f"learnt: {shown(str(path), 400)} has changed since this was saved: its SHA-256 differs. Restore the "
                 "file, or plan again"
             )
-        pieces, source = _read(data, path)
-        made = [criterion for _, criterion in pieces]
+        weighted, source = _read(data, path)
+        parts = [criterion for _, criterion in weighted]
         declared = {
-            "file": LearntFile(found),
-            "parts": pieces,
+            "file": LearntFile(record),
+            "parts": weighted,
             "source": source,
-            "requires": tuple(dict.fromkeys(name for one in made for name in one.requires)),
-            "smooth": all(one.smooth for one in made),
-            "world_frame": any(one.world_frame for one in made),
+            "requires": tuple(dict.fromkeys(name for part in parts for name in part.requires)),
+            "smooth": all(part.smooth for part in parts),
+            "world_frame": any(part.world_frame for part in parts),
             "__doc__": f"{type(self).__doc__}\n    {source}.\n",
         }
         for name, value in declared.items():
             object.__setattr__(self, name, value)
 
     def cost(self, m: Motions) -> Column:
-        """Weighted sum (M,) of what the parts cost."""
+        """Return the weighted sum (M,) of the parts' costs."""
         costs = [weight * part.cost(m) for weight, part in self.parts]
         return sum(costs[1:], costs[0])
 
     def __str__(self) -> str:
-        """The sum, and where it is from."""
+        """Return the sum and its source in words."""
         terms = " + ".join(f"{weight:.4g} {part.name}" for weight, part in self.parts)
         return f"{terms}, {self.source}"
 
 
-def checked_parts(given: Any) -> tuple[tuple[float, Criterion], ...]:
-    """Weights and criteria of (weight, criterion), refused where they are no sums or twice the same."""
-    found: list[tuple[float, Criterion]] = []
-    for weight, spec in given:
+def checked_parts(weighted: Any) -> tuple[tuple[float, Criterion], ...]:
+    """Return pairs (weight, criterion); raise CriterionError for criteria that are no sums or occur twice."""
+    checked: list[tuple[float, Criterion]] = []
+    for weight, spec in weighted:
         if isinstance(spec, Learnt) or spec == "learnt" or (isinstance(spec, Mapping) and "learnt" in spec):
-            raise CriterionError("learnt: a learnt criterion is made of others, not of one that is learnt itself")
-        made = make_criterion(spec)
-        if made.aggregate != "sum":
-            hint = "leave it out" if made.integral is None else f"take {made.integral.name!r}, which does"
-            raise CriterionError(f"learnt: {made.name!r} ({made.aggregate}) does not add up along a trajectory; {hint}")
-        if made.name in [one.name for _, one in found]:
-            raise CriterionError(f"learnt: each criterion may be part of it once, got {made.name!r} twice")
-        found.append((float(real(f"the weight of {made.name}", weight, 0, MOST, error=CriterionError)), made))
-    if not 0 < len(found) <= MOST_PARTS:
-        raise CriterionError(f"learnt: expected 1 to {MOST_PARTS} criteria, got {len(found)}")
-    return tuple(found)
+            raise CriterionError(
+                "learnt: a part of a learnt criterion may not be learnt itself; list its parts instead"
+            )
+        part = make_criterion(spec)
+        if part.aggregate != "sum":
+            hint = "leave it out" if part.integral is None else f"take {part.integral.name!r}, which does"
+            raise CriterionError(f"learnt: {part.name!r} ({part.aggregate}) does not add up along a trajectory; {hint}")
+        if part.name in [earlier.name for _, earlier in checked]:
+            raise CriterionError(f"learnt: each criterion may be part of it once, got {part.name!r} twice")
+        checked.append((float(real(f"the weight of {part.name}", weight, 0, MOST, error=CriterionError)), part))
+    if not 0 < len(checked) <= MOST_PARTS:
+        raise CriterionError(f"learnt: expected 1 to {MOST_PARTS} criteria, got {len(checked)}")
+    return tuple(checked)
 
 
-def _path(given: Any) -> Any:
-    """The path of a file that is named by it, or by a saved front."""
-    if files.is_record(given):
+def _path(file: Any) -> Any:
+    """Return the path of a file that is named by its path or by the record of a saved front."""
+    if files.is_record(file):
         try:
-            return files.path_of(given, "file of the learnt criterion")
+            return files.path_of(file, "file of the learnt criterion")
         except ModelError as error:
             raise CriterionError(str(error)) from None
-    if isinstance(given, str | os.PathLike) and str(given):
-        return given
-    raise CriterionError(f"learnt: file is the path of what hpop.study.fit_criterion wrote, got {shown(given)}")
+    if isinstance(file, str | os.PathLike) and str(file):
+        return file
+    raise CriterionError(f"learnt: file must be the path of a file from hpop.study.fit_criterion, got {shown(file)}")
 
 
 def _read(data: bytes, path: Any) -> tuple[tuple[tuple[float, Criterion], ...], Source]:
-    """Parts and source of a file's bytes."""
+    """Return the parts and the source in a file's bytes."""
     try:
         schema, version, pieces, learnt = parts(parse(data), "the file", _TOP)
         if (schema, version) != (SCHEMA, VERSION):
             raise ValueError(f"the schema {shown(schema)} of version {version}, not {SCHEMA} {VERSION}")
-        given = [parts(one, "a part", _PART) for one in pieces[: MOST_PARTS + 1]]
-        made = checked_parts([(weight, spec) for spec, weight in given])
-        if not any(weight >= LEAST_WEIGHT for weight, _ in made):
+        entries = [parts(entry, "a part", _PART) for entry in pieces[: MOST_PARTS + 1]]
+        weighted = checked_parts([(weight, spec) for spec, weight in entries])
+        if not any(weight >= LEAST_WEIGHT for weight, _ in weighted):
             raise ValueError("no weight above 0")
-        return made, _source(parts(learnt, "learnt", _LEARNT))
+        return weighted, _source(parts(learnt, "learnt", _LEARNT))
     except RecursionError:
         _refuse(path, "brackets nested too deeply")
     except (HpopError, ValueError, TypeError) as error:
@@ -188,15 +191,15 @@ def _source(values: list[Any]) -> Source:
     return Source(question, source, *whole_counts, *errors)
 
 
-def _refuse(path: Any, found: str) -> NoReturn:
+def _refuse(path: Any, fault: str) -> NoReturn:
     raise CriterionError(
-        f"learnt: {shown(str(path), 400)}: expected what hpop.study.fit_criterion(...).save(file) wrote; found: "
-        f"{found:.600}; learn it again"
+        f"learnt: {shown(str(path), 400)}: expected a file from hpop.study.fit_criterion(...).save(file); found: "
+        f"{fault:.600}; learn it again"
     ) from None
 
 
 def document(pieces: tuple[tuple[float, Mapping[str, Any]], ...], source: Source) -> dict[str, Any]:
-    """What a file holds: weights of described criteria, and where they are from."""
+    """Return the content of a file: weights of described criteria, and their source."""
     return {
         "schema": SCHEMA,
         "version": VERSION,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from hpop.base.arrays import Column, FloatArray, IntArray
-from hpop.criteria.base import Criterion, Group, place_of
+from hpop.criteria.base import Criterion, Group, index_of_role
 from hpop.criteria.costs import stand_in_of
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions import Motions
@@ -96,7 +96,7 @@ class Objectives:
         """
         if max_turns is None:
             return []
-        turns = place_of("turns", self.optimised)
+        turns = index_of_role("turns", self.optimised)
         if turns is None:
             raise OptionError(
                 f"max_turns bounds the cost 'turns', but the costs that are searched for are {self.names}; list it "
@@ -113,7 +113,7 @@ class Objectives:
         """
         parts = []
         if self.means:
-            timed = place_of("duration", self.optimised) is not None
+            timed = index_of_role("duration", self.optimised) is not None
             optimal = "; each trajectory is optimal for it as well, since the duration is minimised too" * timed
             parts.append(f"; {', '.join(mean.name for mean in self.means)} reported, not optimised{optimal}")
         if self.filters:

@@ -66,7 +66,7 @@ def test_what_stands_in_for_a_mean_has_the_step_of_its_own_name() -> None:
         ({"length": "fine"}, "the quantum of length must be"),
         ({"length": True}, "the quantum of length must be"),
         ({"turns": 0.5}, "turns is a count: its quantum is 1, got 0.5; leave it out"),
-        ([0.1], "quanta gives steps by the names of costs"),
+        ([0.1], "quanta must map names of costs to numbers"),
     ],
 )
 def test_other_names_and_numbers_are_refused(quanta: Any, said: str) -> None:
@@ -84,7 +84,9 @@ def test_a_class_that_cannot_take_another_one_is_told(monkeypatch: pytest.Monkey
         def cost(self, m: Any) -> Any:
             return m.camera.length
 
-    with pytest.raises(CriterionError, match="slotted takes no other quantum, for its class Slotted has slots"):
+    with pytest.raises(
+        CriterionError, match="the quantum of slotted cannot be set, because its class Slotted has slots"
+    ):
         with_quanta([Slotted()], {"slotted": 0.1})
 
 

@@ -196,7 +196,7 @@ def test_crossings_are_counted_along_tracks_with_many_waypoints():
 
 @pytest.mark.parametrize("criterion", [OSpace(), CuttingBetween()], ids=lambda c: c.name)
 def test_who_talks_has_one_future(criterion):
-    with pytest.raises(CriterionError, match="needs one future of each who talks; person 'Ann' has 2"):
+    with pytest.raises(CriterionError, match="needs one future of each person in a group; person 'Ann' has 2"):
         cost(criterion, replace(PERSON, name="Ann"), Person(0, 1), groups=[(0, 1)])
 
 

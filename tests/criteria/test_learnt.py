@@ -176,7 +176,7 @@ def test_a_file_that_is_made_of_itself_is_refused_for_that(tmp_path: Path) -> No
         of = {"criterion": {"learnt": {"file": str(tmp_path / part)}}, "weight": 1.0}
         (tmp_path / file).write_text(changed(parts=[of]))
     for file in ("a.json", "c.json"):
-        with pytest.raises(CriterionError, match="a learnt criterion is made of others, not of one that is learnt"):
+        with pytest.raises(CriterionError, match="a part of a learnt criterion may not be learnt itself"):
             Learnt(str(tmp_path / file))
 
 

@@ -9,7 +9,7 @@ import shapely
 
 import hpop
 from hpop.base.registry import criteria
-from hpop.criteria.base import criterion, place_of
+from hpop.criteria.base import criterion, index_of_role
 from hpop.criteria.comfort.length import Length
 from hpop.criteria.comfort.turns import Turns
 from hpop.planners.programs.epsilon_constraint.grid import Roles
@@ -38,7 +38,7 @@ def renamed(monkeypatch):
 
 
 def test_the_bound_on_turns_holds_for_the_criterion_that_counts_them(renamed):
-    stops = place_of("turns", renamed.criteria)
+    stops = index_of_role("turns", renamed.criteria)
     most = int(renamed.solve("lattice", step=0.5).costs[:, stops].min())
     assert renamed.solve("lattice", step=0.5, max_turns=most).costs[:, stops].max() == most
     assert "Raise max_turns" in str(renamed.solve("lattice", step=0.5, max_turns=most - 1).notes)
@@ -52,4 +52,4 @@ def test_the_length_is_minimised_unless_said_otherwise_and_bounded_by_the_way_ro
 
 
 def test_no_role_is_no_place(renamed):
-    assert place_of("duration", renamed.criteria) is None
+    assert index_of_role("duration", renamed.criteria) is None

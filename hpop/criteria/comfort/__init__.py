@@ -12,10 +12,10 @@ from hpop.trajectories.history import History
 
 
 class VisualMotion(NamedTuple):
-    """Executed motion of the camera at regular times, in its own frame: ahead, left, up.
+    """Executed motion of the camera at regular times, in the camera's own frame: ahead, left, up.
 
     times         (N,)    s, from 0 to the end
-    step          s, between them
+    step          s, between times
     acceleration  (N, 3)  m/s²
     rotation      (N, 3)  rad/s
     """
@@ -27,16 +27,17 @@ class VisualMotion(NamedTuple):
 
 
 def camera_at(m: History, times: FloatArray) -> tuple[Pose, FloatArray]:
-    """Return executed poses (N,) and positions (N, 3), m, of the camera, which stands before and after."""
+    """Return executed poses (N,) and positions (N, 3), m, of the camera, which stands still outside the drive."""
     pose = m.model.pose("camera", m.executed.at(times))
     return pose, np.stack([pose.x, pose.y, pose.z], axis=1)
 
 
 def visual_motion(m: History, longest: float) -> VisualMotion:
-    """Sample every ``longest`` seconds at most, by central differences of the camera's positions and axes.
+    """Return the visual motion sampled every ``longest`` seconds or more often.
 
-    Executed ramps are parabolas, of which these are exact; where a ramp begins or ends the sample is the mean over a
-    step. The rotation is the one that leads from the axes a step before to those a step after, about whatever axis.
+    Derivatives are central differences of the camera's positions and axes. Executed ramps are parabolas, for which
+    these are exact; where a ramp begins or ends the sample is the mean over a step. The rotation is the one that takes
+    the axes one step before to those one step after, about any axis.
     """
     return m.once(("visual motion", longest), lambda: _visual_motion(m, longest))
 
@@ -64,7 +65,7 @@ def _in_frame(axes: list[FloatArray], vectors: FloatArray) -> FloatArray:
 def _rotations(before: list[FloatArray], after: list[FloatArray]) -> FloatArray:
     """Return rotation vectors (N, 3), rad, less than half a turn long, between two sets of axes.
 
-    Half the sum of the axes' cross products is as long as the sine; their products add up to 1 + 2 cosines.
+    Half the sum of the axes' cross products has the length of the sine; the sum of their dot products is 1 + 2 cosines.
     """
     pairs = list(zip(before, after, strict=True))
     normal = 0.5 * sum(np.cross(a, b) for a, b in pairs)

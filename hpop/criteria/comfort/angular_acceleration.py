@@ -1,4 +1,4 @@
-"""Angular acceleration that the canals would feel."""
+"""Angular acceleration above the threshold of the semicircular canals."""
 
 from __future__ import annotations
 
@@ -19,17 +19,21 @@ FELT = float(np.deg2rad(1.0))  # rad/s², see AngularAcceleration
 @criterion("angular_acceleration", group="C", unit="rad/s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class AngularAcceleration:
-    """∫ (|α| - α_th)₊ dt, α the camera's angular acceleration: seen, and not reported by the canals, which should.
+    """Angular acceleration of the camera above the threshold of perception: ∫ (|α| - α_th)₊ dt.
 
     threshold  α_th, rad/s²; 1 deg/s² by default
 
-    Grabherr et al. 2008 measured yaw thresholds as the peak velocity v of one cycle of sinusoidal acceleration at
-    frequency f, which has the peak acceleration π f v: 0.51 deg/s² for the 0.71 deg/s at 0.23 Hz where the plateau
-    begins, 0.44 deg/s² for the 2.8 deg/s at 0.05 Hz. The default is twice that, a choice of this project.
+    A seated user sees this acceleration, and the semicircular canals, which would perceive it in a real turn, report
+    nothing. Unit rad/s; a sum over motions. A turn from rest to rest that reaches the turn rate ω costs 2 ω (1 -
+    α_th/α), so few and gentle turns are cheap.
 
-    A base and a head have a constant α within each phase of a law and along each curve, so this is exact; an arm's axes
-    turn each other, and α is integrated. A turn from rest to rest that reaches the turn rate ω costs 2 ω (1 - α_th/α):
-    few turns and gentle ones are cheap.
+    Source of the threshold: Grabherr et al. 2008 measured yaw thresholds as the peak velocity v of one cycle of
+    sinusoidal acceleration at frequency f, with the peak acceleration π f v: 0.51 deg/s² for the 0.71 deg/s at 0.23 Hz
+    where the plateau begins, 0.44 deg/s² for the 2.8 deg/s at 0.05 Hz. The default, twice that, is this project's
+    choice.
+
+    The cost is exact for a base and a head, which have a constant α within each phase of a law and along each curve.
+    For an arm, whose axes turn one another, α is integrated.
     """
 
     threshold: float = FELT
@@ -38,5 +42,5 @@ class AngularAcceleration:
         set_reals(self, "threshold", least=0, most=MOST, kind="an angular acceleration in rad/s²", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Excess (M,), rad/s."""
+        """Return the excess (M,), rad/s."""
         return m.integrate(lambda s: hinge(norm(s.twist_rate("camera").rotation) - self.threshold))

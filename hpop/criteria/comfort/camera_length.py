@@ -1,4 +1,4 @@
-"""Camera length: how far the camera goes."""
+"""Length of the camera's path."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from hpop.motions import Motions
 @criterion("camera_length", group="C", unit="m", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class CameraLength:
-    """∫ |v| dt, the length of the camera's path in space.
+    """Length of the camera's path in space: ∫ |v| dt.
 
-    What ``length`` is to the base, and for the same reason: a short path shortens the exposure (Becerra et al. 2020,
-    arXiv 2002.10696). A camera in a hand has no base that goes with it, and one beside the axis of its base goes
-    farther, also where the base turns in place.
+    Unit m; a sum over motions. It is for the camera what ``length`` is for the base: a short path shortens the exposure
+    to virtual reality (Becerra et al. 2020, arXiv 2002.10696). The two differ where the camera is in a hand, or off the
+    axis of its base, where turns in place move it as well.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Path length (M,), m."""
+        """Return the path length (M,), m."""
         return m.camera.length

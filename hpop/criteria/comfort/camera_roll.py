@@ -1,4 +1,4 @@
-"""Camera roll: how much the horizon slants in the picture."""
+"""Camera roll: the slant of the horizon in the picture."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from hpop.motions import Motions, Pose
 @criterion("camera_roll", group="C", unit="rad s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class CameraRoll:
-    """∫ |ρ| cos ε dt, ρ the angle by which the picture is turned against the upright, ε the camera's pitch.
+    """Slant of the picture against the vertical, over time: ∫ |ρ| cos ε dt, ρ the camera's roll, ε its pitch.
 
-    "Zero roll" is one of the objectives by which Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019) move a camera in a
-    robot's hand: people lose their bearings where up is not up. ρ is π in a picture upside down.
+    ρ is 0 in an upright picture and π in one that is upside down. Unit rad s; a sum over motions.
 
-    Deviation: they weigh roll against other objectives, at each moment. Here it is weighted by cos ε, the length of the
-    vertical in the picture: a camera that looks straight down or up shows no horizon and has no roll, and close to that
-    roll changes by leaps that nobody sees.
+    Source: "zero roll" is one of the objectives by which Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019) move a camera
+    in a robot's hand, because people lose their bearings in a slanted picture.
+
+    Deviation: the weight cos ε, which is the length of the vertical in the picture. A camera that looks straight down
+    or up shows no horizon, and near there the roll jumps although the picture hardly changes.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,), rad s."""
-        if m.camera.upright:  # turns about the vertical leave it as it is
+        """Return the time integral of the slant (M,), rad s."""
+        if m.camera.upright:  # turns about the vertical keep the slant
             return _slant(m.camera.start) * m.duration
         return m.integrate(lambda s: _slant(s.camera))
 
 
 def _slant(camera: Pose) -> Column:
-    """|ρ| cos ε: the picture's vertical has a part along its left, and one along its up."""
+    """Return |ρ| cos ε, from the parts of the world's vertical along the picture's left and up."""
     aside, along = camera.left[2], camera.up[2]
     return hypot(aside, along) * angle_between((0.0, 1.0, 0.0), (aside, along, 0.0))

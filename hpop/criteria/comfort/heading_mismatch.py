@@ -1,4 +1,4 @@
-"""Heading mismatch: whether a user looks where she is driven, as an integral that adds up and as a mean over time."""
+"""Heading mismatch: the angle between the camera's view and its motion, as an integral and as a mean over time."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ PANELS = 16  # of each phase in place, where the speed passes ``slow`` within a 
 
 @dataclass(frozen=True)
 class _Mismatch:
-    """A user who looks ahead through the camera; below ``slow`` m/s a motion counts in proportion to its speed."""
+    """Angle between view and motion of the camera; below ``slow`` m/s it counts in proportion to the speed."""
 
-    slow: float = 0.1  # m/s, below which a motion counts in proportion to its speed
+    slow: float = 0.1  # m/s, below which the angle counts in proportion to the speed
 
     def __post_init__(self) -> None:
         set_reals(self, "slow", least=LEAST, most=MOST, kind="a speed in m/s", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the angle, rad s."""
+        """Return the time integral of the angle (M,), rad s."""
         if m.camera.stays:
-            return 0.0 * m.duration  # what stays in its place moves in no direction
+            return 0.0 * m.duration  # a camera that does not translate has no direction of motion
 
         def mismatch(s: Instants) -> Column:
             velocity = s.twist("camera").velocity
@@ -50,28 +50,32 @@ def _fine(m: Motions) -> Motions:
 @criterion("heading_mismatch", group="C", unit="rad s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class HeadingMismatch(_Mismatch):
-    """∫ γ min(|v|/slow, 1) dt, γ the angle between the camera's view and its velocity v, while the camera moves.
+    """Angle between the camera's view and its direction of motion, over time: ∫ γ min(|v|/slow, 1) dt.
 
-    slow  m/s  a motion slower than this counts in proportion to its speed: at rest there is no direction to look in
+    slow  m/s  below this speed the angle counts in proportion to the speed, since at rest there is no direction of
+               motion
 
-    Who looks where she is driven sees what comes, and vection that one does not foresee is what predicts sickness best
-    (studies of vection in virtual reality, by their abstracts). A view turned back as the base turns spares rotation
-    (Suomalainen et al., HRI 2022) and is paid for by this angle. The measure itself is this project's definition.
+    γ is the angle in space between the camera's axis ahead and the velocity v of the camera. Unit rad s; a sum over
+    motions. A head that looks down at the floor while driving pays, a lift that looks ahead pays for a right angle.
+    Standing, turning about the camera, panning and tilting cost nothing. A turn that swings a camera off the axis round
+    does move it sideways, and counts. The integral is within .2 %, ramps included.
 
-    γ is the angle in space between the camera's axis ahead and the velocity of the camera itself: a head that looks
-    down at the floor while it drives does not look where it goes either, a lift that looks ahead is off by a right
-    angle, and an arm has no base to ask. Who stands, turns about the camera, pans or tilts has nothing to look at on
-    the way, and pays nothing; a camera off the axis that a turn swings round does move, sideways, and counts.
-    That is within .2 % of the integral, ramps included.
+    Source: a user who looks in the direction of motion sees what comes, and unexpected vection is what best predicts
+    sickness (studies of vection in virtual reality, read as abstracts). A view that is turned back while the base turns
+    saves rotation (Suomalainen et al., HRI 2022) at the price of this angle. The definition is this project's own.
     """
 
 
 @criterion("mean_heading_mismatch", group="C", unit="rad", aggregate="time-mean", requires=("camera",))
 @dataclass(frozen=True)
 class MeanHeadingMismatch(_Mismatch):
-    """(1/T) ∫ γ min(|v|/slow, 1) dt, rad: :class:`HeadingMismatch` over the whole duration, what stands included."""
+    """Angle between the camera's view and its direction of motion, as a mean: (1/T) ∫ γ min(|v|/slow, 1) dt.
+
+    :class:`HeadingMismatch`, which defines γ, divided by the whole duration T, pauses included. Unit rad; a mean over
+    time.
+    """
 
     @property
     def integral(self) -> HeadingMismatch:
-        """Integral of the mismatch, which adds up along a path."""
+        """Criterion that adds up in the mean's place."""
         return HeadingMismatch(self.slow)

@@ -13,20 +13,23 @@ from hpop.criteria.comfort import camera_at
 from hpop.errors import CriterionError
 from hpop.trajectories.history import History
 
-SPLIT = 10  # samples a smoothing time
+SPLIT = 10  # samples per smoothing time
 
 
 @criterion("jerk", group="C", unit="m²/s⁵", aggregate="trajectory", requires=("camera",), smooth=False)
 @dataclass(frozen=True)
 class Jerk:
-    """∫ |p'''|² dt of the executed camera motion, seen at a bandwidth of ``1/smoothing``.
+    """Squared jerk of the executed camera motion: ∫ |p'''|² dt, at a bandwidth of ``1/smoothing``.
 
     smoothing  h, s; by default 0.1 (10 Hz)
 
-    The robot's trapezoids have impulses of jerk, whose square has no integral. So p''' is the third difference over h,
-    (p(t + 3h/2) - 3 p(t + h/2) + 3 p(t - h/2) - p(t - 3h/2)) / h³: the jerk smoothed three times by a moving mean of
-    h. A jump of the acceleration by a then costs 11 a²/(20 h) if the next is at least 3 h away: a run from rest to rest
-    with acceleration a has four, 2.2 a²/h. The value grows with the bandwidth: compare only equal ones.
+    Unit m²/s⁵; a criterion of the whole trajectory. The value grows with the bandwidth: compare only values with equal
+    ``smoothing``.
+
+    The robot's trapezoidal velocities have impulses of jerk, and their square has no integral. So p''' is the third
+    difference over h, (p(t + 3h/2) - 3 p(t + h/2) + 3 p(t - h/2) - p(t - 3h/2)) / h³, which is the jerk smoothed three
+    times by a moving mean of length h. A jump of the acceleration by a then costs 11 a²/(20 h) if the next jump is at
+    least 3 h away. A run from rest to rest with acceleration a has four jumps and costs 2.2 a²/h.
     """
 
     smoothing: float = 0.1
@@ -35,7 +38,7 @@ class Jerk:
         set_reals(self, "smoothing", least=0.001, most=MOST, kind="a time in s", error=CriterionError)
 
     def cost(self, m: History) -> FloatArray:
-        """Integral (M,), m²/s⁵, up to the end of each motion; the last has what smoothing spreads beyond it."""
+        """Return the integral (M,), m²/s⁵, up to the end of each motion; the last includes the smoothed end."""
         step, duration = self.smoothing / SPLIT, m.executed.duration
         half = 3 * SPLIT // 2  # steps from the middle of the third difference to its ends
         index = np.arange(-2 * half, int(np.ceil(duration / step)) + 2 * half + 1)

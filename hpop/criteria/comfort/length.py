@@ -22,19 +22,20 @@ from hpop.motions import Motions, States
 )
 @dataclass(frozen=True)
 class Length:
-    """D = ∫ sqrt(x'² + y'²) dt of the base.
+    """Length of the base's path: D = ∫ sqrt(x'² + y'²) dt.
 
-    Becerra et al. 2020 (arXiv 2002.10696) count it to comfort: short paths shorten the exposure to virtual reality.
+    Unit m; a sum over motions. Source: Becerra et al. 2020 (arXiv 2002.10696), who count it as comfort because a short
+    path shortens the exposure to virtual reality.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Path length (M,), m."""
+        """Return the path length (M,), m."""
         return m.base.length
 
     def bound(self, start: States, goal: States) -> Column:
-        """Least length (M,), m, of any trajectory between two states: the straight line."""
+        """Return the length (M,), m, of the straight line between two states: no trajectory is shorter."""
         return hypot(goal.x - start.x, goal.y - start.y)
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """A sum of norms."""
+        """Return the length of the polyline, a sum of norms."""
         return ConvexCost(path.length, exact=True)

@@ -22,7 +22,10 @@ STEP_UP = ((0.0625, 0.80), (0.1, 0.80))
 
 
 def sections() -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Factors of Wf(s), numerator and denominator, highest power first: band limits, transition, upward step."""
+    """Return the factors (numerator, denominator) of Wf(s): band limits, transition, upward step.
+
+    Coefficients begin with the highest power.
+    """
     butterworth = 2**-0.5
     high, low = _quadratic(HIGH_PASS, butterworth), _quadratic(LOW_PASS, butterworth)
     rise, settle = (_quadratic(*corner) for corner in STEP_UP)
@@ -31,7 +34,7 @@ def sections() -> tuple[tuple[FloatArray, FloatArray], ...]:
 
 
 def weighting(frequency: float) -> float:
-    """|Wf| at a frequency, Hz.
+    """Return |Wf| at a frequency, Hz.
 
     >>> round(weighting(0.16), 3)
     1.006
@@ -41,13 +44,13 @@ def weighting(frequency: float) -> float:
 
 
 def _quadratic(frequency: float, quality: float) -> FloatArray:
-    """s² + s w/Q + w²."""
+    """Return the coefficients of s² + s w/Q + w², with w the angular frequency."""
     w = 2 * np.pi * frequency
     return np.array([1.0, w / quality, w * w])
 
 
 def weighted(acceleration: FloatArray, step: float) -> FloatArray:
-    """Accelerations (N, k), m/s², every ``step`` seconds, filtered by Wf from rest; each column by itself."""
+    """Return accelerations (N, k), m/s², every ``step`` seconds, filtered by Wf from rest; each column by itself."""
     from scipy.signal import sosfilt
 
     filtered: FloatArray = sosfilt(np.array(_digital(step)), acceleration, axis=0)
@@ -56,7 +59,7 @@ def weighted(acceleration: FloatArray, step: float) -> FloatArray:
 
 @lru_cache(maxsize=16)
 def _digital(step: float) -> tuple[FloatArray, ...]:
-    """Factor by factor: the coefficients of their product would lose nearly all digits at this rate."""
+    """Return the digital filter by factors; coefficients of their product would lose nearly all digits at this rate."""
     from scipy.signal import bilinear
 
     return tuple(np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in sections())
@@ -65,17 +68,20 @@ def _digital(step: float) -> tuple[FloatArray, ...]:
 @criterion("msdv", group="C", unit="m/s^1.5", aggregate="trajectory", requires=("camera",), smooth=False)
 @dataclass(frozen=True)
 class MSDV:
-    """sqrt(∫ a_w² dt), the motion sickness dose value of ISO 2631-1:1997, of the visual motion.
+    """Motion sickness dose value of the camera's visual motion: sqrt(∫ a_w² dt).
 
-    a_w is the acceleration of the executed camera motion, weighted by Wf, which passes about 0.1 to 0.3 Hz. The
-    standard is about vertical motion that is felt (some MSDV/3 % vomit). Here a seated user feels nothing and sees
-    the robot's motion, most of it horizontal, so all components in the camera's frame, ahead, left and up, are weighted
-    and their squares added: a number to compare trajectories by, not a prediction. Integrated until the robot arrives;
-    samples of 50 Hz are within half a percent of the analog filter.
+    a_w is the acceleration of the executed camera motion, weighted by the filter Wf, which passes about 0.1 to 0.3 Hz.
+    All components in the camera's frame (ahead, left, up) are weighted and their squares added, until the robot
+    arrives. Unit m/s^1.5; a criterion of the whole trajectory. Samples of 50 Hz are within half a percent of the analog
+    filter.
+
+    Source: ISO 2631-1:1997. Deviation: the standard is about vertical motion that is felt (MSDV/3 % of people vomit). A
+    seated user feels nothing and sees the robot's motion, most of it horizontal. So this is a number to compare
+    trajectories by, not a prediction.
     """
 
     def cost(self, m: History) -> FloatArray:
-        """Dose (M,), m/s^1.5, up to the end of each motion."""
+        """Return the dose (M,), m/s^1.5, up to the end of each motion."""
         visual = visual_motion(m, STEP)
         squares = np.sum(weighted(visual.acceleration, visual.step) ** 2, axis=1)
         dose = np.sqrt(np.cumsum(squares) * visual.step)

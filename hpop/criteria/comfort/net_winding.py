@@ -1,4 +1,4 @@
-"""Net winding: how far the user is twisted at the end."""
+"""Net winding: the angle by which the user is twisted at the end."""
 
 from __future__ import annotations
 
@@ -22,15 +22,17 @@ from hpop.trajectories.history import History
 )
 @dataclass(frozen=True)
 class NetWinding:
-    """|Σ Δθ|, the signed rotations of the camera added up without wrapping, at the end of the trajectory.
+    """Angle by which the user is twisted at the end: |Σ Δθ|, the signed turns of the camera added up.
 
-    Suomalainen et al. (HRI 2022) found that users prefer unwinding turns and find them more comfortable. A user who
-    follows the camera's turns with her own body is twisted by this angle when the robot arrives: three left turns and
-    one more are a whole turn, though the heading is as before; left and right cancel. Start and goal headings fix it
-    up to whole turns, so it chooses between ways round. The winding at the end counts, not the largest on the way.
+    Unit rad; a criterion of the whole trajectory. A user who follows the camera's turns with the body is twisted by
+    this angle when the robot arrives. Left and right cancel; four left turns by 90 degrees are a whole turn, though the
+    heading is as before. The headings at start and goal fix the winding up to whole turns, so the criterion chooses
+    between ways round. The winding at the end counts, not the largest on the way.
+
+    Source: Suomalainen et al. (HRI 2022) found that users prefer unwinding turns and find them more comfortable.
     """
 
     def cost(self, m: History) -> FloatArray:
-        """Winding (M,), rad, after each motion."""
+        """Return the winding (M,), rad, after each motion."""
         winding: FloatArray = np.abs(np.cumsum(m.of_motions(lambda motions: motions.camera.rotation)))
         return winding

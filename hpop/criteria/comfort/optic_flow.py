@@ -1,4 +1,4 @@
-"""Optic flow: how fast the surroundings stream past the user, along bearings or along rays in space."""
+"""Optic flow: how fast the surroundings stream past the user, as an integral and at its fastest."""
 
 from __future__ import annotations
 
@@ -29,21 +29,23 @@ def flow_in_space(surfaces: Surfaces, view: FloatArray, nearest: float, *, large
 
     def rate(s: Instants) -> FloatArray:
         pose, twist, size = s.camera, s.twist("camera"), s.state.size
-        place, velocity, rotation, *axes = (
+        position, velocity, rotation, *axes = (
             rows(vector, size)
             for vector in ((pose.x, pose.y, pose.z), twist.velocity, twist.rotation, pose.ahead, pose.left, pose.up)
         )
-        return surfaces.flow(place, np.stack(axes, axis=1), velocity, rotation, view, REACH, nearest, largest=largest)
+        return surfaces.flow(
+            position, np.stack(axes, axis=1), velocity, rotation, view, REACH, nearest, largest=largest
+        )
 
     return rate
 
 
 @dataclass(frozen=True)
 class _Flow:
-    """Flow round the camera: along horizontal bearings, or in all directions in view where its height changes."""
+    """Flow round the camera along horizontal bearings, or all directions in view where the camera's height changes."""
 
-    nearest: float = 0.3  # m, nearer surfaces count as this near
-    bearings: int = 16  # horizontal directions that are looked at
+    nearest: float = 0.3  # m, surfaces that are nearer count as this near
+    bearings: int = 16  # number of horizontal directions
 
     def __post_init__(self) -> None:
         set_reals(self, "nearest", least=0.01, most=19.99, kind="a distance in m", error=CriterionError)
@@ -68,34 +70,35 @@ class _Flow:
 
     @staticmethod
     def _turns_alone(m: Motions) -> bool:
-        """Return whether the camera only turns about the vertical where it is, so that its turn rate is the flow."""
+        """Return whether the camera only turns in place about the vertical, so that its turn rate is the flow."""
         return m.camera.stays and m.camera.upright and not rises(m.model)
 
 
 @criterion("optic_flow", group="C", unit="rad", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class OpticFlow(_Flow):
-    """∫ mean over bearings |flow(β)| dt, rad: all that streams past a user, translation and rotation.
+    """Optic flow past the user, the mean over directions: ∫ mean over bearings β of |flow(β)| dt.
 
-    nearest   m  nearer surfaces count as this near: up to the wall itself the flow would grow without bound
-    bearings  horizontal directions, evenly spaced in the world
+    nearest   m  surfaces that are nearer count as this near; otherwise the flow would be infinite at a wall
+    bearings  number of horizontal directions, evenly spaced in the world
 
-    The flow on a sphere of a camera that translates with v is v sin β / d at the bearing β from its direction of
-    motion, d the distance to what is seen there; that of a rotation is ω at any depth: v sin β / d(β) - ω along the
-    horizon. A camera that tilts or rises has a flow across it as well, ω_t sin β' + v_z / d with β' the bearing from
-    the axis about which it tilts; |flow| is the length of both. d is the distance to the nearest obstacle at the
-    camera's height, 20 m where there is none, so floor and ceiling are left out. A turn about the camera costs its
-    angle, a tilt 2/π of it; a move costs the same at any speed, since slow flow lasts longer. In the middle of a
-    corridor of half-width w a metre costs 1/(2 w) rad. Among obstacles a move is within 3 % of exact rays, and .3 to
-    .6 % too large on average (`hpop.world.sight.bearings`).
+    Unit rad; a sum over motions. A turn about the camera costs its angle, a tilt 2/π of it. A move costs the same at
+    any speed, since slow flow lasts longer: in the middle of a corridor of half-width w, 1/(2 w) rad a metre.
 
-    The mean is over the bearings that the model's ``field_of_view`` holds, those within h/2 of the camera's yaw, each
-    of the ``bearings`` weighted by how much of the sector about it is in view; all, if the model has none.
+    A camera that moves with velocity v and turns at the rate ω has the flow v sin β / d(β) - ω along the horizon. β is
+    the bearing from the direction of motion. d is the distance to the nearest obstacle at the camera's height, 20 m
+    where there is none; floor and ceiling are left out. A camera that tilts or rises also has a flow across the
+    horizon, ω_t sin β' + v_z / d, with β' the bearing from the axis of the tilt; |flow| is then the length of both
+    components. Among obstacles a move is within 3 % of exact rays, and .3 to .6 % too large on average
+    (`hpop.world.sight.bearings`).
 
-    Of a camera whose height changes (in the hand of an arm, on a lift) it is the mean over all directions d in view, in
-    its own frame, as far apart as two bearings: |ω × d + (v - (v·d) d) / r(d)|, r by rays in space against all solids,
-    floor and ceiling left out. A rotation all round then costs π/4 of its angle, for what is near its axis hardly
-    moves. Such flow has no symbols.
+    The mean is over the bearings within the model's ``field_of_view`` (h/2 to either side of the camera's yaw), each
+    weighted by the part of its sector that is in view; it is over all bearings if the model has no field of view.
+
+    Where the camera's height changes (in the hand of an arm, on a lift), the mean is over all unit vectors d in view,
+    in the camera's frame, as far apart as two bearings: |ω × d + (v - (v·d) d) / r(d)|, with the distance r found by
+    rays in space against all solids, without floor and ceiling. A rotation then costs π/4 of its angle if the camera
+    sees all round, because directions near the axis hardly move. No symbolic form exists then.
     """
 
     def cost(self, m: Motions) -> Column:
@@ -108,13 +111,15 @@ class OpticFlow(_Flow):
 @criterion("peak_optic_flow", group="C", unit="rad/s", aggregate="max", requires=("camera",))
 @dataclass(frozen=True)
 class PeakOpticFlow(_Flow):
-    """max over time and bearings in view of |flow(β)|, rad/s: the fastest streaming; see `OpticFlow` for the terms.
+    """Fastest optic flow: max over time and over the bearings β in view of |flow(β)|, as in :class:`OpticFlow`.
 
-    In the middle of a corridor of half-width w it is v / w, at a right angle to the motion. Between two of 16 bearings
-    lie 22.5 degrees: a wall in any other direction than theirs is missed by up to 4 % of its flow. Where a bearing
-    leaves one surface for another the change is blurred over four steps of the field, so a peak as short as that is
-    blunted: by 5 % on average among boxes, by 30 % for the worst of 60 moves. Where the camera's height changes it is
-    the largest over the directions that `OpticFlow` takes there.
+    Unit rad/s; the worst moment. In the middle of a corridor of half-width w it is v / w, at a right angle to the
+    motion.
+
+    Accuracy: two of 16 bearings are 22.5 degrees apart, so the flow of a wall in another direction is up to 4 % too
+    small. Where a bearing leaves one surface for another, the change is blurred over four cells of the field. A peak as
+    short as that is too small by 5 % on average among boxes, and by 30 % in the worst of 60 moves. Where the camera's
+    height changes, the maximum is over the directions that :class:`OpticFlow` uses there.
     """
 
     def cost(self, m: Motions) -> Column:
@@ -125,7 +130,7 @@ class PeakOpticFlow(_Flow):
 
 
 def fastest_turn(m: Motions) -> Column:
-    """Return the largest turn rate (M,), rad/s, about the vertical, which every phase has at one of its ends."""
+    """Return the largest turn rate (M,), rad/s, about the vertical, which every phase reaches at one of its ends."""
     fastest: Column = 0.0
     for phase in m.phases:
         for u in (0.0, 1.0):

@@ -1,4 +1,4 @@
-"""Passing distance: how near walls and objects go by."""
+"""Passing distance: how near the camera passes walls and objects."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ from hpop.world.sight.bearings import MARGIN, as_seen
 @criterion("passing_distance", group="C", unit="m", aggregate="max", requires=("camera",), quantum=1e-3)
 @dataclass(frozen=True)
 class PassingDistance:
-    """max of (enough - d(camera))₊ while the camera translates: by how much it passes nearer than ``enough`` metres.
+    """Distance by which the moving camera passes objects too near: max over time of (enough - d(camera))₊.
 
     enough  m  distance beyond which passing feels natural, at most 5
     band    m  obstacles that overlap the heights [camera - band, camera + band] count
 
-    Naturalness depends on the passing distance to walls and objects (user studies of immersive telepresence,
-    2020-2022). It is about what the user sees go by, so unlike ``clearance`` it takes the camera, not the base; only
-    obstacles near eye level, not a kerb below or a lintel above; nothing that is invisible, such as keep-out zones;
-    and only motions that move the camera, not a turn about it close to a wall. It is not weighted by the speed: see
-    ``peak_optic_flow``.
+    d is the distance from the camera to the nearest visible obstacle. Unit m; the worst moment. Unlike ``clearance`` it
+    takes the camera, not the base. It leaves out obstacles away from eye level, such as a kerb or a lintel, everything
+    invisible, such as keep-out zones, and turns in place. It is not weighted by speed; see ``peak_optic_flow`` for
+    that.
+
+    Source: the naturalness of a ride depends on the distance at which walls and objects pass (user studies of immersive
+    telepresence, 2020-2022).
     """
 
-    enough: float = 1.0  # m from people, beyond which it costs nothing
+    enough: float = 1.0  # m from visible obstacles, beyond which it costs nothing
     band: float = 0.5
 
     def __post_init__(self) -> None:
@@ -39,7 +41,7 @@ class PassingDistance:
         set_reals(self, "band", least=0, most=MOST, kind="a height in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Worst shortfall (M,), m."""
+        """Return the worst shortfall (M,), m."""
         z = camera_height(m)
         heights = (z - self.band, z + self.band)
         seen = as_seen(m.world, heights)
@@ -47,7 +49,7 @@ class PassingDistance:
         return np.where(m.camera.length > 0.0, worst, 0.0)
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """A bound: the distance to half-planes that hold all that is seen."""
+        """Return an upper bound: the distance to half-planes that contain all visible obstacles."""
         z = float(np.round(path.model.pose("camera", path.start).z[0], 6))
         heights = (z - self.band, z + self.band)
         seen = as_seen(path.world, heights).free_space(heights)

@@ -12,11 +12,12 @@ from hpop.motions import Motions
 @criterion("rotation", group="C", unit="rad", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class Rotation:
-    """∫ |ω| dt, the total rotation of the camera about whatever axis: Σ |Δθ| of turns, pans and tilts.
+    """Total rotation of the camera, about any axis: ∫ |ω| dt.
 
-    Kemeny et al. 2017: rotation is what most evokes sickness.
+    It adds up the angles of all turns, pans and tilts, left or right. Unit rad; a sum over motions. Source: Kemeny et
+    al. 2017, who name rotation as the strongest cause of sickness.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Absolute rotation (M,), rad."""
+        """Return the absolute rotation (M,), rad."""
         return m.camera.turned

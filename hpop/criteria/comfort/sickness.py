@@ -17,19 +17,19 @@ from hpop.trajectories.history import History
 @criterion("sickness", group="C", unit="%", aggregate="trajectory", requires=("camera",), smooth=False)
 @dataclass(frozen=True)
 class Sickness:
-    """Share of people, %, whom the subjective-vertical-conflict model expects to have vomited at the end.
+    """Share of people expected to have vomited at the end, by the subjective-vertical-conflict model.
 
-    vection  share of the seen motion that is taken for one's own, in [0, 1]; 1 is complete vection, the worst case
+    vection  share of the seen motion that users take for their own, in [0, 1]; 1 is complete vection, the worst case
 
-    The user sits still and sees the executed motion of the camera, in its own frame, its rotation about whatever axis;
-    her own head stays upright. A robot's accelerations tilt the vertical that she expects, most about 0.2 Hz. See
-    :mod:`hpop.criteria.comfort.svc` for the model (Wada and others), its constants and what is this project's reading.
-    The answer builds up over tau_I = 12 minutes, so short drives give small numbers: compare them, and combine with
-    ``rotation``, for a turn about the vertical leaves the vertical where it is and costs nothing here unless the camera
-    is off the axis or still accelerating.
+    Unit %; a criterion of the whole trajectory. A seated user sees the executed motion of the camera, with its rotation
+    about any axis, in the camera's frame, and keeps the head upright. Accelerations of the robot tilt the vertical that
+    the user expects, most at about 0.2 Hz. A turn about the vertical does not tilt it, and costs nothing unless the
+    camera is off the axis or still accelerating. Sickness builds up over tau_I = 12 minutes, so short drives give small
+    numbers: compare them, and combine the criterion with ``rotation``.
 
-    Euler's steps of 0.01 s, as in the published simulations, make it too large: by 3 % as a rule, by 7 % at most among
-    random drives with turns and holds.
+    Source: :mod:`hpop.criteria.comfort.svc` has the model (Wada and others), its constants, and this project's reading
+    of it. Euler's steps of 0.01 s, as in the published simulations, make the value too large, usually by 3 %, and by at
+    most 7 % among random drives with turns and holds.
     """
 
     vection: float = 1.0

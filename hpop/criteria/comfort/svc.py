@@ -1,8 +1,8 @@
 """The subjective-vertical-conflict model of motion sickness with six degrees of freedom, felt and seen.
 
 Motion sickness comes from the conflict between the vertical that the senses report, v, and the one that the brain
-expects, v_hat (Bles and Bos 1998). Here in the form of Kamiji, Kurata, Wada and Doi (2007) as revised by Inoue, Liu
-and Wada (SAE 2023-01-0176: the form IN1, its constants below). Vectors are in the head's frame; f = g + a is the felt
+expects, v_hat (Bles and Bos 1998). The form is that of Kamiji, Kurata, Wada and Doi (2007) as revised by Inoue, Liu
+and Wada (SAE 2023-01-0176, form IN1, with its constants). Vectors are in the head's frame; f = g + a is the felt
 specific force, a the acceleration and w the angular velocity of the head.
 
 Felt:      w_s = T_d T_a s² / ((T_d s + 1)(T_a s + 1)) w         semicircular canals
@@ -13,11 +13,10 @@ Expected:  w_hat = K_w w + K_wc (w_s - w_hat_s),   w_hat_s = T_d s / (T_d s + 1)
            g_hat' = K_vc (v - v_hat)
 Sickness:  u = (|v - v_hat|/b)²,  H = u/(1 + u),  tau_I² M'' + 2 tau_I M' + M = P H    M in % of people who vomit
 
-**Seen.** The terms K_a a and K_w w are what the brain knows of the motion other than from its vestibular organs. A
-seated user feels nothing (a = w = 0: without vision there is no conflict at all, M is 0) but is told by her eyes that
-she moves: a share ``vection`` of the seen acceleration and angular velocity is added to these terms. That is this
-project's reading of "visually driven"; published visual versions add feedback gains of their own, fitted to other
-experiments.
+**Seen motion.** The terms K_a a and K_w w are the brain's knowledge of the motion apart from the vestibular organs. A
+seated user feels nothing (a = w = 0, so without vision there is no conflict and M is 0) but sees motion: a share
+``vection`` of the seen acceleration and angular velocity is added to these terms. That is this project's reading of
+"visually driven". Published visual versions add feedback gains of their own, fitted to other experiments.
 """
 
 from __future__ import annotations
@@ -30,12 +29,12 @@ from hpop.base.arrays import FloatArray
 from hpop.runtime.compiled import kernel
 
 GRAVITY = 9.81  # m/s²
-STEP = 0.01  # s, of Euler's method, as in the published simulations; the answer to a jolt is some 3 to 7 % too large
+STEP = 0.01  # s, of Euler's method, as in the published simulations; makes responses to a jolt 3 to 7 % too large
 
 
 @dataclass(frozen=True)
 class Constants:
-    """Constants of IN1 (Inoue, Liu, Wada 2023); see the module for where they stand."""
+    """Constants of form IN1 (Inoue, Liu, Wada 2023); the module's equations use them."""
 
     k_a: float = 0.1
     k_w: float = 0.1
@@ -72,25 +71,25 @@ def sicken(
     step: float = STEP,
     constants: Constants | None = None,
 ) -> Sickened:
-    """Run the model over samples (N, 3) every ``step`` seconds, from a head upright and at rest for long.
+    """Run the model over samples (N, 3) every ``step`` seconds, from a head that has long been upright and at rest.
 
-    felt           m/s²   acceleration of the head (ahead, left, up) without gravity; none: it keeps still
+    felt           m/s²   acceleration of the head (ahead, left, up) without gravity; None: the head stays still
     felt_rotation  rad/s  angular velocity of the head
-    seen           m/s²   acceleration that the eyes report; none: nothing is seen to move
+    seen           m/s²   acceleration that the eyes report; None: no visible motion
     seen_rotation  rad/s  angular velocity that the eyes report
 
-    A head that turns out of the upright needs ``felt`` in its own frame with gravity's change added: felt = f - (0,
-    0, g).
+    For a head that turns out of the upright, ``felt`` is in its own frame and includes the change of gravity: felt = f
+    - (0, 0, g).
     """
-    given = [signal for signal in (felt, felt_rotation, seen, seen_rotation) if signal is not None]
-    if not given or any(signal.shape != (len(given[0]), 3) for signal in given):
-        raise ValueError(f"give at least one signal, all of one shape (N, 3); got {[s.shape for s in given]}")
+    signals = [signal for signal in (felt, felt_rotation, seen, seen_rotation) if signal is not None]
+    if not signals or any(signal.shape != (len(signals[0]), 3) for signal in signals):
+        raise ValueError(f"give at least one signal, all of one shape (N, 3); got {[s.shape for s in signals]}")
 
     def filled(signal: FloatArray | None) -> FloatArray:
-        return np.zeros(given[0].shape) if signal is None else np.ascontiguousarray(signal, dtype=np.float64)
+        return np.zeros(signals[0].shape) if signal is None else np.ascontiguousarray(signal, dtype=np.float64)
 
     gravity = np.array([0.0, 0.0, GRAVITY])
-    incidence, conflict = np.empty(len(given[0])), np.empty(len(given[0]))
+    incidence, conflict = np.empty(len(signals[0])), np.empty(len(signals[0]))
     _integrate(
         filled(felt) + gravity,
         filled(felt_rotation),
@@ -109,8 +108,8 @@ def sicken(
 def _integrate(
     force: FloatArray,
     rotation: FloatArray,
-    told: FloatArray,
-    told_rotation: FloatArray,
+    seen: FloatArray,
+    seen_rotation: FloatArray,
     gravity: FloatArray,
     constants: FloatArray,
     step: float,
@@ -120,20 +119,20 @@ def _integrate(
     """Take Euler steps of the model; rows are vectors in the head's frame.
 
     force, rotation        (N, 3)  m/s², rad/s  what the head feels
-    told, told_rotation    (N, 3)  m/s², rad/s  what the eyes tell
-    gravity                (3,)    m/s²         at the start, when the head has been at rest for long
+    seen, seen_rotation    (N, 3)  m/s², rad/s  the eyes' report
+    gravity                (3,)    m/s²         at the start, after a long rest
     incidence, conflict    (N,)    %, m/s²      written: after each step; |v - v_hat| before it
     """
     ka, kw, kwc, kvc, kac, tau_d, tau_a, tau, b, percent, tau_i = constants
     g, v, v_hat, g_hat = gravity.copy(), gravity.copy(), gravity.copy(), gravity.copy()
-    canal, canal_rate, known = np.zeros(3), np.zeros(3), np.zeros(3)
+    canal, canal_rate, expected_canal = np.zeros(3), np.zeros(3), np.zeros(3)
     sick = sick_rate = 0.0
     for n in range(len(incidence)):
         f, w = force[n], rotation[n]
         canal_change = w - (1.0 / tau_d + 1.0 / tau_a) * canal_rate - canal / (tau_d * tau_a)
         w_sensed = canal_change
-        w_expected = (known + kw * w + told_rotation[n] + kwc * w_sensed) / (1.0 + kwc)
-        f_hat = (ka * (f - g) + told[n] + g_hat + kac * (f - v + v_hat)) / (1.0 + kac)
+        w_expected = (expected_canal + kw * w + seen_rotation[n] + kwc * w_sensed) / (1.0 + kwc)
+        f_hat = (ka * (f - g) + seen[n] + g_hat + kac * (f - v + v_hat)) / (1.0 + kac)
         v_change = (f - v) / tau - np.cross(w_sensed, v)
         v_hat_change = (f_hat - v_hat) / tau - np.cross(w_expected, v_hat)
         g_hat_change = kvc * (v - v_hat)
@@ -143,7 +142,7 @@ def _integrate(
         conflict[n] = b * np.sqrt(square)
         canal = canal + step * canal_rate
         canal_rate = canal_rate + step * canal_change
-        known = known - step * w_expected / tau_d
+        expected_canal = expected_canal - step * w_expected / tau_d
         g, v = g + step * g_change, v + step * v_change
         v_hat, g_hat = v_hat + step * v_hat_change, g_hat + step * g_hat_change
         sick, sick_rate = sick + step * sick_rate, sick_rate + step * sick_change

@@ -10,7 +10,7 @@ from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
 from hpop.motions import Motions
 
-LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
+LEAST_TURN = np.deg2rad(1.0)  # rad: smaller changes of heading are not counted
 
 
 @criterion(
@@ -25,17 +25,18 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: a smaller change of heading is no turn
 )
 @dataclass(frozen=True)
 class Turns:
-    """N, the number of turns of more than one degree, whatever their angle; those at start and goal count.
+    """Number of turns of more than one degree, whatever their angle: the paper's N.
 
-    Turns are the camera's, about the vertical, whatever makes them: its base, or a head that pans. A tilt is none.
+    Turns are the camera's, about the vertical, made by its base or by a head that pans; tilts do not count. Turns at
+    start and goal do. Unit 1; a sum over motions. Source: Becerra et al. 2020 (arXiv 2002.10696): few and fast
+    rotations spare the semicircular canals.
 
-    Becerra et al. 2020 (arXiv 2002.10696): few and fast rotations spare the semicircular canals. A turn in place is one
-    motion and one turn: the paper's N where turns are made in one go, as planners here make them; two turns in place in
-    succession count twice. Along curves a turn is a maximal stretch in which the heading changes with one sign, however
-    it is cut into motions: a change of sign begins another, and so does going straight for a while. A curve on a graph,
-    or alone, knows no neighbours and is counted as if the heading stayed the same before and after.
+    A turn in place is one motion and one turn, so two turns in place in succession count twice; planners here make each
+    turn in one go, as the paper does. Along curves a turn is a maximal stretch in which the heading changes with one
+    sign, however the curve is cut into motions. A change of sign begins another turn, and so does a straight stretch.
+    The cost of a curve by itself, for example as an edge of a graph, assumes a constant heading before and after it.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Number (M,) of turns that end in each motion."""
+        """Return the number (M,) of turns that end in each motion."""
         return sum(np.where(np.abs(turn) > LEAST_TURN, 1.0, 0.0) for turn in m.camera.turns)

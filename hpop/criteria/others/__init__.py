@@ -1,4 +1,4 @@
-"""Criteria of other people, and what several of them read: the robot's outline, its velocity, the time, and zones."""
+"""Criteria of other people, and functions that several of them use: robot radius and velocity, time, and zones."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ from hpop.world.content.proxemics import any_moves
 from hpop.world.fields.field import Field, grid_points
 
 MAX_SAMPLES = 4_000_000
-ROWS = 1 << 16  # samples whose squares are looked at together
-SAMPLE = 8  # bytes
-POINT = 200  # bytes beside it of a place on a path
+ROWS = 1 << 16  # samples per block
+SAMPLE = 8  # bytes of a sample
+POINT = 200  # bytes of a sample's nearest point on a path
 ZONES = "zones were sampled"
-SAME_PLACE = 1e-9  # share of a path's length within which its nearest point is a corner
+SAME_PLACE = 1e-9  # share of a path's length within which its nearest point counts as a corner
 
 
 def reach(model: Model, radius: float | None) -> float:
-    """Return the radius, m, of the robot about its axis: as given, or as far as its upright parts reach."""
+    """Return the radius, m, of the robot about its axis: the given one, or as far as its upright parts reach."""
     if radius is not None:
         return radius
     return max((float(part.reach) for part in model.platform), default=0.0)
 
 
 def checked_radius(radius: float | None) -> float | None:
-    """Return a robot's radius; CriterionError unless it is None or a length."""
+    """Return a robot's radius; raise CriterionError unless it is None or a length."""
     if radius is None:
         return None
     return real("robot_radius", radius, 0, MOST, "None for the model's, or a length in m", error=CriterionError)
@@ -51,7 +51,7 @@ def base_velocity(m: Motions, s: Instants) -> tuple[Column, Column]:
 
 
 def clock(s: Instants, people: Iterable[Person]) -> Column | None:
-    """Return the times of moments, s, if a person moves; else None, so that graphs without time can cost it."""
+    """Return the times of moments, s, if a person moves; else None, so that graphs without time can be costed."""
     return s.t if any_moves(people) else None
 
 
@@ -60,27 +60,27 @@ def check_one_future(name: str, people: Iterable[Person]) -> None:
     for person in people:
         if person.futures:
             raise CriterionError(
-                f"{name!r} needs one future of each who talks; {named_as('person', person.name)} has "
-                f"{len(person.futures)}, and whom the others would follow is not said. Give one prediction to those "
-                "who are in a group, or leave the group out"
+                f"{name!r} needs one future of each person in a group; {named_as('person', person.name)} has "
+                f"{len(person.futures)}, and which of them the group would follow is unknown. Give people "
+                "in groups one prediction each, or leave the group out"
             )
 
 
 def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
-    """Return each limit, m/s, with a field of where it holds; where speed zones overlap, the lowest holds."""
+    """Return each limit, m/s, with a field of the area where it holds; where speed zones overlap, the lowest holds."""
     zones = tuple((float(zone.limit), zone.area) for zone in world.content.zones if zone.limit is not None)
 
     def make() -> tuple[tuple[float, Field], ...]:
-        found = []
+        fields = []
         lower: BaseGeometry = shapely.Polygon()
         for limit in sorted({limit for limit, _ in zones}):
-            area = shapely.union_all([area for other, area in zones if other == limit])
-            rest = shapely.difference(area, lower)
+            area = shapely.union_all([area for zone_limit, area in zones if zone_limit == limit])
+            remaining = shapely.difference(area, lower)
             lower = shapely.union(lower, area)
-            if rest.area > 0:
-                xs, ys = _grid(world, rest)
-                found.append((limit, _field(xs, ys, _shares(rest, xs, ys))))
-        return tuple(found)
+            if remaining.area > 0:
+                xs, ys = _grid(world, remaining)
+                fields.append((limit, _field(xs, ys, _shares(remaining, xs, ys))))
+        return tuple(fields)
 
     return world.ground.derived(("speed limits", zones), make)
 
@@ -88,8 +88,8 @@ def speed_limits(world: World) -> tuple[tuple[float, Field], ...]:
 def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
     """Return the allowed direction (x, y) of each one-way zone as fields, of length 1 inside and 0 outside.
 
-    The direction at a place is that of the nearest segment of the zone's path; beyond a corner, where two segments are
-    equally near, it is half way between theirs.
+    The direction is that of the nearest segment of the zone's path. Beyond a corner, where two segments are equally
+    near, it is half way between theirs.
     """
     zones = [zone for zone in world.content.zones if zone.kind == "one-way"]
     key = ("one-way flows", *((zone.area, zone.path) for zone in zones))
@@ -114,13 +114,13 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
     )
     mean = ahead[before] + ahead[after]  # (H, W, 2)
     norm = np.hypot(mean[..., 0], mean[..., 1])[..., None]
-    # A path that turns back on itself at a corner has no half way: then what comes after it counts.
+    # At a corner where a path turns back on itself no direction is half way: then the next segment counts.
     direction = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
     return _field(xs, ys, shares * direction[..., 0]), _field(xs, ys, shares * direction[..., 1])
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
-    """Return sample positions a field cell apart, coarser where a zone would take over four million."""
+    """Return sample positions a field cell apart; coarser where a zone would take over four million."""
     x0, y0, x1, y1 = shapely.bounds(area)
     spacing = max(world.cell, math.sqrt((x1 - x0) * (y1 - y0) / MAX_SAMPLES))
     return grid_points((x0, y0, x1, y1), spacing)
@@ -135,7 +135,7 @@ def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
     half = 0.5 * float(xs[1] - xs[0])
     limits.hold(ZONES, xs.size * ys.size * SAMPLE)
     shapely.prepare(area)
-    found = np.empty((ys.size, xs.size))
+    inside = np.empty((ys.size, xs.size))
     step = max(1, ROWS // xs.size)
     for begin in range(0, ys.size, step):
         limits.check(ZONES)
@@ -144,5 +144,5 @@ def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
         shares = np.where(shapely.contains_properly(area, squares), 1.0, 0.0)
         border = shapely.intersects(area, squares) & (shares == 0)
         shares[border] = shapely.area(shapely.intersection(area, squares[border])) / (4.0 * half * half)
-        found[begin : begin + step] = np.clip(shares, 0.0, 1.0)
-    return found
+        inside[begin : begin + step] = np.clip(shares, 0.0, 1.0)
+    return inside

@@ -1,4 +1,4 @@
-"""Moving against the direction of one-way zones."""
+"""Motion against the direction of one-way zones."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from hpop.motions import Instants, Motions
 @criterion("against_flow", group="O", unit="m", aggregate="sum", requires=("base", "one-way zones"))
 @dataclass(frozen=True)
 class AgainstFlow:
-    """∫ (-v · direction)₊ dt in one-way zones: metres moved against the allowed direction.
+    """Metres moved against the direction of one-way zones: ∫ (-v · direction)₊ dt.
 
-    The direction at a place is that of the nearest segment of the zone's path (beyond a corner, half way between two);
-    moving across it costs nothing. It is the place of the base's axis that counts. Where zones overlap each counts. A
-    rule of this library, no published measure.
+    v is the velocity of the base's axis. The direction at a point is that of the nearest segment of the zone's path;
+    beyond a corner, half way between two. Moving across it costs nothing. Where zones overlap, each counts. Unit m; a
+    sum over motions. The rule is this library's own, not a published measure.
 
     A zone's border, and the line where the direction changes, are blurred over about two field cells on either side
     (see :class:`hpop.world.fields.field.Field`), so that the cost has a gradient.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Metres (M,) moved against the direction."""
+        """Return the metres (M,) moved against the direction."""
         if m.base.stays:
-            return 0.0 * m.base.start.x  # who turns in place moves in no direction
+            return 0.0 * m.base.start.x  # a turn in place moves in no direction
         flows = one_way_flows(m.world)
 
         def against(s: Instants) -> Column:

@@ -22,25 +22,25 @@ from hpop.world.content.proxemics import HALL, Blurred, expected, offset
 @criterion("hall_zones", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class HallZones:
-    """∫ Σ_people E[w(gap)] dt: time in people's zones, each zone with its weight; two people disturbed count twice.
+    """Time in people's zones, each zone with its weight: ∫ Σ_people E[w(gap)] dt; two people disturbed count twice.
 
-    Zones of Hall 1966 (The Hidden Dimension): intimate to .45 m, personal to 1.2 m, social to 3.6 m, public beyond
-    (weight 0). The gap is measured between surfaces: from the person's body to the robot, taken as round about its
-    axis with ``robot_radius``, by default as far as the model reaches. The weights are this library's choice.
+    The zones end at .45 m (intimate), 1.2 m (personal) and 3.6 m (social); beyond, the weight w is 0. The gap is the
+    distance from the person's body to the robot, which is taken as round about its axis with ``robot_radius``, by
+    default as far as the model reaches. Unit s; a sum over motions.
 
-    Deviation: the weight does not jump at a zone's border but changes over ``softness`` metres about it (a
-    polynomial of degree 5, half the change at the border itself), so that the cost has a gradient.
-    :func:`hpop.criteria.others.metrics.zone_fractions` has the sharp zones.
+    Source: the zones of Hall 1966 (The Hidden Dimension). The weights are this library's choice. Deviation: at a zone's
+    border the weight changes over ``softness`` metres (a polynomial of degree 5, half the change at the border itself),
+    so that the cost has a gradient. :func:`hpop.criteria.others.metrics.zone_fractions` has sharp zones.
 
-    The mean E is over what people may do: their futures by their weights, each blurred by its deviation (a table that
-    is nearer than 1e-4 to the integral with the default softness, 3e-3 with .05 m, .01 with .01 m). It is the mean of
-    the whole cost, whether a person's deviations at different times have to do with each other or not.
+    E is the mean over the person's futures, by weight, each blurred by its deviation. Tables of the blurred weight are
+    within 1e-4 of the integral with the default softness, 3e-3 with .05 m, .01 with .01 m. The mean of the cost is
+    right whether or not a person's deviations at different times are correlated.
     """
 
     intimate: float = 1.0  # weight up to .45 m from a person
-    personal: float = 0.5  # weight from there to 1.2 m
-    social: float = 0.1  # weight from there to 3.6 m
-    softness: float = 0.3  # m about a border, over which the weight changes
+    personal: float = 0.5  # weight from .45 m to 1.2 m
+    social: float = 0.1  # weight from 1.2 m to 3.6 m
+    softness: float = 0.3  # m across a border over which the weight changes
     robot_radius: float | None = None  # m, None for the model's
 
     def __post_init__(self) -> None:
@@ -48,14 +48,14 @@ class HallZones:
         set_reals(self, *zones, least=0, most=MOST, kind="a weight", error=CriterionError)
         if not (self.intimate >= self.personal >= self.social and self.intimate > 0):
             raise CriterionError(
-                "the weights of zones must be such that none is larger than that of the zone within it, "
-                f"and not all 0; got intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
+                "weights of zones must satisfy intimate >= personal >= social and intimate > 0; "
+                f"got intimate={self.intimate!r}, personal={self.personal!r}, social={self.social!r}"
             )
         set_reals(self, "softness", least=LEAST, most=2 * HALL["intimate"], kind="a length in m", error=CriterionError)
         object.__setattr__(self, "robot_radius", checked_radius(self.robot_radius))
 
     def cost(self, m: Motions) -> Column:
-        """Weighted time (M,) in zones, s."""
+        """Return the weighted time (M,) in zones, s."""
         people, radius = m.world.content.people, reach(m.model, self.robot_radius)
 
         def intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column:
@@ -67,20 +67,20 @@ class HallZones:
         return m.integrate(lambda s: expected(people, intrusion, s.base.x, s.base.y, clock(s, people)))
 
     def weight(self, gap: Column) -> Column:
-        """Weight (N,) of gaps, m, between surfaces."""
+        """Return the weight (N,) of gaps, m, between surfaces."""
         weights = (self.intimate, self.personal, self.social, 0.0)
         steps = [(limit, w - beyond) for limit, (w, beyond) in zip(HALL.values(), pairwise(weights), strict=True)]
         return sum(step * within(limit - gap, self.softness) for limit, step in steps if step > 0)
 
 
 def within(depth: Column, softness: float) -> Column:
-    """0 outside a border, 1 inside, by the depth, m; between them over the softness, m; twice differentiable."""
+    """Return 0 outside a border and 1 inside, by depth, m; between over the softness, m; twice differentiable."""
     u = np.clip(depth / softness + 0.5, 0.0, 1.0)
     return u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
 
 
-@lru_cache(maxsize=128)  # 0.6 MB each: one a radius of a person
+@lru_cache(maxsize=128)  # 0.6 MB each; one per radius of a person
 def _blurred(zones: HallZones, radii: float) -> Blurred:
-    """The weight of an uncertain distance, m, between the axes of a robot and a person with so large radii."""
+    """Return the mean weight of an uncertain distance, m, between the axes of robot and person; radii are their sum."""
     end = HALL["social"] + 0.5 * zones.softness + radii
     return Blurred(lambda distance: zones.weight(distance - radii), end, detail=zones.softness)

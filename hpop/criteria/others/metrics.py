@@ -1,4 +1,4 @@
-"""What studies report of a robot among people, measured on a trajectory; nothing here is minimised."""
+"""Social metrics, as studies of robots among people report them: measured on a trajectory, not minimised."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ COMPLIANT = 0.5  # m
 class SocialMetrics:
     """Metrics of Francis et al. 2023 (Principles and guidelines for evaluating social robot navigation algorithms).
 
-    People are where they are predicted, while they are there; of several futures, each as if it came true: the worst is
-    told.
+    People are where they are predicted, while they are present. If a person has several futures, each value is that of
+    the worst one.
 
     min_human_distance       m  least gap between the surfaces of robot and people; ∞ without people, negative in a
                                 collision
     space_compliance         1  share of the time in which all people are at least ``COMPLIANT`` = .5 m away
     least_time_to_collision  s  ∞ when robot and people never are on a collision course
     path_efficiency          1  shortest length / max(length, shortest length), as SPL has it for one success; None when
-                                no shortest length is given
+                                no
+                                shortest length is given
     """
 
     min_human_distance: float
@@ -55,18 +56,18 @@ def social_metrics(
     robot_radius: float | None = None,
     step: float = STEP,
 ) -> SocialMetrics:
-    """Measure a trajectory among people; give its ``execution()`` to measure what the robot really does.
+    """Measure a trajectory among people; pass its ``execution()`` to measure the robot's real motion.
 
     shortest_length  m  of the shortest path from start to goal, for the path efficiency
     robot_radius     m  of the robot, round about its axis; by default as far as the model reaches
-    step             s  between samples; the ends of motions, and where people turn, come or leave, are sampled too
+    step             s  between samples; the ends of motions, and moments at which people turn, come or leave, are added
 
-    Raises CriterionError for a step or a length that is none.
+    Raises CriterionError if the step or the shortest length is not positive.
     """
     robot_radius = checked_radius(robot_radius)
     if shortest_length is not None:
-        what = "a positive length in m"
-        shortest_length = real("shortest_length", shortest_length, LEAST, MOST, what, error=CriterionError)
+        kind = "a positive length in m"
+        shortest_length = real("shortest_length", shortest_length, LEAST, MOST, kind, error=CriterionError)
     radius = reach(trajectory.model, robot_radius)
     middles = _middles(trajectory, step)
     turns = world.content.kinks[(world.content.kinks > 0) & (world.content.kinks <= trajectory.duration)]
@@ -74,7 +75,7 @@ def social_metrics(
     moments = Track(trajectory, times)
     base, velocity = moments.base, moments.twist("base").velocity
     least = np.inf
-    for person in _as_may_be(world):
+    for person in _one_per_future(world):
         px, py = offset(person, base.x, base.y, times)
         walks_x, walks_y = person.velocity_at(times)
         left = time_to_collision(px, py, velocity[0] - walks_x, velocity[1] - walks_y, radius + person.radius)
@@ -91,9 +92,9 @@ def social_metrics(
 def zone_fractions(
     trajectory: Trajectory, world: World, *, robot_radius: float | None = None, step: float = STEP
 ) -> dict[str, float]:
-    """Fraction of time in each of Hall's zones of the nearest person: "intimate", "personal", "social", "public".
+    """Return the share of time in each zone of the nearest person: "intimate", "personal", "social", "public".
 
-    Zones are sharp here, gaps between surfaces; sampled every ``step`` seconds.
+    Zones are sharp here and measured between surfaces; samples are ``step`` seconds apart.
     """
     robot_radius = checked_radius(robot_radius)
     gaps = _gaps(trajectory, world, _middles(trajectory, step), reach(trajectory.model, robot_radius))
@@ -103,22 +104,22 @@ def zone_fractions(
 
 
 def _middles(trajectory: Trajectory, step: float) -> FloatArray:
-    """Middles of equal intervals of time, no longer than a step; 0 where nothing moves."""
+    """Return the middles of equal intervals of time, no longer than a step; 0 where nothing moves."""
     step = real("step", step, LEAST, MOST, "a positive time in s", error=CriterionError)
     count = max(1, int(np.ceil(trajectory.duration / step)))
     return np.asarray((np.arange(count) + 0.5) * (trajectory.duration / count))
 
 
 def _gaps(trajectory: Trajectory, world: World, times: FloatArray, radius: float) -> FloatArray:
-    """Gap (N,), m, between the surfaces of the robot and the nearest person at times (N,)."""
+    """Return the gap (N,), m, between the surfaces of the robot and the nearest person at times (N,)."""
     base = trajectory.model.pose("base", trajectory.at(times))
     nearest = np.full(times.shape, np.inf)
-    for person in _as_may_be(world):
+    for person in _one_per_future(world):
         gap = np.hypot(*offset(person, base.x, base.y, times)) - person.radius - radius
         nearest = np.minimum(nearest, np.where(person.there(times), gap, np.inf))
     return nearest
 
 
-def _as_may_be(world: World) -> Iterator[Person]:
-    """People without futures: each as in one of them."""
-    return (one for person in world.content.people for _, one in person.hypotheses)
+def _one_per_future(world: World) -> Iterator[Person]:
+    """Return people with one future each: a copy for each future of a person."""
+    return (hypothesis for person in world.content.people for _, hypothesis in person.hypotheses)

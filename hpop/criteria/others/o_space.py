@@ -1,4 +1,4 @@
-"""O-space: the place in the middle of a conversation, which is not for passing."""
+"""O-space: the middle of a conversation, which others should not cross."""
 
 from __future__ import annotations
 
@@ -21,27 +21,28 @@ from hpop.world.content.proxemics import over, position
 @criterion("o_space", group="O", unit="s", aggregate="sum", requires=("base", "groups"))
 @dataclass(frozen=True)
 class OSpace:
-    """∫ Σ_groups E[exp(-|p - c|²/2σ²)] dt: time in the middle of conversations, 1 at the centre.
+    """Time in the middle of conversations, weighted by nearness to the centre c: ∫ Σ_groups E[exp(-|p - c|²/2σ²)] dt.
 
-    c = mean(p_i + ``stride`` · heading_i) over those who talk: the votes for the centre of an F-formation (Kendon
-    1990; a stride of 1.5 m). heading_i is the body's yaw, also of people who walk while they talk: it says whom
-    they face. A conversation lasts while all of it are there. The width σ = ``sigma`` m is this library's choice: half
-    a stride.
+    c = mean(p_i + ``stride`` · heading_i) over the people of the group. heading_i is the yaw of the body, also of
+    people who walk while they talk. p is the axis of the base; a second at the centre costs 1 s. A conversation lasts
+    while all its people are present. Unit s; a sum over motions.
 
-    The mean E is over where those who talk may be, their deviations taken to be independent of each other, in closed
-    form. Who talks has one future: what becomes of a conversation of which one may go elsewhere is not known from what
-    each of them may do.
+    Source: the centre of an F-formation by votes (Kendon 1990; a stride of 1.5 m). The width σ = ``sigma``, half a
+    stride, is this library's choice.
+
+    E is the mean over the positions of the people, with deviations taken as independent, in closed form. People in
+    groups need one future each, because their separate futures do not say what becomes of the conversation.
     """
 
-    stride: float = 1.5  # m ahead of each who talks is the middle
-    sigma: float = 0.75  # m, width about the middle
+    stride: float = 1.5  # m from each person ahead to the centre
+    sigma: float = 0.75  # m, width of the middle
 
     def __post_init__(self) -> None:
         set_reals(self, "stride", least=0, most=MOST, kind="a length in m", error=CriterionError)
         set_reals(self, "sigma", least=LEAST, most=MOST, kind="a positive length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the intrusion, s."""
+        """Return the time integral (M,) of the intrusion, s."""
         content = m.world.content
         groups = [tuple(content.people[i] for i in group) for group in content.groups]
         talking = [person for group in groups for person in group]
@@ -58,9 +59,9 @@ class OSpace:
         return m.integrate(lambda s: over(groups, intrusion, np.add, s.base.x, s.base.y, clock(s, talking)))
 
     def centre(self, group: tuple[Person, ...], t: Column | None = None) -> tuple[Column, Column]:
-        """Centre (x, y), m, of a conversation at times t (N,), s; t is only needed when somebody in it walks."""
-        places = [position(person, t) for person in group]
+        """Return the centre (x, y), m, of a conversation at times t (N,), s; t is needed only if people walk."""
+        positions = [position(person, t) for person in group]
         ahead = self.stride / len(group)
-        x = sum(px for px, _ in places) / len(group) + ahead * sum(math.cos(person.yaw) for person in group)
-        y = sum(py for _, py in places) / len(group) + ahead * sum(math.sin(person.yaw) for person in group)
+        x = sum(px for px, _ in positions) / len(group) + ahead * sum(math.cos(person.yaw) for person in group)
+        y = sum(py for _, py in positions) / len(group) + ahead * sum(math.sin(person.yaw) for person in group)
         return x, y

@@ -1,4 +1,4 @@
-"""Personal space: a region about each person that reaches farther ahead than behind, the more the faster they walk."""
+"""Personal space: a region about each person that reaches farther ahead than behind, and farther at higher speeds."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from hpop.world.content.proxemics import expected, in_frame, worst
 
 Combination = Literal["sum", "max"]
 LEAST_AHEAD = 0.5  # m
-TINY = 1e-6  # m: no deviation is taken to be smaller, if it grows
+TINY = 1e-6  # m: smallest deviation of one that grows
 
 
 def spreads(person: Person, t: Column | None = None) -> tuple[Column, Column, Column]:
-    """Standard deviations ahead, aside and behind, m: max(2v, 1/2), two thirds and half of it, at times t (N,)."""
+    """Return standard deviations ahead, aside and behind, m, at times t (N,): max(2v, 1/2), its 2/3 and its half."""
     vx, vy = person.velocity_at(t)
     steady = isinstance(vx, float)
     ahead = max(2.0 * math.hypot(vx, vy), LEAST_AHEAD) if steady else np.maximum(2.0 * hypot(vx, vy), LEAST_AHEAD)
@@ -34,27 +34,28 @@ def spreads(person: Person, t: Column | None = None) -> tuple[Column, Column, Co
 @criterion("personal_space", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class PersonalSpace:
-    """∫ Σ_people E[exp(-x²/2σ² - y²/2σ_s²)] dt: time in people's personal space, 1 where the person is.
+    """Time in people's personal space, weighted by nearness: ∫ Σ_people E[exp(-x²/2σ² - y²/2σ_s²)] dt.
 
-    x ahead and y beside the person, ahead being where somebody who walks goes and somebody who stands faces;
-    σ = σ_h = max(2v, ½) ahead and σ_r = ½ σ_h behind, σ_s = ⅔ σ_h, v the person's speed in m/s: the asymmetric
-    Gaussian of Kirby, Social Robot Navigation, 2010. The place of the robot is its axis.
+    x is the distance of the base's axis ahead of the person, y that beside. Ahead is where a person walks or, standing,
+    faces. σ = σ_h = max(2v, ½) ahead and σ = σ_r = ½ σ_h behind, σ_s = ⅔ σ_h, with v the person's speed in m/s. A
+    second at the person's position costs 1 s. Unit s; a sum over motions.
 
-    The mean E is over what people may do: their futures by their weights, each blurred by its deviation, in closed
-    form. It is the mean of the whole cost, whether a person's deviations at different times have to do with each other
-    or not.
+    Source: the asymmetric Gaussian of Kirby, Social Robot Navigation, 2010.
 
-    ``people="sum"`` adds up the people; "max" takes the one who is disturbed most, as costmaps do. Of several futures
-    that is the one in which most is disturbed, however small its weight.
+    E is the mean over the person's futures, by weight, each blurred by its deviation, in closed form. The mean of the
+    cost is right whether or not a person's deviations at different times are correlated.
+
+    ``people="sum"`` adds up the people. "max" takes the person who is disturbed most, as costmaps do, and of several
+    futures the worst one, however small its weight.
     """
 
-    people: Combination = "sum"  # all people, or "max", the one who is disturbed most
+    people: Combination = "sum"  # over all people, or "max", the person who is disturbed most
 
     def __post_init__(self) -> None:
         one_of("people", self.people, get_args(Combination), error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the intrusion, s."""
+        """Return the time integral (M,) of the intrusion, s."""
         people = m.world.content.people
         combined = expected if self.people == "sum" else worst
         return m.integrate(lambda s: combined(people, _intrusion, s.base.x, s.base.y, clock(s, people)))
@@ -72,10 +73,10 @@ def _intrusion(person: Person, x: Column, y: Column, t: Column | None) -> Column
 
 
 def _blurred(ahead: Column, left: Column, widths: tuple[Column, Column, Column], deviation: Column) -> Column:
-    """Mean (N,) of the intrusion, the person's place being uncertain by a deviation (N,), m, along each axis.
+    """Return the mean (N,) of the intrusion if the person's position has a deviation (N,), m, along each axis.
 
-    A Gaussian blurred is one whose variances are sums; of each half ahead and behind there remains the share of those
-    places for which the robot is in that half.
+    A blurred Gaussian is a Gaussian with the sum of variances. Each half, ahead and behind, contributes with the share
+    of positions for which the robot is in that half.
     """
     front, side, rear = widths
     deviation = np.maximum(deviation, TINY)

@@ -1,4 +1,4 @@
-"""Social force: how hard people are pushed to evade the robot."""
+"""Social force: how hard the robot pushes people to evade it."""
 
 from __future__ import annotations
 
@@ -17,31 +17,35 @@ from hpop.motions import Motions
 from hpop.world.content.content import Person
 from hpop.world.content.proxemics import expected, offset
 
-STANDSTILL = 1e-9  # a length of D below which the force is 0: its range γ|D| is
-TINY = 1e-6  # m: no deviation is taken to be smaller, if it grows
+STANDSTILL = 1e-9  # |D| below which the force is 0, since its range γ|D| is
+TINY = 1e-6  # m: smallest deviation of one that grows
 ROOT_PI = float(np.sqrt(np.pi))
 
 
 @criterion("social_force", group="O", unit="m/s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class SocialForce:
-    """∫ Σ_people E[|f|] dt: the social force, per unit of mass, that the robot exerts on people, over time.
+    """Social force that the robot exerts on people, per unit of mass, over time: ∫ Σ_people E[|f|] dt.
 
-    Moussaïd et al. 2009 (Proc. R. Soc. B 276): f = -A exp(-d/B) [exp(-(n′Bθ)²) t + K exp(-(nBθ)²) n], with e the
-    direction and d the distance from person to robot (centres), Δv the velocity of the person less that of the
-    robot, D = λΔv + e, t = D/|D|, n its left normal, θ the angle from t to e, B = γ|D|; measured on people: A 4.5
-    m/s², γ .35, λ 2, n 2, n′ 3.
+    f = -A exp(-d/B) [exp(-(n′Bθ)²) t + K exp(-(nBθ)²) n]. Unit m/s; a sum over motions.
 
-    Choices: the integral is over time and not along the path, so that a robot that stands beside people costs as
-    well (the "social work" of human-aware navigation sums the force over time steps in the same way). K, the sign
-    of θ, counts as ±1 at θ = 0 too, where the paper has 0 at that one angle: on a straight way to a person θ is 0
-    up to rounding.
+    e    unit vector from the person to the robot, d their distance (centres)
+    D    λΔv + e, with Δv the velocity of the person less that of the robot
+    t    D/|D|, with left normal n
+    θ    angle from t to e, with sign K
+    B    γ|D|
 
-    The mean E is over what people may do: their futures by their weights, and the places where each may be, by an
-    integral over the directions of e, of which those over distances are in closed form: within 1e-4 m/s² with the
-    default constants and velocities that differ by up to 4 m/s, whatever the deviation. The velocity is the predicted
-    one. It is the mean of the whole cost, whether a person's deviations at different times have to do with each other
-    or not.
+    Source: Moussaïd et al. 2009 (Proc. R. Soc. B 276), who measured on people A = 4.5 m/s², γ = .35, λ = 2, n = 2, n′ =
+    3.
+
+    Choices: the integral is over time, not along the path, so that a robot that stands beside people costs as well. The
+    "social work" of human-aware navigation sums the force over time steps in the same way. At θ = 0, K counts as ±1,
+    not as 0 as in the paper: on a straight path to a person θ is 0 up to rounding.
+
+    E is the mean over the person's futures, by weight, and over the uncertain position at the predicted velocity. That
+    mean is an integral over directions of e, with the integral over distances in closed form: within 1e-4 m/s² with the
+    default constants and velocities that differ by up to 4 m/s, whatever the deviation. The mean of the cost is right
+    whether or not a person's deviations at different times are correlated.
     """
 
     strength: float = 4.5  # A, m/s²
@@ -52,18 +56,18 @@ class SocialForce:
 
     def __post_init__(self) -> None:
         set_reals(self, "strength", "stretch", least=LEAST, most=MOST, kind="a positive number", error=CriterionError)
-        others = ("anticipation", "turning", "slowing")
-        set_reals(self, *others, least=0, most=MOST, kind="a number", error=CriterionError)
+        constants = ("anticipation", "turning", "slowing")
+        set_reals(self, *constants, least=0, most=MOST, kind="a number", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the force per unit of mass, m/s."""
+        """Return the time integral (M,) of the force per unit of mass, m/s."""
         people = m.world.content.people
         return m.integrate(
             lambda s: expected(people, self._force, s.base.x, s.base.y, *base_velocity(m, s), clock(s, people))
         )
 
     def _force(self, person: Person, x: Column, y: Column, vx: Column, vy: Column, t: Column | None) -> Column:
-        """Mean of |f| (N,), m/s²."""
+        """Return the mean of |f| (N,), m/s²."""
         dx, dy = offset(person, x, y, t)
         walks_x, walks_y = person.velocity_at(t)
         distance, deviation = hypot(dx, dy), person.deviation(t)
@@ -71,14 +75,14 @@ class SocialForce:
         inverse = np.where(apart, 1.0 / np.where(apart, distance, 1.0), 0.0)
         ex, ey = dx * inverse, dy * inverse
         if not is_zero(deviation):
-            ahead = np.where(apart, ex, 1.0)  # any direction will do where none is
+            ahead = np.where(apart, ex, 1.0)  # any direction serves where none is defined
             columns = (distance, ahead, ey, walks_x - vx, walks_y - vy, np.maximum(deviation, TINY))
             return summed(self._towards, DIRECTIONS, *columns)
         reach, strongest = self._along(ex, ey, walks_x - vx, walks_y - vy)
         return strongest * np.exp(-distance / reach)
 
     def _along(self, ex: Column, ey: Column, wx: Column, wy: Column) -> tuple[Column, Column]:
-        """B (N,), m, and |f| (N,) at distance 0, m/s², in directions e, for velocities w of people less the robot's."""
+        """Return B (N,), m, and |f| (N,) at distance 0, m/s², in directions e; w is the relative velocity."""
         Dx, Dy = self.anticipation * wx + ex, self.anticipation * wy + ey
         length = hypot(Dx, Dy)
         pushes = length > STANDSTILL
@@ -101,33 +105,33 @@ class SocialForce:
         wy: Column,
         deviation: Column,
     ) -> Column:
-        """What one direction contributes (N,) to the mean of |f|, the person being predicted at a distance along e.
+        """Return the contribution (N,) of a direction to the mean of |f|, for a prediction at a distance along e.
 
-        In polar coordinates r, φ about the robot, φ = 0 towards the prediction, the place has the density
-        exp(-(r² - 2 r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times what depends on φ alone. With a = d cos φ -
-        σ²/B the integral over r is exp(-d²/2σ²) (1 + a/σ sqrt(π/2) exp(a²/2σ²) (1 + erf(a/σ sqrt 2)))/2π.
-        Directions are those of tan(φ/2) = k tan(ψ/2), ψ even, k = 2σ/sqrt(d² + 4σ²): dense where the person is likely.
+        In polar coordinates r, φ about the robot, φ = 0 towards the prediction, a position has the density exp(-(r² - 2
+        r d cos φ + d²)/2σ²)/2πσ², and |f| is exp(-r/B) times a function of φ. With a = d cos φ - σ²/B the integral over
+        r is exp(-d²/2σ²) (1 + a/σ sqrt(π/2) exp(a²/2σ²) (1 + erf(a/σ sqrt 2)))/2π. Directions are those of tan(φ/2) = k
+        tan(ψ/2), ψ even, k = 2σ/sqrt(d² + 4σ²): dense where the person is likely.
         """
         narrow = 2.0 * deviation / np.sqrt(distance * distance + 4.0 * deviation * deviation) * tangent
-        whole = 1.0 + narrow * narrow
-        versine = 2.0 * narrow * narrow / whole  # 1 - cos φ
-        cos, sin = 1.0 - versine, 2.0 * narrow / whole
+        scale = 1.0 + narrow * narrow
+        versine = 2.0 * narrow * narrow / scale  # 1 - cos φ
+        cos, sin = 1.0 - versine, 2.0 * narrow / scale
         reach, strongest = self._along(ex * cos - ey * sin, ex * sin + ey * cos, wx, wy)
-        less = distance * versine + deviation * deviation / reach
-        nearest = distance - less  # a
+        shortening = distance * versine + deviation * deviation / reach
+        nearest = distance - shortening  # a
         z = nearest / (np.sqrt(2.0) * deviation)
         off = distance / deviation
         behind = np.exp(-0.5 * off * off)
-        there = np.exp(np.minimum(-0.5 * less * (distance + nearest) / (deviation * deviation), 0.0))
+        towards = np.exp(np.minimum(-0.5 * shortening * (distance + nearest) / (deviation * deviation), 0.0))
         beyond = behind * (1.0 - ROOT_PI * np.maximum(-z, 0.0) * erfcx(np.maximum(-z, 0.0)))
-        before = behind + ROOT_PI * z * there * (1.0 + erf(np.maximum(z, 0.0)))
-        # dφ/dψ, of which the share holds the part of the node alone
-        weight = share * narrow / tangent / whole
+        before = behind + ROOT_PI * z * towards * (1.0 + erf(np.maximum(z, 0.0)))
+        # dφ/dψ; the share has the part that depends on the node alone
+        weight = share * narrow / tangent / scale
         return weight * strongest * np.where(z > 0, before, np.maximum(beyond, 0.0))
 
 
 def _directions(count: int) -> tuple[tuple[float, float], ...]:
-    """tan(ψ/2) of even directions ψ, and (1 + tan²(ψ/2)) / count."""
+    """Return tan(ψ/2) of even directions ψ, and (1 + tan²(ψ/2)) / count."""
     tangents = np.tan(np.pi * ((np.arange(count) + 0.5) / count - 0.5))
     return tuple(zip(tangents.tolist(), ((1.0 + tangents**2) / count).tolist(), strict=True))
 

@@ -16,19 +16,19 @@ from hpop.motions import Instants, Motions
 @criterion("speeding", group="O", unit="m", aggregate="sum", requires=("base", "speed zones"))
 @dataclass(frozen=True)
 class Speeding:
-    """∫ (v - limit)₊ dt in speed zones: metres covered beyond what the limits allow.
+    """Metres covered beyond the limits of speed zones: ∫ (v - limit)₊ dt in speed zones.
 
-    v is the speed of the base, and it is the place of its axis that counts; where zones overlap the lowest limit
-    holds. A rule of this library, no published measure.
+    v is the speed of the base; a zone applies where the base's axis is in it. Where zones overlap, the lowest limit
+    holds. Unit m; a sum over motions. The rule is this library's own, not a published measure.
 
     A zone's border is blurred over about two field cells on either side (see :class:`hpop.world.fields.field.Field`),
-    so that the cost has a gradient; what a path straight across a border costs is not changed by it.
+    so that the cost has a gradient. The cost of a path straight across a border is not changed by it.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Metres (M,) covered in excess."""
+        """Return the metres (M,) covered in excess."""
         if m.base.stays:
-            return 0.0 * m.base.start.x  # who turns in place covers no metres
+            return 0.0 * m.base.start.x  # a turn in place covers no metres
         limits = speed_limits(m.world)
 
         def excess(s: Instants) -> Column:

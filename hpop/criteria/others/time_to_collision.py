@@ -19,22 +19,23 @@ from hpop.world.content.proxemics import offset, worst
 @criterion("time_to_collision", group="O", unit="1", aggregate="max", requires=("base", "people"), smooth=False)
 @dataclass(frozen=True)
 class TimeToCollision:
-    """max over t and people of max(0, 1 - TTC/τ): 1 at contact, 0 where none is near in time.
+    """Urgency of the nearest collision with a person: max over t and people of max(0, 1 - TTC/τ), τ the ``horizon``.
 
-    TTC = [-p·v - sqrt((p·v)² - |v|²(|p|² - R²))]/|v|² (Karamouzas et al. 2014), p and v the position and velocity
-    of the robot relative to a person, R the sum of their radii; ∞ when the two part or would miss each other, 0 when
-    they touch. τ is ``horizon``, s. Who stands counts too when the robot drives at them. The robot is round about its
-    axis.
+    TTC = [-p·v - sqrt((p·v)² - |v|²(|p|² - R²))]/|v|² is the time until the two touch at constant velocities: p and v
+    are the position and velocity of the robot relative to a person, R is the sum of their radii. It is ∞ where the two
+    part or would miss each other, and 0 where they touch. So the cost is 1 at contact, and 0 if no collision is nearer
+    than τ. Standing people count as well. The robot is round about its axis; turning in place is no speed. Unit 1; the
+    worst moment.
 
-    Of several futures of a person the most urgent one counts, however small its weight, and of an uncertain place the
-    predicted one, at the velocity predicted for that moment: the deviation is not asked. ``worst_intrusion`` takes it
-    into account.
+    Source: Karamouzas et al. 2014.
 
-    The cost jumps where the robot would just graze somebody, hence it has no gradient there. A person who leaves counts
-    until that very moment. A turn in place is no speed.
+    Of several futures of a person the most urgent one counts, however small its weight. Positions and velocities are
+    the predicted ones, without their deviation; ``worst_intrusion`` takes the deviation into account. The cost has no
+    gradient, since it jumps where the robot would just graze a person. A person who leaves counts until that very
+    moment.
     """
 
-    horizon: float = 3.0  # s, later collisions cost nothing
+    horizon: float = 3.0  # s, beyond which collisions cost nothing
     robot_radius: float | None = None  # m, None for the model's
 
     def __post_init__(self) -> None:
@@ -42,7 +43,7 @@ class TimeToCollision:
         object.__setattr__(self, "robot_radius", checked_radius(self.robot_radius))
 
     def cost(self, m: Motions) -> Column:
-        """Worst urgency (M,), 0 to 1."""
+        """Return the worst urgency (M,), 0 to 1."""
         people, radius = m.world.content.people, reach(m.model, self.robot_radius)
 
         def urgency(person: Person, x: Column, y: Column, vx: Column, vy: Column, t: Column | None) -> Column:
@@ -55,10 +56,11 @@ class TimeToCollision:
 
 
 def time_to_collision(px: Column, py: Column, vx: Column, vy: Column, reach: float, *, never: float = np.inf) -> Column:
-    """Time (N,), s, until two round bodies at constant velocities touch; 0 if they do, ``never`` if they graze or pass.
+    """Return the time (N,), s, until two round bodies touch; 0 if they do already, ``never`` if they graze or pass.
 
-    p and v are the position and velocity of one relative to the other, m and m/s; ``reach`` is the sum of the
-    radii, m. Written as (|p|² - R²)/(-p·v + sqrt(...)), which equals the formula and has no small differences.
+    p and v are the position and the constant velocity of one body relative to the other, m and m/s; ``reach`` is the
+    sum of the radii, m. It is computed as (|p|² - R²)/(-p·v + sqrt(...)), which equals the formula of
+    :class:`TimeToCollision` without differences of nearly equal numbers.
 
     >>> time_to_collision(np.array([3.0, 3.0]), np.zeros(2), np.array([-1.0, 1.0]), np.zeros(2), 0.5)
     array([2.5, inf])

@@ -1,4 +1,4 @@
-"""Whether people can see the robot without turning round."""
+"""Visibility to people: whether people see the robot without turning round."""
 
 from __future__ import annotations
 
@@ -21,30 +21,28 @@ from hpop.world.content.proxemics import HALL, Blurred, expected, in_frame
 @criterion("visibility_to_people", group="O", unit="s", aggregate="sum", requires=("base", "people"))
 @dataclass(frozen=True)
 class VisibilityToPeople:
-    """∫ Σ_people E[½(1 - cos α) (1 - d/range)₊²] dt: time near people who would have to turn to see the robot.
+    """Time near people who would have to turn to see the robot: ∫ Σ_people E[½(1 - cos α) (1 - d/range)₊²] dt.
 
-    α is the angle between a person's gaze and the direction to the robot's axis, d its distance: the factor is 0
-    straight ahead, ½ at the side and 1 in the back, and matters less the farther off the robot is, nothing beyond
-    ``range`` metres. The gaze is the direction of walking, and the body's heading of those who stand. After the
-    visibility criterion of Sisbot et al. 2007 (IEEE T-RO 23:874), who let the cost grow with the angle and near
-    people.
+    α is the angle between a person's gaze and the direction to the robot's axis, d its distance. A person who walks
+    looks ahead, one who stands looks where the body faces. The first factor is 0 ahead of the person, ½ at the side and
+    1 behind; the second falls to 0 at ``range``. Unit s; a sum over motions.
 
-    Deviations: ½(1 - cos α) in place of α and a quadratic decrease, so that the cost has a gradient; the third
-    criterion of that paper, places hidden behind obstacles, is not part of this one: walls between the two are not
-    seen.
+    Source: the visibility criterion of Sisbot et al. 2007 (IEEE T-RO 23:874), in which the cost grows with the angle
+    and near people. Deviations: ½(1 - cos α) in place of α and a quadratic decrease, so that the cost has a gradient.
+    Walls between robot and person are ignored; hidden places are a criterion of their own in that paper.
 
-    The mean E is over what people may do: their futures by their weights, each blurred by its deviation (two tables
-    nearer than 1e-4 to the integrals); the gaze is that of the predicted way. It is the mean of the whole cost,
-    whether a person's deviations at different times have to do with each other or not.
+    E is the mean over the person's futures, by weight, each blurred by its deviation (two tables within 1e-4 of the
+    integrals); the gaze is that of the predicted path. The mean of the cost is right whether or not a person's
+    deviations at different times are correlated.
     """
 
-    range: float = HALL["social"]  # m, beyond which nobody minds
+    range: float = HALL["social"]  # m, beyond which the robot's position does not matter
 
     def __post_init__(self) -> None:
         set_reals(self, "range", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,), s."""
+        """Return the time integral (M,), s."""
         people = m.world.content.people
         return m.integrate(lambda s: expected(people, self._unseen, s.base.x, s.base.y, clock(s, people)))
 
@@ -62,7 +60,7 @@ class VisibilityToPeople:
 
 @lru_cache(maxsize=16)
 def _blurred(range_: float) -> tuple[Blurred, Blurred]:
-    """How near somebody is whose distance is uncertain, and the same times the cosine of the angle to the gaze."""
+    """Return the mean nearness at an uncertain distance, and the mean of nearness times the cosine to the gaze."""
 
     def near(distance: FloatArray) -> FloatArray:
         return np.asarray(np.maximum(0.0, 1.0 - distance / range_) ** 2)

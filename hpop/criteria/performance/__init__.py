@@ -1,4 +1,4 @@
-"""Criteria of performance, and the target that several of them look at."""
+"""Criteria of performance, and a base class for those that look at a target."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hpop.motions import Pose, Vector
 
 @dataclass(frozen=True)
 class Targeted:
-    """A criterion of the view of one place, (x, y, z) in m, world frame."""
+    """Criterion of how the camera views a target (x, y, z), m, in the world frame."""
 
     target: tuple[float, float, float]
 
@@ -22,21 +22,21 @@ class Targeted:
 
     @property
     def places(self) -> tuple[tuple[float, float, float], ...]:
-        """The target."""
+        """The target, for pictures to mark."""
         return (self.target,)
 
     def offset(self, pose: Pose) -> Vector:
-        """Return the vector from the camera to the target, m: three columns."""
+        """Return the vector from the camera to the target, m, as three columns."""
         x, y, z = self.target
         return x - pose.x, y - pose.y, z - pose.z
 
 
 def checked_target(target: Any) -> tuple[float, float, float]:
-    """Return three coordinates; CriterionError for anything else."""
+    """Return a target as three coordinates; raise CriterionError for anything else."""
     try:
         x, y, z = target
     except (TypeError, ValueError):
-        raise CriterionError(f"target is a place (x, y, z) in m, got {shown(target)}") from None
+        raise CriterionError(f"target must be a position (x, y, z) in m, got {shown(target)}") from None
     kind = "(x, y, z), each a coordinate in m,"
-    x, y, z = (float(real("target", c, -FARTHEST, FARTHEST, kind, error=CriterionError)) for c in (x, y, z))
+    x, y, z = (float(real("target", value, -FARTHEST, FARTHEST, kind, error=CriterionError)) for value in (x, y, z))
     return x, y, z

@@ -1,4 +1,4 @@
-"""Hand-eye misalignment: how far what the hand does is turned against what the eye sees."""
+"""Hand-eye misalignment: the rotation between the operator's hand and the camera's view."""
 
 from __future__ import annotations
 
@@ -19,17 +19,22 @@ from hpop.motions import Instants, Motions, Vector
 @criterion("hand_eye_misalignment", group="P", unit="rad s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class HandEyeMisalignment:
-    """∫ |log(R_handᵀ R_eye)| dt: the angle of the rotation from the operator's hand to the camera's view, rad.
+    """Rotation between the operator's commands and the camera's view, over time: ∫ |log(R_handᵀ R_eye)| dt.
 
-    yaw  rad  what the operator's hand takes for ahead, in the world: commands are given in a level frame of this yaw
+    yaw  rad  direction in the world that the operator's hand takes for ahead; commands are given in a level frame of
+              this yaw
 
-    An operator who moves a hand ahead and sees the picture go aside has to turn one into the other in mind. Wu, Yu, Do
-    and Wang (arXiv 2105.08466) measured it with a camera on the hand of the robot: at a right angle people took twice
-    as long as upside down, and both far longer than aligned. R_eye is the camera's orientation and R_hand that of the
-    commands, so the angle is 0 where the camera looks along ``yaw``, level and upright, and π at most.
+    R_eye is the orientation of the camera, R_hand that of the commands, and the integrand the angle of the rotation
+    between them, rad in [0, π]. It is 0 where the camera is level, upright and looks along ``yaw``. Unit rad s; a sum
+    over motions.
 
-    Deviation: the cost grows with the angle throughout, though half a turn is easier than a right angle: a cost that
-    fell beyond it would lead the camera there. Commands that are given in the camera's own frame have none of this.
+    Source: Wu, Yu, Do and Wang (arXiv 2105.08466) used a camera on the hand of the robot. An operator who moves a hand
+    ahead and sees the picture go sideways has to rotate one into the other mentally. At a right angle people took twice
+    as long as upside down, and in both cases far longer than aligned.
+
+    Deviation: the cost grows with the angle up to π, although people manage half a turn better than a right angle. A
+    cost that fell beyond a right angle would lead the camera to half a turn. If commands are given in the camera's own
+    frame, this criterion does not apply.
     """
 
     yaw: Angle = 0.0
@@ -38,7 +43,7 @@ class HandEyeMisalignment:
         set_reals(self, "yaw", least=-2 * math.pi, most=2 * math.pi, kind="an angle in rad", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,), rad s."""
+        """Return the time integral of the angle (M,), rad s."""
         cos, sin = round(math.cos(self.yaw), 15), round(math.sin(self.yaw), 15)
         hand = (cos, sin, 0.0), (-sin, cos, 0.0), (0.0, 0.0, 1.0)
 
@@ -48,17 +53,17 @@ class HandEyeMisalignment:
         return m.integrate(angle)
 
 
-def rotation_angle(one: tuple[Vector, Vector, Vector], other: tuple[Vector, Vector, Vector]) -> Column:
-    """Angle, rad in [0, pi], of the rotation that takes three axes to others.
+def rotation_angle(before: tuple[Vector, Vector, Vector], after: tuple[Vector, Vector, Vector]) -> Column:
+    """Return the angle, rad in [0, pi], of the rotation that takes three axes to three others.
 
-    Half the sum of the axes' cross products is as long as its sine, and the sum of their products is 1 + 2 cosines.
+    Half the sum of the axes' cross products has the length of the sine; the sum of their dot products is 1 + 2 cosines.
     """
-    products = [cross(a, b) for a, b in zip(one, other, strict=True)]
+    products = [cross(a, b) for a, b in zip(before, after, strict=True)]
     normal = [_half_of(components) for components in zip(*products, strict=True)]
-    cosine = 0.5 * (sum(dot(a, b) for a, b in zip(one, other, strict=True)) - 1.0)
+    cosine = 0.5 * (sum(dot(a, b) for a, b in zip(before, after, strict=True)) - 1.0)
     return np.arctan2(sine_of(normal), cosine)
 
 
 def _half_of(components: Sequence[Column]) -> Column:
-    """Half the sum of columns; the number 0.0 where all are known to be zero."""
+    """Return half the sum of columns; the number 0.0 where all are known to be zero."""
     return 0.0 if all(map(is_zero, components)) else 0.5 * sum(components)

@@ -1,4 +1,4 @@
-"""Visibility of landmarks: how much the viewer sees of what is worth seeing, as a mean and as its integral."""
+"""Landmark visibility: the share of the world's landmarks that the viewer sees."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hpop.world.sight.visibility import landmarks_unseen
 
 @dataclass(frozen=True)
 class _Unseen:
-    """A viewer who looks for the world's landmarks.
+    """Share of landmarks that the camera does not see.
 
     near, far  m    a landmark counts fully up to ``near`` from the camera, falling linearly to nothing at ``far``
     fov        rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi is all round, None the model's
@@ -35,7 +35,7 @@ class _Unseen:
         object.__setattr__(self, "fov", checked_fov(self.fov))
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the unseen share, s."""
+        """Return the time integral of the unseen share (M,), s."""
         horizontal, vertical = field_of_view(m.model, self.fov)
         limits = {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
         if rises(m.model):
@@ -47,32 +47,41 @@ class _Unseen:
 @criterion("landmark_blindness", group="P", unit="s", aggregate="sum", requires=("camera", "landmarks"))
 @dataclass(frozen=True)
 class LandmarkBlindness(_Unseen):
-    """∫ (1 - visibility(t)) dt: the time for which seeing no landmark at all would be as bad.
+    """Time for which landmarks are unseen: ∫ (1 - visibility(t)) dt.
 
-    The additive part of :class:`LandmarkVisibility`, so exact searches can minimise it.
+    Seeing no landmark for a second costs 1 s, seeing half of them (by weight) 0.5 s. Unit s; a sum over motions. It is
+    the additive part of :class:`LandmarkVisibility`, which defines the visibility; exact searches minimise it in its
+    place.
     """
 
 
 @criterion("landmark_visibility", group="P", unit="1", aggregate="time-mean", requires=("camera", "landmarks"))
 @dataclass(frozen=True)
 class LandmarkVisibility(_Unseen):
-    """1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= h/2] [|ε_i| <= v/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i.
+    """Share of landmarks that the viewer does not see, as a mean over time; by weight, distance and angle.
 
-    s_i is the line of sight in three dimensions (`hpop.world.sight.visibility`), β_i the bearing off the camera's yaw,
-    ε_i the elevation off its pitch, ν_i the angle in the plane between the landmark's front and the direction to the
-    camera (cos 1 if it has no front), d_i the distance in three dimensions, g = 1 up to ``near``, falling linearly to 0
-    at ``far``. (h, v) is the model's ``field_of_view``, all round if it has none; or ``fov`` at all elevations: a
-    viewer of a 360-degree camera looks somewhere.
+    1 - (1/T) ∫ Σ_i w_i s_i [|β_i| <= h/2] [|ε_i| <= v/2] cos(ν_i)₊ g(d_i) dt / Σ_i w_i, over the landmarks i. Unit 1; a
+    mean over time. 0 means that all landmarks are seen from the front and near by, all the time.
 
-    All factors but the view's are one smooth field of the plane: the border of a shadow is about two cells wide. The
-    edges of the view are sharp, and smoothed on symbols only, so a landmark that comes into view within a motion is
-    timed to half a quadrature node (2.5 degrees, a quarter of a cell). Weights are the landmarks'.
+    w_i  weight of the landmark
+    s_i  1 where the line of sight in three dimensions is free, 0 where it is blocked
+    β_i  bearing of the landmark from the camera's yaw
+    ε_i  elevation of the landmark from the camera's pitch
+    ν_i  angle in the plane between the landmark's front and the direction to the camera; cos is 1 if it has no front
+    d_i  distance in three dimensions; g is 1 up to ``near`` and falls linearly to 0 at ``far``
 
-    Of a camera whose height changes (in the hand of an arm, on a lift) the lines of sight are rays against solids in
-    space, and β_i and ε_i are the angles off its own axes, rolled as it is; there are no symbols for that.
+    The angles of view (h, v) are the model's ``field_of_view``, or all round if it has none. ``fov`` replaces them by
+    one horizontal angle at all elevations, for a viewer of a 360-degree camera who looks in one direction.
+
+    Accuracy: all factors but the view's are one smooth field of the plane, in which the border of a shadow is about two
+    cells wide. The edges of the view are sharp (on symbols smoothed), so the moment at which a landmark comes into view
+    within a motion is known to half a quadrature node (2.5 degrees, a quarter of a cell).
+
+    Where the camera's height changes (in the hand of an arm, on a lift), lines of sight are rays against solids in
+    space, and β_i and ε_i are measured from the camera's own axes, roll included. No symbolic form exists then.
     """
 
     @property
     def integral(self) -> LandmarkBlindness:
-        """What adds up in its place."""
+        """Criterion that adds up in the mean's place."""
         return LandmarkBlindness(self.near, self.far, self.fov)

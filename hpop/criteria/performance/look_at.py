@@ -1,4 +1,4 @@
-"""Looking at a target: by how much it is off the middle of the view."""
+"""Looking at a target: the angle by which it is off the camera's axis."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from hpop.motions import Motions
 @criterion("look_at", group="P", unit="rad s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class LookAt(Targeted):
-    """∫ γ dt, γ the angle between the camera's axis ahead and the direction to the target, rad in [0, π].
+    """Angle by which the target is off the middle of the view, over time: ∫ γ dt.
 
     target  (x, y, z)  m, world frame
 
-    The look-at objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019). γ is atan2(|a × d|, a · d), which is exact
-    at small angles, where an arc cosine loses half the digits. 0 where the camera is at the target.
+    γ is the angle between the camera's axis ahead and the direction to the target, rad in [0, π]; 0 where the camera is
+    at the target. Unit rad s; a sum over motions.
+
+    Source: the look-at objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019). γ is computed as atan2(|a × d|, a
+    · d), which is exact at small angles, where an arc cosine loses half the digits.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,), rad s."""
+        """Return the time integral of the angle (M,), rad s."""
         return m.integrate(lambda s: angle_between(s.camera.ahead, self.offset(s.camera)))

@@ -1,4 +1,4 @@
-"""Obstruction of the camera: the paper's V, a mean over time; exposure, the integral that adds up; the worst moment."""
+"""Obstruction of the camera: a mean over time (the paper's V), its integral (exposure), and the worst moment."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from hpop.motions import Motions, Rate
 from hpop.world.fields.obstruction import filled
 from hpop.world.geometry.rays_in_space import rows
 
-SMALLEST = 0.1  # m: the obstruction is sampled four times a radius, on a map of any size
+SMALLEST = 0.1  # m: a radius is sampled four times, on a map of any size
 
 
 @dataclass(frozen=True)
 class _Obstructed:
-    """A camera whose surroundings within ``radius`` metres are partly filled by obstacles."""
+    """Fraction of the ball of ``radius`` metres round the camera that obstacles fill."""
 
     radius: float = 2.0  # m, of the ball round the camera
 
@@ -26,11 +26,11 @@ class _Obstructed:
         set_reals(self, "radius", least=SMALLEST, most=999, kind="a length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the obstructed fraction, s."""
+        """Return the time integral of the obstructed fraction (M,), s."""
         return m.integrate(self._fraction(m))
 
     def _fraction(self, m: Motions) -> Rate:
-        """The obstructed fraction: read from a field of its height, or, where that changes, in space."""
+        """Return the rate of the obstructed fraction: from a field, or in space where the height changes."""
         if not rises(m.model):
             return lambda s: m.world.obstruction(s.camera, self.radius)
         share = filled(m.world, self.radius)
@@ -40,41 +40,49 @@ class _Obstructed:
 @criterion("exposure", group="P", unit="s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class Exposure(_Obstructed):
-    """S = ∫ phi(p(t)) dt: the time for which a fully obstructed camera would be as bad.
+    """Time spent with obstacles round the camera: S = ∫ phi(p(t)) dt, phi the obstructed fraction of a ball round it.
 
-    The additive part of the paper's V = S/T, so exact searches can minimise it.
+    Two seconds in a ball half filled by obstacles cost 1 s. Unit s; a sum over motions. It is the additive part of
+    :class:`Obstruction` (the paper's V = S/T), which defines phi; exact searches minimise it in its place.
     """
 
 
 @criterion("obstruction", group="P", unit="1", aggregate="time-mean", requires=("camera",))
 @dataclass(frozen=True)
 class Obstruction(_Obstructed):
-    """V = (1/T) ∫ phi(p(t)) dt, phi(p) = volume(ball(p, r) ∩ obstacles) / volume(ball(p, r)).
+    """Obstructed fraction of the camera's surroundings, as a mean over time: V = (1/T) ∫ phi(p(t)) dt.
 
-    Becerra et al. 2020 (arXiv 2002.10696). A mean is not additive: graph searches optimise :class:`Exposure` instead
-    and report V. Floor and ceiling are no obstacles.
+    phi(p) = volume(ball(p, r) ∩ obstacles) / volume(ball(p, r)), with p the position of the camera and r the
+    ``radius``. Floor and ceiling are no obstacles. Unit 1; a mean over time. A mean does not add up along a path, so
+    graph searches minimise :class:`Exposure` and report V.
 
-    Of a camera whose height changes (in the hand of an arm, on a lift) phi is the mean over 1,000 rays of what solids
-    in space fill of each, at the nodes of a grid a tenth of r apart and by cubics between them: within .004 beside
-    walls and boxes, .0002 in the mean on a shelf. Beyond the extent is then no obstacle, and there are no symbols.
+    Source: Becerra et al. 2020 (arXiv 2002.10696).
+
+    Where the camera's height changes (in the hand of an arm, on a lift), phi is the mean, over 1,000 rays, of the share
+    of each ray that solids in space fill. It is computed at the nodes of a grid a tenth of r apart and interpolated by
+    cubics: within .004 beside walls and boxes, .0002 in the mean on a shelf. The space beyond the extent then counts as
+    free, and no symbolic form exists.
     """
 
     @property
     def integral(self) -> Exposure:
-        """What adds up in its place."""
+        """Criterion that adds up in the mean's place."""
         return Exposure(self.radius)
 
 
 @criterion("worst_obstruction", group="P", unit="1", aggregate="max", requires=("camera",))
 @dataclass(frozen=True)
 class WorstObstruction(_Obstructed):
-    """max over t of phi(p(t)): the obstructed fraction where the view is worst; phi as in :class:`Obstruction`.
+    """Largest obstructed fraction on the way: max over t of phi(p(t)), with phi as in :class:`Obstruction`.
 
-    A mean hides a short squeeze through a narrow passage in a long walk; the maximum does not. Not in the paper. It is
-    looked for at both ends and in the middle of pieces no longer than a field cell c: as phi changes by at most 3/(4 r)
-    a metre (what a moving disc sweeps, over the ball), no more than 3 c / (16 r) is missed.
+    A mean hides a short squeeze through a narrow passage on a long path; the maximum does not. Unit 1; the worst
+    moment. The definition is this project's own.
+
+    The maximum is searched at both ends and in the middle of pieces no longer than a field cell c. Since phi changes by
+    at most 3/(4 r) a metre (the volume that a moving disc sweeps, over that of the ball), at most 3 c / (16 r) is
+    missed.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Largest obstructed fraction (M,)."""
+        """Return the largest obstructed fraction (M,)."""
         return m.worst(self._fraction(m))

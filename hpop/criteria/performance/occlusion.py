@@ -1,4 +1,4 @@
-"""Occlusion: how much of a target is hidden from the camera."""
+"""Occlusion: the share of a target that is hidden from the camera."""
 
 from __future__ import annotations
 
@@ -15,24 +15,28 @@ from hpop.motions import Instants, Model, Motions
 from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 from hpop.world.geometry.solids import Solid
 
-BLOCK = 1 << 14  # rays at once: they stay in the processor's cache
+BLOCK = 1 << 14  # rays in one call: they fit into the processor's cache
 
 
 @criterion("occlusion", group="P", unit="s", aggregate="sum", requires=("camera",), smooth=False, world_frame=True)
 @dataclass(frozen=True)
 class Occlusion(Targeted):
-    """∫ share of rays from the camera to the target that are blocked dt: the time for which not seeing it is as bad.
+    """Time for which the target is hidden: ∫ (share of rays from the camera to the target that are blocked) dt.
 
     target  (x, y, z)  m, world frame
     radius  m          of a ball that holds the target
-    rays               evenly over the ball as the camera sees it
+    rays               number of rays, spread evenly over the ball as the camera sees it
 
-    The occlusion objective of Rakita, Mutlu and Gleicher (RSS 2019). A ray is blocked where it enters a solid of the
-    world, or a body of the robot itself (:meth:`bodies` of a model that has some), before it gets to the ball; what is
-    within the ball, the target itself, hides nothing, and neither does what contains the camera, such as the hand that
-    carries it, or touches it. The share jumps from ray to ray, and each jump is timed to a hundredth of the motion or
-    so: of 2,000 long reaches of an arm the cost was off by .2 % in the mean, and by .02 s at worst. Whether the camera
-    looks there is for ``look_at`` to say. Rays have no symbols: splines leave this cost as it comes.
+    A ray is blocked where it enters a solid of the world, or a body of the robot (from the model's :meth:`bodies`),
+    before it reaches the ball. Solids within the ball do not block, nor do solids that contain or touch the camera,
+    such as the hand that carries it. Unit s; a sum over motions. Whether the camera looks at the target is measured by
+    ``look_at``.
+
+    Source: the occlusion objective of Rakita, Mutlu and Gleicher (RSS 2019).
+
+    Accuracy: the share jumps from ray to ray, and each jump is timed to about a hundredth of the motion. For 2,000 long
+    reaches of an arm the cost was off by .2 % in the mean and by at most .02 s. No symbolic form exists, so splines do
+    not optimise this cost.
     """
 
     radius: float = 0.1
@@ -44,21 +48,21 @@ class Occlusion(Targeted):
         set_wholes(self, "rays", least=1, most=10_000, kind="a number of rays", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the blocked share, s."""
+        """Return the time integral of the blocked share (M,), s."""
         surfaces = surfaces_of(m.world)
         return m.integrate(lambda s: self._blocked(m.model, surfaces, s), jumps=True)
 
     def _blocked(self, model: Model, surfaces: Surfaces, s: Instants) -> FloatArray:
-        """Blocked share (N,) of the rays."""
+        """Return the blocked share of the rays (N,)."""
         size = s.state.size
-        place = rows((s.camera.x, s.camera.y, s.camera.z), size)
-        own = model.bodies(s.state)
-        shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in own])
-        poses = np.stack([where for _, where in own]) if own else np.empty((0, size, 4, 4))
+        camera = rows((s.camera.x, s.camera.y, s.camera.z), size)
+        bodies = model.bodies(s.state)
+        shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in bodies])
+        poses = np.stack([pose for _, pose in bodies]) if bodies else np.empty((0, size, 4, 4))
         share, step = np.empty(size), max(1, BLOCK // self.rays)
         for begin in range(0, size, step):
             part = slice(begin, begin + step)
             share[part] = surfaces.blocked(
-                shapes, poses[:, part], place[part], *towards_ball(place[part], self.target, self.radius, self.rays)
+                shapes, poses[:, part], camera[part], *towards_ball(camera[part], self.target, self.radius, self.rays)
             )
         return share

@@ -1,4 +1,4 @@
-"""Openness: how much of the space round the camera is open to the eye, as a mean and as an integral that adds up."""
+"""Openness: the share of the space round the camera that is open to view, as a mean over time and as its integral."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from hpop.world.sight.visibility import openness
 
 @dataclass(frozen=True)
 class _Enclosed:
-    """A camera that looks round, up to ``radius`` metres."""
+    """Share of the surroundings, up to ``radius`` metres, that the camera cannot see."""
 
-    radius: float = 5.0  # m, how far it looks
+    radius: float = 5.0  # m, range of sight
 
     def __post_init__(self) -> None:
         set_reals(self, "radius", least=LEAST, most=999, kind="a length in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,) of the closed share, s."""
+        """Return the time integral of the closed share (M,), s."""
         if rises(m.model):
             return m.integrate(lambda s: 1.0 - sight_in_space.openness(m.world, s.camera, s.state.size, self.radius))
         return m.integrate(lambda s: 1.0 - openness(m.world, s.camera, self.radius))
@@ -33,23 +33,27 @@ class _Enclosed:
 @criterion("enclosure", group="P", unit="s", aggregate="sum", requires=("camera",))
 @dataclass(frozen=True)
 class Enclosure(_Enclosed):
-    """∫ (1 - A(p(t)) / (pi r²)) dt: the time for which seeing nothing but a wall would be as bad.
+    """Time spent in enclosed surroundings: ∫ (1 - A(p(t)) / (pi r²)) dt, A the visible area.
 
-    The additive part of :class:`Openness`, so exact searches can minimise it.
+    A second with a wall in front of the lens costs 1 s, a second in the open nothing. Unit s; a sum over motions. It is
+    the additive part of :class:`Openness`, which defines A; exact searches minimise it in its place.
     """
 
 
 @criterion("openness", group="P", unit="1", aggregate="time-mean", requires=("camera",))
 @dataclass(frozen=True)
 class Openness(_Enclosed):
-    """1 - (1/T) ∫ A(p(t)) / (pi r²) dt, A = ½ ∫ min(R(θ), r)² dθ the area of the isovist.
+    """Share of the surroundings that the camera cannot see, as a mean over time: 1 - (1/T) ∫ A(p(t)) / (pi r²) dt.
 
-    R is the distance to the nearest obstacle that reaches the camera's height. The isovist is Benedikt's (1979), cut
-    off at r. 0 in the open. Unlike obstruction, what stands behind a wall does not count, and a thin wall counts as
-    much as a thick one. Of a camera whose height changes it is taken by rays at the height at which the camera is.
+    A = ½ ∫ min(R(θ), r)² dθ is the area of the isovist: R(θ) is the distance to the nearest obstacle that reaches the
+    camera's height, cut off at the ``radius`` r. The cost is 0 in the open. Unlike for ``obstruction``, objects behind
+    a wall do not count, and a thin wall counts as much as a thick one. Unit 1; a mean over time.
+
+    Source: isovists of Benedikt (1979). Where the camera's height changes, R is found by rays at the camera's current
+    height.
     """
 
     @property
     def integral(self) -> Enclosure:
-        """What adds up in its place."""
+        """Criterion that adds up in the mean's place."""
         return Enclosure(self.radius)

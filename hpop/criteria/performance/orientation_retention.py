@@ -1,4 +1,4 @@
-"""Orientation retention: whether a viewer who feels turns in round numbers still knows where they face."""
+"""Orientation retention: whether a viewer who remembers turns in round numbers still knows the heading."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from hpop.errors import CriterionError
 from hpop.motions import Motions
 from hpop.trajectories.history import History
 
-TIE = 1e-9  # turns within this share of a multiple's half count as halfway
+TIE = 1e-9  # share of a multiple; a turn within it of halfway counts as halfway
 
 
 @dataclass(frozen=True)
 class _RoundTurns:
-    """A viewer who remembers each turn as the nearest ``multiple``, rad (halfway: the smaller one)."""
+    """Error of a viewer who remembers each turn as the nearest ``multiple``, rad (halfway: the smaller one)."""
 
-    multiple: float = np.pi / 2  # rad, turns by multiples of it are kept count of
+    multiple: float = np.pi / 2  # rad, turns by multiples of it are remembered exactly
 
     def __post_init__(self) -> None:
         kind = "an angle in rad, such as pi/4 or pi/2,"
         set_reals(self, "multiple", least=LEAST, most=np.pi, kind=kind, error=CriterionError)
 
     def _missed(self, turn: Column) -> Column:
-        """Signed angle (M,), rad, by which a turn goes beyond the nearest multiple; at most half a multiple."""
+        """Return the signed angle (M,), rad, from the nearest multiple to a turn; at most half a multiple."""
         count = np.ceil(np.abs(turn) / self.multiple - 0.5 - TIE)
         return np.sign(turn) * (np.abs(turn) - self.multiple * count)
 
@@ -44,18 +44,19 @@ class _RoundTurns:
 )
 @dataclass(frozen=True)
 class OrientationRetention(_RoundTurns):
-    """Σ_k |e_k|, e_k = θ_k - the nearest multiple of ``multiple`` to θ_k, over the camera's turns θ_k.
+    """Rotation that a viewer loses track of: Σ_k |e_k|, e_k = θ_k - the nearest multiple of ``multiple`` to θ_k.
 
-    Turns by 90 degrees (or 45) are easy to keep count of; others are remembered as the nearest one, so the viewer's
-    idea of where they face goes wrong by e_k. The definition is the project's own.
-    It is a sum, so exact searches can minimise it, and it bounds the misalignment |Σ e_k| in the end
-    (:class:`NetMisalignment`), in which errors may cancel and which needs memory. Each turn in place is one turn: one
-    planned in two pieces counts as two. Along curves a turn is a stretch in which the heading changes with one sign,
-    as in ``turns``.
+    θ_k are the camera's turns. Turns by 90 degrees (or 45) are easy to remember; any other turn is remembered as the
+    nearest one, so each turn makes the viewer's idea of the heading wrong by e_k. Unit rad; a sum over motions, so
+    exact searches can minimise it. It is an upper bound of the final error |Σ e_k| (:class:`NetMisalignment`), in which
+    errors may cancel. The definition is this project's own.
+
+    Each turn in place is one turn; a turn that is planned in two pieces counts as two. Along curves a turn is a stretch
+    in which the heading changes with one sign, as in ``turns``.
     """
 
     def cost(self, m: Motions) -> Column:
-        """What the turns that end in each motion (M,) go beyond the nearest multiple, rad."""
+        """Return the angles (M,), rad, that turns ending in each motion are off the nearest multiple."""
         return sum(np.abs(self._missed(turn)) for turn in m.camera.turns)
 
 
@@ -70,14 +71,15 @@ class OrientationRetention(_RoundTurns):
 )
 @dataclass(frozen=True)
 class NetMisalignment(_RoundTurns):
-    """|wrap(Σ_k e_k)|: by how much the viewer is wrong in the end about where they face.
+    """Error of the viewer's idea of the heading at the end: |wrap(Σ_k e_k)|.
 
-    e_k is as in :class:`OrientationRetention`, but here a turn is a maximal stretch of motions that turn the camera one
-    after the other, either way; a move without rotation ends it. Errors of either sign cancel.
+    e_k is as in :class:`OrientationRetention`, except that a turn is a maximal stretch of consecutive motions that turn
+    the camera either way; a move without rotation ends it. Errors of opposite sign cancel. Unit rad; a criterion of the
+    whole trajectory, so graph searches report it and do not minimise it.
     """
 
     def cost(self, m: History) -> Column:
-        """Misalignment (M,), rad, at the end of each motion."""
+        """Return the misalignment (M,), rad, at the end of each motion."""
         turned = m.of_motions(lambda batch: batch.camera.rotation)
         turning = np.abs(turned) > TIE
         so_far = self._missed(_since_last(turning, turned)) * turning
@@ -86,7 +88,7 @@ class NetMisalignment(_RoundTurns):
 
 
 def _since_last(turning: BoolArray, turned: FloatArray) -> FloatArray:
-    """Rotation (M,) since the last motion that did not turn, rad."""
+    """Return the rotation (M,), rad, since the last motion that did not turn."""
     total = np.concatenate([[0.0], np.cumsum(turned)])
     still = np.where(turning, 0, np.arange(1, turning.size + 1))
     since: FloatArray = total[1:] - total[np.maximum.accumulate(still)]

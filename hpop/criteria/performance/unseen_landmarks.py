@@ -1,4 +1,4 @@
-"""Unseen landmarks: what the viewer has missed in the end."""
+"""Unseen landmarks: the share of landmarks that the viewer never saw."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hpop.world.sight import sight_in_space
 from hpop.world.sight.bearings import in_view
 from hpop.world.sight.visibility import sees
 
-STEP = 0.05  # s between the moments at which the viewer looks
+STEP = 0.05  # s between samples of the view
 
 
 @criterion(
@@ -25,20 +25,20 @@ STEP = 0.05  # s between the moments at which the viewer looks
 )
 @dataclass(frozen=True)
 class UnseenLandmarks:
-    """Σ_i w_i [landmark i was never seen] / Σ_i w_i, over the landmarks of the world.
+    """Share of landmarks that were never seen, by weight: Σ_i w_i [landmark i was never seen] / Σ_i w_i.
 
-    A landmark is seen while the line of sight to it is free, the camera is in front of it and at most ``far`` m away,
-    and it is in view: its bearing within half the angle of view of the camera's yaw, its elevation of the camera's
-    pitch. It was seen when that has lasted ``least`` seconds in all. With least 0 a moment is enough.
+    A landmark is seen while the line of sight to it is free, the camera is in front of it and at most ``far`` away, and
+    it is in view: its bearing within half the angle of view of the camera's yaw, its elevation within that of the
+    pitch. It counts as seen once that has lasted ``least`` seconds in all; with least 0 one moment is enough.
 
-    least  s    in all, not in one piece
-    far    m    in three dimensions
+    least  s    time in view, summed over all glances
+    far    m    range of sight in three dimensions
     fov    rad  angle of view, centred on the camera's yaw, at all elevations; 2 pi is all round, None the model's
 
-    Two paths to one place with equal shares may have seen different landmarks, so the share does not add up: a search
-    would need the set of those seen in its labels. It is judged on the execution, looked at every 0.05 s: what is in
-    view for less may be missed. Of a camera whose height changes, sight and view are those of
-    :class:`~hpop.criteria.performance.landmark_visibility.LandmarkVisibility` in space.
+    Unit 1; a criterion of the whole trajectory. Two paths to one state with equal shares may have seen different
+    landmarks, so the share does not add up: a search would need the set of seen landmarks in its labels. The executed
+    motion is sampled every 0.05 s, so shorter glances may be missed. Where the camera's height changes, sight and view
+    are computed in space, as in :class:`~hpop.criteria.performance.landmark_visibility.LandmarkVisibility`.
     """
 
     least: float = 0.0
@@ -51,7 +51,7 @@ class UnseenLandmarks:
         object.__setattr__(self, "fov", checked_fov(self.fov))
 
     def cost(self, m: History) -> Column:
-        """Weighted share (M,) of the landmarks not seen by the end of each motion."""
+        """Return the weighted share (M,) of the landmarks not seen by the end of each motion."""
         track = m.track(STEP)
         unseen = np.zeros(len(m))
         total = 0.0
@@ -71,7 +71,7 @@ class UnseenLandmarks:
         return np.asarray(seen & (viewed > 0.0), dtype=bool)
 
     def _seen_at(self, track: Track, seen: BoolArray) -> float:
-        """Time, s, by which a landmark has been in view for long enough; inf if it never is."""
+        """Return the time, s, by which a landmark has been in view for long enough; inf if it never is."""
         share = 0.5 * (1.0 * seen[1:] + seen[:-1])  # of each step
         lasted = np.concatenate([[0.0], np.cumsum(share * np.diff(track.times))])
         enough = np.flatnonzero((np.cumsum(seen) > 0) & (lasted >= self.least - 1e-9))

@@ -1,4 +1,4 @@
-"""View distance: how much too near to a target the camera is, or too far from it."""
+"""View distance: how far the camera is outside a band of good distances to a target."""
 
 from __future__ import annotations
 
@@ -18,13 +18,16 @@ from hpop.motions import Instants, Motions
 @criterion("view_distance", group="P", unit="m s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class ViewDistance(Targeted):
-    """∫ (near - d)₊ + (d - far)₊ dt, d the distance from the camera to the target.
+    """Distance by which the camera is too near to the target or too far from it: ∫ (near - d)₊ + (d - far)₊ dt.
 
     target     (x, y, z)  m, world frame
-    near, far  m          the band of distances from which it is well seen
+    near, far  m          band of good distances
 
-    The distance objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019) has one best distance; a band says what is
-    sharp and large enough, and leaves the rest to the other costs.
+    d is the distance from the camera to the target. Unit m s; a sum over motions.
+
+    Source: the distance objective of Rakita, Mutlu and Gleicher (HRI 2018; RSS 2019). Deviation: it has one best
+    distance. A band says from where the target is sharp and large enough, and leaves the choice within it to the other
+    costs.
     """
 
     near: float = 0.2
@@ -37,7 +40,7 @@ class ViewDistance(Targeted):
             raise CriterionError(f"distances must satisfy near <= far, in m; got near={self.near!r}, far={self.far!r}")
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,), m s."""
+        """Return the time integral of the distance outside the band (M,), m s."""
 
         def outside(s: Instants) -> Column:
             distance = norm(self.offset(s.camera))

@@ -1,4 +1,4 @@
-"""Criteria of the robot, and the joints that several of them read."""
+"""Criteria of the robot, and the joint speeds that several of them read."""
 
 from __future__ import annotations
 

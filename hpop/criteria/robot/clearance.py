@@ -18,23 +18,24 @@ from hpop.motions import Motions, collision_of, is_coupled
 @criterion("clearance", group="R", unit="m", aggregate="max", quantum=1e-3)
 @dataclass(frozen=True)
 class Clearance:
-    """max over t of (enough - d(p(t)))₊: by how much the base's axis comes nearer than ``enough`` metres.
+    """Shortfall of the robot's clearance at its nearest point to obstacles: max over t of (enough - d(p(t)))₊.
 
-    d is the distance to the nearest obstacle at any height, keep-out zone, person who stands, or border of the extent;
-    the cost of a path with least clearance c is ``enough`` - c, and 0 beyond.
+    d is the distance from the base's axis p to the nearest obstacle at any height, keep-out zone, standing person, or
+    border of the extent. A path with least clearance c costs ``enough`` - c, and 0 if c is larger than ``enough``. Unit
+    m; the worst moment.
 
-    Of a model whose collision measures a ``clearance`` it is that of the whole robot: of every link of an arm from what
-    stands in the world, along reaches to .01 mm, which is proved. That has no symbols. A model needs either this or a
-    base.
+    If the collision of the model measures a ``clearance``, d is that of the whole robot: for an arm, of every link from
+    all solids of the world. Along reaches it is then proved to .01 mm, and no symbolic form exists. A model needs
+    either this or a base.
     """
 
-    enough: float = 1.0  # m, a clearance beyond which nothing is gained
+    enough: float = 1.0  # m, clearance beyond which the cost is 0
 
     def __post_init__(self) -> None:
         set_reals(self, "enough", least=LEAST, most=MOST, kind="a positive distance in m", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Worst shortfall (M,), m."""
+        """Return the worst shortfall (M,), m."""
         collision = collision_of(m.model, m.world)
         if collision.clearance is None and "base" not in m.model.provides:
             raise UnsupportedCriterion("it needs a base, or a model whose collision measures its clearance")
@@ -47,5 +48,5 @@ class Clearance:
         return m.worst(lambda s: np.maximum(self.enough - m.world.clearance(s.base.x, s.base.y), 0.0))
 
     def convex(self, path: ConvexPath) -> ConvexCost:
-        """A bound: the distance to half-planes that hold all obstacles."""
+        """Return an upper bound: the distance to half-planes that contain all obstacles."""
         return ConvexCost(path.shortfall(self.enough, path.world.free_space(), "base"), exact=False)

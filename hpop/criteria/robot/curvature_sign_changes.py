@@ -26,28 +26,29 @@ from hpop.trajectories.history import History
 )
 @dataclass(frozen=True)
 class CurvatureSignChanges:
-    """How often the path stops bending to one side and bends to the other: sign flips of the curvature κ.
+    """Number of times that the path stops bending to one side and bends to the other: sign changes of the curvature κ.
 
-    Becerra et al. 2020 (arXiv 2002.10696) chose by it: of 1000 RRT trajectories, the one with the fewest.
+    Unit 1; a criterion of the whole trajectory. Source: Becerra et al. 2020 (arXiv 2002.10696) chose by it: of 1000 RRT
+    trajectories, the one with the fewest.
 
-    κ is the change of heading per metre over pieces of at most ``spacing`` metres, into which each stretch between
-    turns in place is cut evenly; |κ| < ``least`` counts as straight and breaks nothing: left, straight, left is no
-    flip. A turn in place of more than one degree is curvature of its own sense, whatever its angle. The heading is
-    that of the base, which drives along its path, and changes evenly within a motion.
+    κ is the change of the base's heading per metre. Each stretch between turns in place is cut evenly into pieces of at
+    most ``spacing`` metres. A piece with |κ| < ``least`` counts as straight and changes nothing: left, straight, left
+    is no sign change. A turn in place of more than one degree counts as a bend to its side, whatever its angle. The
+    heading changes evenly within a motion.
     """
 
-    spacing: float = 0.25  # m
-    least: float = 0.05  # 1/m
+    spacing: float = 0.25  # m, largest length of a piece
+    least: float = 0.05  # 1/m, curvature below which a piece counts as straight
 
     def __post_init__(self) -> None:
         set_reals(self, "spacing", least=0.001, most=MOST, kind="a positive length in m", error=CriterionError)
         set_reals(self, "least", least=0, most=MOST, kind="a curvature per metre", error=CriterionError)
 
     def cost(self, m: History) -> Column:
-        """Number of sign flips (M,) at the end of each motion."""
+        """Return the number of sign changes (M,) up to the end of each motion."""
         length = m.of_motions(lambda motions: motions.base.length)
         rotation = m.of_motions(lambda motions: motions.base.rotation)
-        in_place = (length == 0) & (rotation != 0)  # who stands still ends no stretch
+        in_place = (length == 0) & (rotation != 0)  # a hold does not end a stretch
         stretch = np.cumsum(np.diff(in_place, prepend=in_place[0]))  # (M,) number of each motion's stretch
         motions, signs = [], []
         for number in range(stretch[-1] + 1):
@@ -65,7 +66,7 @@ class CurvatureSignChanges:
         return np.cumsum(np.bincount(flips, minlength=len(m)))
 
     def _bends(self, length: FloatArray, rotation: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Pieces (P,) of a stretch: the motion in which each ends, and the sign of its curvature."""
+        """Return, for the pieces (P,) of a stretch, the motion in which each ends and the sign of its curvature."""
         arc_length = np.concatenate([[0.0], np.cumsum(length)])
         heading = np.concatenate([[0.0], np.cumsum(rotation)])
         cuts = np.linspace(0.0, arc_length[-1], int(np.ceil(arc_length[-1] / self.spacing - 1e-9)) + 1)

@@ -12,8 +12,11 @@ from hpop.motions import Motions
 @criterion("duration", group="R", unit="s", aggregate="sum", role="duration")
 @dataclass(frozen=True)
 class Duration:
-    """T = ∫ dt under the law of the motions (on a graph, the planning law)."""
+    """Duration of the trajectory: T = ∫ dt.
+
+    Unit s; a sum over motions, each timed by its law of motion (on a graph, the planning law).
+    """
 
     def cost(self, m: Motions) -> Column:
-        """Duration (M,), s."""
+        """Return the duration (M,), s."""
         return m.duration

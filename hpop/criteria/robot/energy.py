@@ -1,4 +1,4 @@
-"""Energy that the drive motors of a differential drive take."""
+"""Energy of the drive motors of a differential drive."""
 
 from __future__ import annotations
 
@@ -18,25 +18,27 @@ from hpop.motions import Instants, Motions, Wheeled
 @criterion("energy", group="R", unit="J", aggregate="sum", requires=("wheels",), instead=("joint_energy",))
 @dataclass(frozen=True)
 class Energy:
-    """∫ P dt over both wheels, P = (c1 a² + c2 v² + c3 v + c4 + c5 a + c6 v a)₊ for a wheel at speed v, acceleration a.
+    """Energy of both drive motors: ∫ P dt, P = (c1 a² + c2 v² + c3 v + c4 + c5 a + c6 v a)₊ for each wheel.
 
-    Tokekar, Karnad and Isler, "Energy-optimal trajectory planning for car-like robots", Autonomous Robots 37, 2014: the
-    power of a direct-current motor. The wheels of a base with wheel base b have speeds v ± ω b/2 and accelerations
-    a ± α b/2.
+    v and a are the speed and acceleration of a wheel. With the base's speed v, acceleration a, turn rate ω, angular
+    acceleration α and wheel base b they are v ± ω b/2 and a ± α b/2. Unit J; a sum over motions.
 
-    The constants belong to one robot and are calibrated on it. The defaults are placeholders of a plausible size for
-    30 kg on two wheels (c6 is the mass a wheel carries over an efficiency of 0.75), from no measurement: good for
-    comparing trajectories, not for saying how long a battery lasts.
+    Source: the power of a direct-current motor, from Tokekar, Karnad and Isler, "Energy-optimal trajectory planning for
+    car-like robots", Autonomous Robots 37, 2014.
 
-    Deviations: a wheel may turn backwards, and then takes what it takes forwards: c3 |v| and c5 a sign(v). Power that
-    braking would give back is lost, so P counts where it is positive only. Planned moves are at cruise speed all
-    along: speeding up and braking are in the executed cost only, which stands beside the planned one.
+    The constants must be calibrated on each robot. The defaults are placeholders, not measurements, of a plausible size
+    for 30 kg on two wheels (c6 is the mass on a wheel over an efficiency of 0.75). They serve to compare trajectories,
+    not to predict how long a battery lasts.
+
+    Deviations: a wheel that turns backwards takes what it takes forwards, c3 |v| and c5 a sign(v). Energy from braking
+    is lost, so P counts only where it is positive. Planned moves have cruise speed throughout; speeding up and braking
+    appear only in the executed cost, which is reported beside the planned one.
     """
 
     c1: float = 1.0  # W s⁴/m²
     c2: float = 2.0  # W s²/m²
     c3: float = 5.0  # W s/m
-    c4: float = 2.0  # W, standing
+    c4: float = 2.0  # W, at rest
     c5: float = 1.0  # W s²/m
     c6: float = 20.0  # W s³/m², or kg
 
@@ -45,7 +47,7 @@ class Energy:
         set_reals(self, *names, least=0, most=MOST, kind="a number", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Energy (M,), J."""
+        """Return the energy (M,), J."""
         half = 0.5 * cast(Wheeled, m.model).wheel_base
 
         def power(s: Instants) -> Column:
@@ -54,12 +56,12 @@ class Energy:
 
         if not m.whole or m.law.varies != {"yaw"} or is_symbolic(m.base.rotation):
             return m.integrate(power)
-        # Turns in place differ in their angles only, and a graph has many turns of few angles.
-        _, first, place = np.unique(m.base.turned, return_index=True, return_inverse=True)
+        # Turns in place differ only in their angles, and the many turns of a graph have few angles.
+        _, first, inverse = np.unique(m.base.turned, return_index=True, return_inverse=True)
         different = replace(m, start=m.start.take(first), end=m.end.take(first), t0=None)
-        return different.integrate(power)[place]
+        return different.integrate(power)[inverse]
 
     def _wheel(self, v: Column, a: Column) -> Column:
-        """Power (M,) that one wheel takes, W."""
+        """Return the power (M,) of one wheel, W."""
         even = self.c1 * a * a + self.c2 * v * v + self.c3 * np.abs(v) + self.c4
         return hinge(even + self.c5 * a * np.sign(v) + self.c6 * v * a)

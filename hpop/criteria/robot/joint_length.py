@@ -1,4 +1,4 @@
-"""Joint length: how far the joints go."""
+"""Joint length: how far the joints move."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from hpop.motions import Motions
 @criterion("joint_length", group="R", unit="rad", aggregate="sum", requires=("joints",))
 @dataclass(frozen=True)
 class JointLength:
-    """∫ |q'| dt, the length of the path in the space of the joints q: what planners of arms minimise by default.
+    """Length of the path in the space of the joints q: ∫ |q'| dt.
 
-    All joints count alike, as they do where paths of arms are compared (path length in MotionBenchMaker and OMPL,
-    Chamzas et al., RA-L 2022); a metre of a joint that slides counts as a radian. The joints of a robot that also
-    drives are those of its arm or head alone: its way is ``length``.
+    Unit rad; a sum over motions. All joints count alike; a metre of a sliding joint counts as a radian. Of a robot that
+    also drives, only the joints of the arm or head count; ``length`` measures the path of the base.
+
+    Source: planners of arms minimise it by default, and paths of arms are compared by it (path length in
+    MotionBenchMaker and OMPL, Chamzas et al., RA-L 2022).
     """
 
     def cost(self, m: Motions) -> Column:
-        """Length (M,), rad."""
+        """Return the length (M,), rad."""
         return m.integrate(lambda s: norm(joint_rates(m, s)))

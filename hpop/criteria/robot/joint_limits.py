@@ -1,4 +1,4 @@
-"""Joint limits: how near to their stops the joints are."""
+"""Joint limits: how near the joints are to their stops."""
 
 from __future__ import annotations
 
@@ -12,16 +12,18 @@ from hpop.motions import Instants, Motions
 @criterion("joint_limits", group="R", unit="s", aggregate="sum", requires=("joints",))
 @dataclass(frozen=True)
 class JointLimits:
-    """∫ mean over joints of ((q - middle) / (half the range))² dt: the time for which all at their stops is as bad.
+    """Nearness of the joints to their stops, over time: ∫ mean over joints of ((q - middle) / (half the range))² dt.
 
-    Liégeois, "Automatic supervisory control of the configuration and behavior of multibody mechanisms", IEEE Trans.
-    SMC 7(12), 1977: the square keeps all joints away from their stops, the far ones more than the near. It is 0 in the
-    middle of all ranges and 1 where every joint is at a stop. Joints that turn without end, and those that are fixed,
-    have no stops and are not among the mean; nothing is to pay where none has.
+    The integrand is 0 where all joints are in the middle of their ranges and 1 where every joint is at a stop. Unit s;
+    a sum over motions. Joints that turn without end and fixed joints have no stops and do not count; a robot that has
+    only such joints pays nothing.
+
+    Source: Liégeois, "Automatic supervisory control of the configuration and behavior of multibody mechanisms", IEEE
+    Trans. SMC 7(12), 1977. The square acts on all joints, and most on those near their stops.
     """
 
     def cost(self, m: Motions) -> Column:
-        """Time integral (M,), s."""
+        """Return the time integral (M,), s."""
         space = m.model.space
         stops = [(name, space.low[i], space.high[i]) for i, name in enumerate(space.names) if name not in space.turning]
         ranges = [

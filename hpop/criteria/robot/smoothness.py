@@ -1,4 +1,4 @@
-"""Smoothness: the dimensionless jerk of what the robot does."""
+"""Smoothness: the dimensionless jerk of the executed motion."""
 
 from __future__ import annotations
 
@@ -24,37 +24,37 @@ from hpop.trajectories.history import History
 )
 @dataclass(frozen=True)
 class Smoothness:
-    """(T⁵/D²) ∫ |p'''|² dt of the base, dimensionless: how much it jerks, whatever its speed and the size of the path.
+    """Dimensionless squared jerk of the base's executed motion: (T⁵/D²) ∫ |p'''|² dt.
 
-    Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", J. Motor
-    Behavior 41(6), 2009. The smoothest movement from rest to rest along a line costs 720 in the limit of a ``ramp`` of
-    0, and 1800 ramp/T less in general: 685 if it takes 5 s, at the default. A trajectory that goes nowhere costs 0.
+    p is the position of the base, T the duration and D the length of its path. Unit 1; a criterion of the whole
+    trajectory. The value depends neither on the speed nor on the size of the path. The smoothest movement from rest to
+    rest along a line costs 720 in the limit of a ``ramp`` of 0, and 1800 ramp/T less in general: 685 if it takes 5 s,
+    at the default. A trajectory that goes nowhere costs 0.
 
-    p is the base's position in the executed motion, T its duration and D the length of its path (theirs is the
-    distance of the ends, which would be 0 on a round trip). The acceleration of an executed move jumps, and a jump
-    has infinite jerk; so the acceleration is sampled every ``ramp`` seconds, at the middles, and taken to change
-    linearly between: a jump then lasts ``ramp`` seconds and costs |Δp''|²/ramp. The value therefore depends on
-    ``ramp``: compare only values with the same one. It is 0 before the start and after the end.
+    Source: Hogan and Sternad, "Sensitivity of smoothness measures to movement duration, amplitude, and arrests", J.
+    Motor Behavior 41(6), 2009. Deviation: their D is the distance of the ends, which would be 0 on a round trip.
 
-    The running value is that of the motion done so far.
+    The acceleration of an executed move jumps, and a jump has infinite jerk. So the acceleration, 0 before start and
+    after end, is sampled at the middles of intervals of ``ramp`` seconds and taken to change linearly between samples.
+    A jump then costs |Δp''|²/ramp. Compare only values with equal ``ramp``.
     """
 
-    ramp: float = 0.1  # s
+    ramp: float = 0.1  # s, time over which a jump of the acceleration is spread
 
     def __post_init__(self) -> None:
         set_reals(self, "ramp", least=LEAST, most=MOST, kind="a positive time in s", error=CriterionError)
 
     def cost(self, m: History) -> Column:
-        """Dimensionless jerk (M,) of what has been done at the end of each motion."""
+        """Return the dimensionless jerk (M,) of the motion up to the end of each part."""
         executed = m.executed
         samples = int(np.ceil(executed.duration / self.ramp))
         middles = self.ramp * (np.arange(samples, dtype=np.float64) + 0.5)
         acceleration = m.at(middles).twist_rate("base").velocity
         x, y = (np.where(middles < executed.duration, a, 0.0) for a in acceleration[:2])
         jumps = np.diff(x, prepend=0.0, append=0.0) ** 2 + np.diff(y, prepend=0.0, append=0.0) ** 2
-        when = np.minimum(self.ramp * np.arange(samples + 1), executed.duration)
+        times = np.minimum(self.ramp * np.arange(samples + 1), executed.duration)
         elapsed = m.passed[1:]
-        done = np.searchsorted(when, elapsed, side="right")
+        done = np.searchsorted(times, elapsed, side="right")
         jerk = np.concatenate([[0.0], np.cumsum(jumps / self.ramp)])[done]
         path = np.cumsum(m.of_motions(lambda motions: motions.base.length))
         return elapsed**5 * jerk / np.where(path > 0, path, np.inf) ** 2

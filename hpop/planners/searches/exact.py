@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from hpop.base.options import MOST, amounts, set_wholes
 from hpop.base.scalars import set_python_values
-from hpop.criteria.base import place_of
+from hpop.criteria.base import index_of_role
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates, Planner, joined, planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGraph
@@ -365,7 +365,7 @@ def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractCon
     if not searching:
         return nullcontext()
     criteria = edge_objectives(problem.criteria, searching[0].name).optimised
-    turns = place_of("turns", criteria)
+    turns = index_of_role("turns", criteria)
     onset = Onset.AFTER_FIRST if planners[0].answers_in_stages else Onset.AT_ONCE
     aggregates = ["max" if criterion.aggregate == "max" else "sum" for criterion in criteria]
     return compiling_beside(aggregates, -1 if turns is None else turns, onset, main_kernels)

@@ -16,7 +16,7 @@ import numpy as np
 
 from hpop.base.options import real
 from hpop.criteria import Duration
-from hpop.criteria.base import Criterion, Role, place_of
+from hpop.criteria.base import Criterion, Role, index_of_role
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble
@@ -190,7 +190,7 @@ def exact_mean(
 
 def _column(query: Query, detour: Detour) -> int:
     """The graph's column of the cost that is capped."""
-    column = place_of(detour.cost, query.objectives.optimised)
+    column = index_of_role(detour.cost, query.objectives.optimised)
     if column is None:
         names = [criterion.name for criterion in query.objectives.optimised]
         raise OptionError(
@@ -213,7 +213,7 @@ def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
 
 def _too_tight(query: Query, column: int, least: int) -> str:
     """Why no path keeps the cap and the bound on the turns, in words; "" where one of them alone is not kept."""
-    cost, turns = query.objectives.optimised[column], place_of("turns", query.objectives.optimised)
+    cost, turns = query.objectives.optimised[column], index_of_role("turns", query.objectives.optimised)
     if query.max_turns is None or turns is None or not least:
         return ""
     bounded = Graph.from_csr(query.graph.indptr, query.graph.heads, query.graph.costs[:, [column, turns]])

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, make_criterion, place_of
+from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, index_of_role, make_criterion
 from hpop.errors import OptionError
 from hpop.models.execution import Ramps, needed_about
 from hpop.motions import States
@@ -163,7 +163,7 @@ class _Assembly:
     @cached_property
     def lasting(self) -> int | None:
         """The column of the duration."""
-        return place_of("duration", self.criteria)
+        return index_of_role("duration", self.criteria)
 
     def some(self, columns: Sequence[int]) -> list[Criterion]:
         return [self.criteria[j] for j in columns]

@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.criteria.base import Criterion, place_of
+from hpop.criteria.base import Criterion, index_of_role
 from hpop.errors import OptionError, did_you_mean
 from hpop.planners.judgement import exceeds
 from hpop.planners.needs import one_goal, start_of
@@ -126,7 +126,7 @@ class Roles:
         smooth = smooth_places(criteria, problem, "epsilon-constraint")
         if minimise is not None:
             return cls(tuple(criteria), minimised(minimise, criteria), smooth)
-        length = place_of("length", criteria)
+        length = index_of_role("length", criteria)
         return cls(tuple(criteria), length if length in smooth else smooth[0], smooth)
 
     @property
@@ -168,7 +168,7 @@ class Roles:
 
 def _least(criterion: Criterion, problem: Problem) -> float:
     """The least that a criterion is known to cost between start and goal, whatever the way."""
-    if place_of("length", [criterion]) is not None:
+    if index_of_role("length", [criterion]) is not None:
         return least_length(problem)
     bound = criterion.bound
     if bound is None:
