@@ -1,4 +1,4 @@
-"""The words that hpop prints, each with what it means here: what ``hpop explain`` says, and docs/glossary.md."""
+"""Glossary of the words that hpop prints, for ``hpop explain`` and docs/glossary.md."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """A word, what else it is called, and what it means."""
+    """Entry of the glossary: a word, its other names, and its meaning."""
 
     word: str
     also: tuple[str, ...]
@@ -22,243 +22,248 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
     "The answer": (
         _entry(
             "front, Pareto front, non-dominated, dominated, efficient",
-            """All trajectories that are worth a choice: of a front none is better than another in one cost and no worse
-            in the others. One trajectory dominates another if it is at least as good in every cost and better in
-            one; what is dominated is left out.""",
+            """The trajectories that are worth a choice. One trajectory dominates another if it is at least as good in
+            every cost and better in one. A front holds the trajectories that no other one dominates.""",
         ),
         _entry(
             "certificate",
-            """What is claimed of a front, and of what: "exact on the lattice" says that no better trajectory exists on
-            that grid of poses, and nothing of paths off it; "local optima" or "supported points" claim less. Each
-            planner writes its own, and a union of fronts keeps them all.""",
+            """The claim that a planner makes about a front, and the set of trajectories that it is about. "Exact on the
+            lattice" says that no better trajectory exists on that grid of poses; trajectories off the grid may be
+            better. "Local optima" and "supported points" claim less. A union of fronts keeps the certificates of all
+            its planners.""",
         ),
         _entry(
-            "status, complete, no path, unfinished, interrupted, time limit, label limit, memory limit, point limit, "
-            "run limit",
-            """How the search ended. Only "complete" and "no path" say that nothing is missing of what the planner can
-            find; the others name what stopped it (a limit you gave, or Ctrl-C), and what was found until then is
-            valid. "unfinished" is a first answer while the search goes on.""",
+            "status, complete, no path, unfinished, interrupted, time limit, label limit, memory limit, "
+            "point limit, run limit",
+            """How the search ended. With "complete" and "no path", the planner has found everything that it can find.
+            The other words name what stopped it: a limit that you set, or Ctrl-C. The trajectories found until then are
+            valid. "Unfinished" is a first result while the search goes on.""",
         ),
         _entry(
             "knee, compromise",
-            """A compromise that hpop proposes: the trajectory deepest below straight mixtures of the extremes. From
-            there a little gained in one cost is dearly paid for in the others. It is no law: `hpop pick` chooses
-            otherwise.""",
+            """The compromise that hpop proposes: the trajectory farthest below the straight mixtures of the extreme
+            trajectories. Beyond a knee, a small gain in one cost takes a large loss in another. You need not take it:
+            `hpop pick` chooses by your own rule.""",
         ),
         _entry(
             "marked",
-            """The rows of the table that have a name: the knee, and the trajectory that is least in each cost. They are
-            drawn thick in the pictures.""",
+            """Rows of the table with a name: the knee, and the trajectory of least cost for each criterion. Pictures
+            draw them thick.""",
         ),
         _entry(
             "for you, preference, preferred",
-            """The trajectory that a person is expected to like best, learnt from some choices between two
-            (`hpop prefer`). Which one that is comes with a probability: with few answers, or such as contradict one
-            another, it is low.""",
+            """The trajectory that a person is expected to like best, learnt from some choices between two trajectories
+            (`hpop prefer`). It comes with a probability, which is low after few answers or contradictory ones.""",
         ),
         _entry(
             "regret, expected regret",
-            """What a trajectory is expected to cost a person more than the one that would really be the best for
-            them, as a share of all that trajectories of the front differ by for them. 2 % is little.""",
+            """The expected loss of a person who takes this trajectory and not the one that is best for them. It is a
+            share of the difference between the best and the worst trajectory of the front: 2 % is little.""",
         ),
         _entry(
             "share, shares, weights",
-            """How much each cost counts for a person, where the whole range of a cost on the front is one unit; they
-            add up to 1. The interval beside holds the share in 90 of 100 such cases.""",
+            """The importance of a cost for a person. Each cost is scaled so that its range on the front is 1; the
+            shares of all costs add up to 1. The interval beside a share holds the true one in 90 of 100 cases.""",
         ),
         _entry(
             "ideal, nadir",
-            """The ideal is the best value of each cost on the front, taken one by one: no trajectory has all of them.
-            The nadir is the worst of each.""",
+            """The ideal is the best value of each cost on the front, taken separately; no trajectory reaches all of
+            them. The nadir is the worst value of each cost on the front.""",
         ),
         _entry(
             "reported",
-            """A value that was computed of each trajectory but not minimised, such as a mean: another trajectory, not
-            on the front, may be better in it.""",
+            """A value that was computed for each trajectory but not minimised, such as a mean. A trajectory that is not
+            on the front may have a lower value.""",
         ),
         _entry(
             "planned, executed",
-            """Planned costs follow the planning law, in which a robot turns and moves at its full speeds at once.
-            Executed ones are of what the robot really does, with ramps from rest to rest.""",
+            """Planned costs follow the planning law, in which the robot turns and moves at full speed at once. Executed
+            costs are those of the real motion, with ramps from rest to rest.""",
         ),
         _entry(
             "provenance, planned by",
-            """Which planner found a trajectory, with which options, weights or bounds.""",
+            """The planner that found a trajectory, with its options, weights or bounds.""",
         ),
     ),
     "How good it is": (
         _entry(
             "hypervolume",
-            """How much of a box of costs a front dominates; larger is better. Its lines during a plan show how much a
-            front still grows, in the scale of the first one (ideal 0, nadir 1, box up to 1.1).""",
+            """The part of a box of costs that a front dominates; larger is better. During a plan, its curve shows how
+            much a front still grows. The scale is that of the first front: ideal 0, nadir 1, box up to 1.1.""",
         ),
         _entry(
             "gap",
-            """After a search that was stopped: how much better a trajectory that it has not found may be, as a share of
-            each cost. 0 says that nothing is missing, 0.05 that a missing one is at most 5 % better.""",
+            """After a stopped search: the most by which a missing trajectory can be better, as a share of each cost. A
+            gap of 0 says that none is missing; 0.05 says that a missing one is at most 5 % better.""",
         ),
         _entry(
             "supported, supported point, unsupported",
-            """A point of the front that is the best for some weights of the costs. What lies in a dent of the front is
-            optimal as well, but best for no weights: it is unsupported, and weighted sums never find it.""",
+            """A supported point of the front is the best one for some weights of the costs. A point in a dent of the
+            front is optimal too, but it is best for no weights: it is unsupported, and weighted sums never find it.""",
         ),
         _entry(
             "eps, epsilon, tolerance",
-            """Options of the exact search by which it returns fewer points, sooner: every optimal point is covered by
-            one that is at most (1 + eps) times it, plus the tolerance, in every cost.""",
+            """Options by which the exact search returns fewer points, sooner. Every optimal point is then covered by a
+            returned point that costs at most (1 + eps) times as much, plus the tolerance, in every cost.""",
         ),
         _entry(
             "quantum, quanta",
-            """The step in which a cost is compared, in its unit, such as 0.000001 m. Trajectories that differ by less
-            are taken for equal; with a coarser one in `quanta` of a scenario fronts are smaller.""",
+            """The smallest difference of a cost that counts, in the cost's unit, such as 0.000001 m. Trajectories that
+            differ by less are taken for equal. A coarser quantum (`quanta` of a scenario) gives a smaller front.""",
         ),
         _entry(
             "exact, local optima",
-            """Exact: within the motions that a planner considers (a grid, a sample of states) nothing better exists,
-            and that is proved. A local optimum is better than all that is near to it, but something quite different
-            may be better still.""",
+            """Exact: proved to be the best among the motions that a planner considers, such as those of a grid. A local
+            optimum is better than everything near it, but a very different trajectory may be better still.""",
         ),
     ),
     "Costs": (
         _entry(
             "cost, criterion, criteria, objective",
-            """What is made small: a criterion gives each trajectory a number of at least 0. `hpop criteria` lists them;
-            `hpop explain NAME` says what one of them is.""",
+            """A criterion gives each trajectory a number of at least 0, its cost; smaller is better. `hpop criteria`
+            lists the criteria, and `hpop explain NAME` describes one.""",
         ),
         _entry(
             "group",
-            """The four kinds of criteria: performance P (what is seen), comfort C (of who watches), robot R (energy,
-            wear), others O (people about). A note names the groups from which a scenario asks for nothing, lest one
-            be forgotten; it is no fault.""",
+            """The four kinds of criteria: performance P (what the camera sees), comfort C (of the viewer), robot R
+            (energy, wear) and others O (people nearby). A note names the groups that a scenario leaves out. It is a
+            reminder, not an error.""",
         ),
         _entry(
             "obstruction, phi",
-            """The share of a ball round the camera (2 m in radius) that obstacles fill: 0 in the open, high near walls.
+            """The share of a ball around the camera (radius 2 m) that obstacles fill: 0 in the open, high near walls.
             The criterion is its mean over time.""",
         ),
         _entry(
             "exposure",
-            """The obstruction added up over time, in seconds: what the search minimises where obstruction is asked for,
-            since a mean does not add up along a path. Ten seconds at an obstruction of 0.1 are an exposure of 1 s.""",
+            """The obstruction added up over time, in seconds. Ten seconds at an obstruction of 0.1 are an exposure of 1
+            s. Searches minimise the exposure when you list obstruction, because a mean does not add up along a
+            path.""",
         ),
         _entry(
             "mean, time-mean, max_detour",
-            """A time-mean is a sum over a trajectory divided by its duration. It does not add up piece by piece, so its
-            sum is minimised in its place; with max_detour the lattice minimises the mean itself, among trajectories
-            that are at most so many times as long as the shortest in time.""",
+            """A time-mean is a sum over a trajectory divided by its duration. It does not add up along a path, so
+            searches minimise the sum and report the mean. With `max_detour`, the exact search minimises the mean itself
+            among trajectories that last at most that factor times the least duration.""",
         ),
         _entry(
             "clearance",
-            """How far the robot's middle is from the nearest obstacle, closed zone or border of the map, m.""",
+            """The distance from the robot's centre to the nearest obstacle, closed zone or border of the map, in
+            metres.""",
         ),
         _entry(
             "turns",
-            """How many times the camera is turned in place by more than a degree.""",
+            """The number of times that the camera turns in place by more than one degree.""",
         ),
     ),
     "The search": (
         _entry(
             "trajectory, path",
-            """A path is where a robot goes, a trajectory also when: motions with times from start to goal.""",
+            """A path is a route through space. A trajectory also has times: it is a sequence of motions from start to
+            goal.""",
         ),
         _entry(
             "lattice, step, heading, headings",
             """A grid of poses: positions every `step` metres, each with 4, 8 or 16 headings, joined by moves and turns.
-            A smaller step finds better trajectories, in more time.""",
+            A smaller step finds better trajectories and takes longer.""",
         ),
         _entry(
             "roadmap, samples",
-            """Poses drawn at random, joined to their neighbours by free motions. It serves any robot, arms too.""",
+            """A graph of random poses, joined to their neighbours by free motions. It works for any robot, including
+            arms.""",
         ),
         _entry(
             "joined",
-            """A start or goal between the poses of a grid is joined to those near by, so that trajectories begin and
-            end exactly where they were asked to.""",
+            """A start or goal between the poses of a grid is joined to poses nearby, so trajectories begin and end
+            exactly where you asked.""",
         ),
         _entry(
             "label, labels",
-            """A path from the start to some pose, with its costs, which the search keeps as none found so far dominates
-            it. Their number says how much work a search is (`hpop plan --verbose`).""",
+            """A partial path from the start to some pose, with its costs, which the search keeps while no other one
+            dominates it. The number of labels measures the work of a search (`hpop plan --verbose`).""",
         ),
         _entry(
             "state, edge, states, edges",
-            """The graph that is searched: poses of the robot (states), and the motions between them that are free of
-            collisions (edges).""",
+            """Parts of the graph that is searched: poses of the robot (states), and collision-free motions between them
+            (edges).""",
         ),
         _entry(
             "kernel, compiling",
-            """Compiled pieces of the search. They are made once on a machine for each number and kind of costs, some
-            seconds, and kept.""",
+            """A compiled part of the search. Kernels are compiled once on each machine for each number and kind of
+            costs, which takes some seconds, and stored.""",
         ),
         _entry(
             "checkpoint",
-            """A file that keeps a search which was stopped: `hpop plan --checkpoint FILE` goes on from there.""",
+            """A file with a stopped search: `hpop plan --checkpoint FILE` continues it.""",
         ),
     ),
     "People who move": (
         _entry(
             "prediction, horizon",
-            """Where somebody is taken to be from now on: at a constant velocity, along waypoints, as recorded, or by
-            one of several futures. With a `horizon`, s, no prediction goes farther; afterwards the person is gone, or
-            stays.""",
+            """Where a person is expected to be from now on: at a constant velocity, along waypoints, on a recorded
+            track, or by one of several hypotheses. A prediction ends after `horizon` seconds; from then on the person
+            is gone, or stays.""",
         ),
         _entry(
             "clock, tick",
-            """Where people move, `lattice` and `roadmap` count time in ticks of `clock` seconds, 1/20 by default, for
-            what a motion costs and whether it is free depends on when it begins. Where nobody moves there is none.""",
+            """Among moving people, the cost and the safety of a motion depend on when it begins. So `lattice` and
+            `roadmap` count time in ticks of `clock` seconds, by default 1/20. Without moving people there is no
+            clock.""",
         ),
         _entry(
             "hold",
-            """The robot stands and waits, for `hold` seconds at least. A plan that begins with a move stands for as
-            long as it then takes to get going.""",
+            """A wait: the robot stands for at least `hold` seconds. A plan that begins with a move first stands for as
+            long as the robot needs to accelerate.""",
         ),
         _entry(
             "arrive_by",
-            """The latest arrival, s: plans that come later are left out.""",
+            """The latest arrival, in seconds. Plans that arrive later are left out.""",
         ),
         _entry(
             "margin",
-            """Metres that are kept between robot and people, as planned and as executed; 0 is no contact.""",
+            """The distance in metres that robot and people keep, in the plan and in its execution. A margin of 0 only
+            excludes contact.""",
         ),
         _entry(
             "drift, off the clock",
-            """By how much a plan's times differ from those of the clock at most: people are kept clear of all the
-            same.""",
+            """The largest difference between the times of a plan and those of the clock. The distance to people is
+            checked for the real times.""",
         ),
     ),
     "On the way": (
         _entry(
             "drive, plan, announced",
-            """A trajectory of a front that is driven, and changed on the way: `hpop drive`. The plan is what is driven
-            if nothing changes any more; the announced way is that to the goal, also where it is closed.""",
+            """A drive executes a trajectory of a front and may change it on the way (`hpop drive`). The plan is the
+            trajectory that is driven if nothing changes. The announced path leads to the goal even where it is closed
+            now.""",
         ),
         _entry(
             "option, options, leaves at, next turn, same side, keeps on",
-            """A way on which a drive may go on: one of the front of the rest, or the present plan. It says when it
-            leaves the announced way, how long until the robot turns next, and whether it passes obstacles on the
-            same sides.""",
+            """A way to continue a drive: a trajectory of the front of remaining paths, or the present plan. It says
+            when it leaves the announced path, when the robot turns next, and whether it passes obstacles on the same
+            sides.""",
         ),
         _entry(
             "commit",
-            """The place from which options begin: the first one later than the deadline at which the robot may leave
-            its plan, going straight on or stopping to turn. Until there nothing changes, so nothing jumps.""",
+            """The state at which options begin: the first one after the deadline at which the robot can leave its plan,
+            straight on or by stopping to turn. Nothing changes before it, so the motion never jumps.""",
         ),
         _entry(
             "wish, hurry",
-            """What somebody aboard asks for, such as "fewer turns" or "hurry": a choice among the options, at the least
-            loss in the other costs. The criteria stay the same.""",
+            """A request by the viewer, such as "fewer turns" or "hurry". It chooses the option with the least loss in
+            the other costs. The criteria stay as they are.""",
         ),
         _entry(
             "deadline",
-            """Seconds of processor time in which options are looked for. What is known of the ways is there at once;
-            what is missing when time is up is bounded by the gap.""",
+            """The processor seconds for finding options. Known paths are there at once; the gap bounds what is missing
+            when time is up.""",
         ),
     ),
     "Maps": (
         _entry(
             "free space, usable",
-            """Where the robot, as large as it is, touches no obstacle, no closed zone, nobody who stands there, and not
-            the border. A start or goal outside of it is not usable; `hpop look` draws it.""",
+            """The positions at which the whole robot touches no obstacle, closed zone, standing person or border. A
+            start or goal outside of it is not usable. `hpop look` draws it.""",
         ),
         _entry(
             "extent, outline",
@@ -266,25 +271,25 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "keep-out zone, zone, speed limit, one-way",
-            """Areas with a rule: closed to the robot, to be crossed slowly, or in one direction. Only a closed one
+            """An area with a rule: closed to the robot, to be crossed slowly, or in one direction. Only a closed zone
             stops the robot; the other rules are criteria.""",
         ),
         _entry(
             "resolution, scale",
-            """Metres a pixel of an image, or metres a unit of a drawing. A door of 0.9 m that is 45 pixels wide gives
-            0.02 m.""",
+            """Metres per pixel of an image, or metres per unit of a drawing. A door of 0.9 m that is 45 pixels wide
+            gives 0.02 m.""",
         ),
         _entry(
             "landmark",
-            """Something worth seeing, a point with a weight: criteria of performance ask how well it is seen.""",
+            """A point worth seeing, with a weight. Criteria of performance measure how well it is seen.""",
         ),
     ),
 }
 
 HEAD = """# Glossary
 
-Written by `make reference` from what `hpop explain WORD` says in a terminal; do not edit. That explains each criterion,
-planner, robot and goal by its name, too.
+The words that hpop prints. `hpop explain WORD` shows the same text in a terminal, and explains each criterion, planner,
+robot and goal by its name. `make reference` writes this page; do not edit it.
 """
 
 
@@ -299,6 +304,6 @@ def page() -> str:
     for heading, section in GLOSSARY.items():
         parts.append(f"## {heading}\n")
         for word, also, meaning in section:
-            others = f" ({', '.join(also)})" * bool(also)
+            others = f" ({', '.join(also)})" if also else ""
             parts.append(f"**{word}**{others}: {meaning}\n")
     return "\n".join(parts)
