@@ -60,7 +60,7 @@ def test_the_holds_in_the_docs_are_what_is_said_beside_them():
 
 @pytest.mark.parametrize(
     ("page", "name"),
-    [("criteria", "Glare"), ("criteria", "DoorDistance"), ("criteria", "Boredom"), ("criteria_rules", "Effort")],
+    [("criteria", "Glare"), ("criteria", "DoorDistance"), ("criteria_rules", "Boredom"), ("criteria_rules", "Effort")],
 )
 def test_a_criterion_in_the_docs_passes_its_conformance_checks(page, name, tmp_path, monkeypatch):
     from hpop.testing import check_criterion

@@ -13,11 +13,14 @@ PAGE = (Path(__file__).parents[1] / "docs" / "questions.md").read_text()
 AT_HOME = {name: cls for name, cls in criteria.items() if cls.__module__.startswith("hpop.criteria.")}
 
 
-def rows(group: str) -> list[tuple[list[str], str, str]]:
-    """Names, units and remark of each row of a group's table."""
+MARKS = {"trajectory": "†", "time-mean": "∫"}
+
+
+def rows(group: str) -> list[tuple[dict[str, str], str]]:
+    """Return the names with their marks, and the units, of each row of a group's table."""
     (section,) = re.findall(rf"^## {GROUPS[group].capitalize()}: .*?(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
     cells = [[cell.strip() for cell in line.split("|")[1:-1]] for line in section.splitlines() if line.startswith("| ")]
-    return [(re.findall(r"`(\w+)`", row[1]), row[2], row[3]) for row in cells[1:]]
+    return [(dict(re.findall(r"`(\w+)` ?([†∫]?)", row[1])), row[2]) for row in cells[1:]]
 
 
 def test_comfort_comes_first() -> None:
@@ -26,21 +29,21 @@ def test_comfort_comes_first() -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_criterion_of_a_group_answers_one_question(group: str) -> None:
-    named = [name for names, _, _ in rows(group) for name in names]
+    named = [name for names, _ in rows(group) for name in names]
     assert sorted(named) == sorted(name for name, cls in AT_HOME.items() if cls.group == group)
 
 
 @pytest.mark.parametrize("group", GROUPS)
-def test_a_row_says_what_a_search_on_a_graph_makes_of_it(group: str) -> None:
-    for names, _, remark in rows(group):
-        kinds = {AT_HOME[name].aggregate for name in names}
-        assert ("afterwards" in remark) == ("trajectory" in kinds), names
-        assert ("integral" in remark) == ("time-mean" in kinds), names
+def test_a_mark_says_how_a_search_on_a_graph_treats_a_criterion(group: str) -> None:
+    assert all(f"marked {mark}" in PAGE.replace("Those marked", "marked") for mark in MARKS.values())
+    for names, _ in rows(group):
+        for name, mark in names.items():
+            assert mark == MARKS.get(AT_HOME[name].aggregate, ""), name
 
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_a_row_has_the_units(group: str) -> None:
-    for names, units, _ in rows(group):
+    for names, units in rows(group):
         for name in names:
             unit = AT_HOME[name].unit
             assert unit == "1" or unit in units, name
