@@ -1,4 +1,4 @@
-"""Bodies of a world in space as convex solids, for arms: from solids, prisms and cells."""
+"""Convex bodies of a world in space, for arms: given solids, pieces of prisms, and boxes of occupied cells."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ MAKING = "the bodies of the world were made"
 
 
 def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[Solid, ...]:
-    """Return given solids, convex pieces of prisms, and boxes of cells, each with a name; MapError for too many."""
+    """Return solids, convex pieces of prisms and boxes of cells, each with a name; MapError if there are too many."""
     bodies: list[Solid] = []
     given = 0
     for place, obstacle in enumerate(obstacles):
@@ -50,7 +50,7 @@ def solid_bodies(obstacles: Sequence[Obstacle], raster: Raster | None) -> tuple[
 
 
 def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]:
-    """Return closed regions that are not solid, at all heights: standing people as columns, keep-out zones."""
+    """Return keep-out zones and standing people as bodies of unlimited height: closed to the robot, but not solid."""
     bodies = []
     for place, person in enumerate(content.people):
         if not person.moves:
@@ -66,7 +66,7 @@ def closed_bodies(content: Content, keep_out: BaseGeometry) -> tuple[Solid, ...]
 
 
 def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterator[Solid]:
-    """Return convex prisms that make up a prism over a polygon; endless ones are cut, see `ENDLESS`."""
+    """Yield the convex prisms that make up a prism over a polygon; unlimited heights are cut at `ENDLESS`."""
     low, high = heights
     bottom = low if math.isfinite(low) else min(-ENDLESS, high - ENDLESS)
     top = high if math.isfinite(high) else max(ENDLESS, low + ENDLESS)
@@ -75,7 +75,7 @@ def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterato
 
 
 def convex_pieces(polygon: Polygon) -> list[Polygon]:
-    """Return convex polygons that make up a polygon: triangles, joined across their longest sides first.
+    """Return convex polygons that make up a polygon: its triangles, joined across the longest sides first.
 
     >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
     [2.5, 8.5]
@@ -147,7 +147,7 @@ def _is_rectangle(corners: FloatArray) -> bool:
 
 
 def _boxes(raster: Raster) -> Iterator[Solid]:
-    """Return boxes of the occupied cells."""
+    """Yield boxes that cover the occupied cells."""
     rectangles = _rectangles(raster.cells)
     _check_count(len(rectangles), "cells")
     bottom = max(raster.z_min, min(-ENDLESS, raster.z_max - ENDLESS))
@@ -158,7 +158,10 @@ def _boxes(raster: Raster) -> Iterator[Solid]:
 
 
 def _rectangles(cells: BoolArray) -> IntArray:
-    """Return occupied cells as rectangles (n, 4), left, low, right, high: runs that repeat from row to row."""
+    """Cover the occupied cells with rectangles (n, 4): left, low, right, high.
+
+    Equal runs in successive rows are joined.
+    """
     limits.check(MAKING)
     padded = np.pad(cells, ((0, 0), (1, 1)))
     begins, ends = padded[:, 1:] & ~padded[:, :-1], padded[:, :-1] & ~padded[:, 1:]

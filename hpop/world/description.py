@@ -1,4 +1,4 @@
-"""Worlds from files, and from JSON-able descriptions, which saved fronts keep to plan on a world again."""
+"""Read worlds from files, and convert worlds to JSON-able descriptions, which saved fronts hold."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ if TYPE_CHECKING:
 
 
 class FromFiles:
-    """Constructors of a `World` from files. A reader, and its libraries, is loaded on first use."""
+    """Constructors of a `World` from files. A reader and its libraries are imported on first use."""
 
     @staticmethod
     def from_file(path: str | Path, *, reader: str | None = None, **options: Any) -> World:
-        """Read a map by a reader's name, or by the ending of the file's: .geojson, .dxf, .pdf, .png, .yaml, .bag, ...
+        """Read a map with the named reader, or by the file's ending: .geojson, .dxf, .pdf, .png, .yaml, .bag, ...
 
-        The options are the reader's, see :mod:`hpop.world.readers.drawing`,
-        :mod:`~hpop.world.readers.ros_map` and the other modules called as the readers are;
-        :mod:`hpop.world.readers.readers` has all of them.
+        Options are passed to the reader. Each reader has a module of its name, such as
+        :mod:`hpop.world.readers.drawing` or :mod:`~hpop.world.readers.ros_map`; :mod:`hpop.world.readers.readers` lists
+        all.
         """
         from hpop.world.readers.readers import read_world, reader_of  # readers build worlds
 
@@ -120,7 +120,7 @@ class FromFiles:
 
 
 def describe(world: World) -> dict[str, Any]:
-    """Describe a world by the files it was read from, or else by its geometry; see `World.describe`."""
+    """Describe a world by the files it was read from, else by its geometry; see `World.describe`."""
     content = {"content": _lists(world.content.describe())} if world.content.present or world.content.zones else {}
     if world.source is not None:
         return {**_lists(world.source), **content}
@@ -140,7 +140,7 @@ def describe(world: World) -> dict[str, Any]:
 
 
 def summary(world: World) -> str:
-    """Return a line on a world: its size, its contents, and its source."""
+    """Summarise a world in a line: its size, contents and source."""
     said = facts(world)
     size, source = said.pop("size"), said.pop("source", None)
     cells = said.pop("cells", None)
@@ -149,7 +149,7 @@ def summary(world: World) -> str:
 
 
 def facts(world: World) -> dict[str, str]:
-    """Return the size of a world, its contents and its source, in words."""
+    """Return the size of a world, its contents and its source, each as text."""
     x0, y0, x1, y1 = world.bounds
     said = {"size": f"{x1 - x0:.4g} x {y1 - y0:.4g} m from ({x0:.4g}, {y0:.4g})"}
     if world.raster is not None:
@@ -167,7 +167,7 @@ def facts(world: World) -> dict[str, str]:
 
 
 def build(description: Mapping[str, Any]) -> World:
-    """Build the world of a description, which may come from anywhere and is not trusted."""
+    """Build a world from its description, which is not trusted."""
     kind = description.get("kind") if isinstance(description, Mapping) else None
     try:
         if kind == "geometry" or kind in readers:
@@ -195,20 +195,20 @@ def build(description: Mapping[str, Any]) -> World:
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """Return a description with its files relative to a folder, so that files and folder can move together.
+    """Return a description with file paths relative to a folder, so that files and folder can move together.
 
-    "relative" names the texts that are such places.
+    The key "relative" lists these paths.
     """
     relative = {key: place_seen_from(folder, path) for key, path in _paths(description).items() if os.path.isabs(path)}
     return {**_at(description, relative), "relative": relative} if relative else description
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """Return a description with whole paths, resolved from the folder as :func:`seen_from` wrote them.
+    """Return a description with absolute paths, resolved from the folder of :func:`seen_from`.
 
-    Where the folder does not see a file, a file of the same name in the folder is taken. Descriptions of earlier
-    versions hold whole paths as well: where the found files have changed and those at the whole paths have not, the
-    latter are taken. Where a file is at none of these places, the description still says where the folder would see it.
+    A missing file is also looked for by name in the folder. Descriptions of earlier versions hold absolute paths as
+    well; these are used if the files there are unchanged and the others are not. If a file is nowhere, its path
+    relative to the folder is returned.
     """
     relative = description.get("relative") if isinstance(description, Mapping) else None
     if not isinstance(relative, Mapping):
@@ -232,7 +232,7 @@ def found_from(folder: str, description: Any) -> Any:
 
 
 def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, Any]:
-    """Return a description with its files at other places."""
+    """Return a description with other file paths."""
     changed = {**description, **{key: place for key, place in places.items() if key == "path"}}
     if others := {key: place for key, place in places.items() if key != "path"}:
         changed["options"] = {**description["options"], **others}
@@ -240,7 +240,7 @@ def _at(description: Mapping[str, Any], places: Mapping[str, str]) -> dict[str, 
 
 
 def _unchanged(description: Any) -> bool:
-    """Return whether a world can be built from files as described."""
+    """Return whether the described files exist and are unchanged."""
     try:
         build(description)
     except MapError:
@@ -249,7 +249,7 @@ def _unchanged(description: Any) -> bool:
 
 
 def without_places(description: Any) -> Any:
-    """Return a description without the places of its files, if it has their hashes."""
+    """Return a description without file paths, provided that it has their hashes."""
     paths = _paths(description)
     if "sha256" not in (description if isinstance(description, Mapping) else ()):
         return description
@@ -261,7 +261,7 @@ def without_places(description: Any) -> Any:
 
 
 def _paths(description: Any) -> dict[str, str]:
-    """Return the files that a description names: its map, and options that are whole paths, such as a mask."""
+    """Return the files that a description names: its map, and options that are absolute paths, such as a mask."""
     if not isinstance(description, Mapping) or not isinstance(description.get("path"), str):
         return {}
     options = description.get("options")
@@ -289,7 +289,7 @@ def _from_files(description: Mapping[str, Any], kind: str) -> World:
 
 
 def _refuse_lost(description: Mapping[str, Any]) -> None:
-    """Raise MapError for a file that is at neither of the places where a saved front looks for it."""
+    """Raise MapError for a file that is at none of the paths where a saved front looks for it."""
     beside = description.get("relative")
     seen = beside if isinstance(beside, Mapping) else {}
     for key, path in _paths(description).items():
@@ -349,7 +349,7 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Return cells (rows, columns) from base64 of zlib of packed bits; never inflate more than their size."""
+    """Unpack cells (rows, columns) from base64 of zlib of packed bits, never inflating more than their size."""
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)
     wrong = MapError(f"the described raster does not hold exactly {columns} x {rows} cells.")

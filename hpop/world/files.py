@@ -1,6 +1,6 @@
-"""Files of maps: their bytes with hashes, plain YAML, places of files, and foreign formats read in a child process.
+"""Files of maps: bytes and hashes, plain YAML, relative paths, and foreign formats read in a child process.
 
-The child process may crash, hang or take too much memory without harm to this process.
+If the child process crashes, hangs or takes too much memory, this process is not harmed.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ STAYS = 8
 
 
 def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
-    """Return a file's bytes; `MapError` if it is missing, no regular file, empty, too large or not readable."""
-    if not isinstance(path, str | os.PathLike):  # a number would be an open file's
+    """Return a file's bytes; `MapError` if it is missing, empty, too large, unreadable or no regular file."""
+    if not isinstance(path, str | os.PathLike):  # a number would name an open file
         raise MapError(f"{what} is named by its path; got {shown(path)}.")
     try:
         data = read_regular(path, limit)
@@ -62,12 +62,12 @@ def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
 
 
 def named(path: str | Path) -> str:
-    """Return a path as a message names it: whole, unless a file gives a path that no system has."""
+    """Return a path for a message, shortened if it is longer than any system allows."""
     return shown(str(path), 400)
 
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
-    """Decode UTF-8, or raise `MapError` that names the probable encoding."""
+    """Decode UTF-8, or raise `MapError` naming the probable encoding."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -77,7 +77,7 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
 
 
 def _encoding_of(data: bytes, first: int) -> str:
-    """Return the probable encoding of bytes that are not UTF-8 from ``first`` on, with advice."""
+    """Return advice on the probable encoding of bytes that are not UTF-8 from ``first`` on."""
     if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
         return "It is UTF-16, as PowerShell's > and Notepad's Unicode write it: save it as UTF-8."
     around = data[max(0, first - PROBE) : first + PROBE]
@@ -87,7 +87,7 @@ def _encoding_of(data: bytes, first: int) -> str:
 
 
 def read_yaml(text: str, path: str | Path) -> Any:
-    """Load one document of plain YAML as `read_yaml_documents` does; `MapError` for several."""
+    """Load plain YAML with one document, as `read_yaml_documents` does; `MapError` for several."""
     documents = read_yaml_documents(text, path)
     if len(documents) > 1:
         raise MapError(f"{path} is {len(documents)} yaml documents, one after the other (---); expected one.")
@@ -95,12 +95,12 @@ def read_yaml(text: str, path: str | Path) -> Any:
 
 
 def read_yaml_documents(text: str, path: str | Path) -> list[Any]:
-    """Load all documents of plain YAML but empty ones.
+    """Load all non-empty documents of plain YAML.
 
     Raises `MapError` for Python tags, aliases, wrong syntax, and nesting deeper than `MAX_DEPTH`.
 
-    Nesting is counted on the events first: PyYAML's C loader ends the process when it goes too deep. Aliases of aliases
-    make values whose size doubles with every line.
+    Nesting is checked on the events first, because deep nesting crashes PyYAML's C loader. Aliases are refused because
+    aliases of aliases double a value's size with every line.
     """
     import yaml  # slow to import
 
@@ -129,7 +129,7 @@ def sha256(data: bytes) -> str:
 
 
 def file_source(reader: str, path: str | Path, options: dict[str, Any], *contents: bytes) -> dict[str, Any]:
-    """Describe a world that ``reader`` builds from the file at ``path`` and the files that it names."""
+    """Describe a world that ``reader`` builds from the file at ``path`` and further files it names."""
     return {
         "kind": reader,
         "path": os.path.abspath(path),
@@ -139,9 +139,10 @@ def file_source(reader: str, path: str | Path, options: dict[str, Any], *content
 
 
 def place_seen_from(folder: str, path: str) -> str:
-    """Return a file's path relative to a folder, or to the home folder where the relative path leads through it.
+    """Return a file's path relative to a folder, or to the home folder (~) if the relative path leads through it.
 
-    It is written into files that others may get: it names neither user nor machine. On another drive it is the name.
+    The result is written into files that are passed on, so it names neither user nor machine. For another drive it is
+    the file's name alone.
     """
     home = os.path.abspath(os.path.expanduser("~"))
     try:
@@ -153,9 +154,10 @@ def place_seen_from(folder: str, path: str) -> str:
 
 
 def by_names(note: str) -> str:
-    """Return a note with file names in place of whole paths: fronts and pages that are passed on hold it.
+    """Return a note with file names instead of absolute paths, since fronts and pages with notes are passed on.
 
-    A path begins after a space, a quote or a bracket, ends before one, a colon or a comma, and leads to a file.
+    A path begins after a space, quote or bracket, ends before one of these, a colon or a comma, and names an existing
+    file.
     """
     kept, done = [], 0
     for begin in _BEGINS.finditer(note):
@@ -170,7 +172,7 @@ def by_names(note: str) -> str:
 
 
 def places_found_from(folder: str, seen: str) -> list[str]:
-    """Return the whole paths for a result of :func:`place_seen_from`: the place itself, and its name in the folder."""
+    """Return the absolute path for a result of :func:`place_seen_from`, and the path of that name in the folder."""
     there = os.path.abspath(os.path.join(folder, os.path.expanduser(seen) if seen.startswith("~/") else seen))
     return [there, os.path.join(os.path.abspath(folder), os.path.basename(there))]
 
@@ -181,9 +183,9 @@ def _lies_in(folder: str, path: str) -> bool:
 
 
 def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> Answer:
-    """Return the contents of a file, read by a module of `hpop.apart` in a child process; `MapError` tells its faults.
+    """Read a file with a module of `hpop.apart` in a child process, and return its contents; `MapError` if faulty.
 
-    Limits of the running plan are checked meanwhile, and end the process when they are passed.
+    The limits of the running plan are checked meanwhile; passing one ends the child process.
     """
     asked = {"module": module, "options": options, "memory": MEMORY, "seconds": SECONDS}
     said = _said(asked, data, path)
@@ -198,13 +200,13 @@ def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any])
 
 
 def _said(asked: dict[str, Any], data: bytes, path: str | Path) -> bytes:
-    """Return the answer of the child process, `hpop.apart.child.said` within bounds."""
+    """Return the output of the child process within bounds of time and memory."""
     with TemporaryDirectory(prefix="hpop-") as folder:
-        question = Path(folder) / "asked"  # a pipe would have to be fed while the limits are looked at
+        question = Path(folder) / "asked"  # a pipe would have to be fed while the limits are checked
         question.write_bytes(json.dumps(asked).encode() + b"\n" + data)
         environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "TMPDIR": folder}
         with question.open("rb") as stdin, interrupts_held():
-            # A session of its own: Ctrl-C on the terminal is not meant for it.
+            # A session of its own, so that Ctrl-C on the terminal does not reach it.
             process = Popen(
                 [sys.executable, "-P", "-c", CODE],
                 stdin=stdin,

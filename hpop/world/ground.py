@@ -1,6 +1,6 @@
-"""Ground of a workspace: everything solid, the extent, and a cache of the values derived from them.
+"""Ground of a workspace: everything solid, the extent, and a cache of values derived from them.
 
-A ground stays as it is while people come and go, so worlds that differ in their content share it and its cache.
+People are not part of the ground, so worlds that differ only in people share a ground and its cache.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ Heights = tuple[float, float]
 
 
 class Cache:
-    """Cache of values by key, bounded in bytes: the least recently used values go first, never the newest.
+    """Cache of values by key with a limit in bytes: the least recently used values go first, never the newest.
 
-    A cache ``beside`` another one shares its limit and its lock, but belongs to its own world. So values that many
-    worlds derive from one ground are kept once, and all these worlds together keep no more than one limit.
+    A cache ``beside`` another shares its limit and lock but belongs to its own world. So all worlds on one ground
+    together stay within one limit.
 
     >>> cache = Cache(limit=40)
     >>> for name in ("a", "b", "a", "c"):
@@ -53,7 +53,7 @@ class Cache:
     def __init__(self, limit: int | None = None, *, beside: Cache | None = None) -> None:
         budget = _Budget(LIMIT if limit is None else limit) if beside is None else beside._budget
         self._budget: _Budget = budget
-        self._values: dict[Hashable, tuple[int, Any]] = {}  # when it was used last, and the value
+        self._values: dict[Hashable, tuple[int, Any]] = {}  # number of the last use, and the value
         self._budget.caches.add(self)
 
     @property
@@ -62,13 +62,16 @@ class Cache:
         return sum(nbytes(value) for _, value in self._values.values())
 
     def get(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        """Return the value of a key; one thread makes it while others wait. ``make`` may ask for other keys."""
+        """Return the value of a key; if missing, one thread makes it while others wait.
+
+        ``make`` may read other keys.
+        """
         with self._budget.lock:
-            found = self.find(key)
-            if found is None:
-                found = make()
-                self.keep(key, found)
-            return found
+            value = self.find(key)
+            if value is None:
+                value = make()
+                self.keep(key, value)
+            return value
 
     def find(self, key: Hashable) -> Any:
         """Return the value of a key, or None."""
@@ -80,21 +83,21 @@ class Cache:
             return value
 
     def keep(self, key: Hashable, value: Any) -> None:
-        """Keep a value, and drop older values beyond the limit."""
+        """Store a value, and drop older values beyond the limit."""
         with self._budget.lock:
             self._values[key] = next(self._budget.uses), value
             self._budget.drop()
 
 
 class _Budget:
-    """Limit, lock and use counter that caches beside each other share."""
+    """Limit, lock and use counter shared by caches."""
 
     def __init__(self, limit: int) -> None:
         self.limit, self.lock, self.uses = limit, RLock(), count()
         self.caches: WeakSet[Cache] = WeakSet()
 
     def drop(self) -> None:
-        """Drop the least recently used values until the rest is within the limit."""
+        """Drop the least recently used values until the total is within the limit."""
         kept = [
             (used, key, nbytes(value), cache) for cache in self.caches for key, (used, value) in cache._values.items()
         ]
@@ -108,7 +111,7 @@ class _Budget:
 
 
 def nbytes(value: Any) -> int:
-    """Return the bytes of the arrays and coordinates in a value, its attributes and its items."""
+    """Return the bytes of all arrays and coordinates in a value, its attributes and its items."""
     if isinstance(value, BaseGeometry):
         return 16 * int(shapely.get_num_coordinates(value))
     size = getattr(value, "nbytes", None)
@@ -143,7 +146,7 @@ def check_area(name: str, area: BaseGeometry) -> None:
 
 
 def check_size(extent: BaseGeometry) -> None:
-    """Raise MapError for a world that is larger than any building."""
+    """Raise MapError for a world larger than any building."""
     x_min, y_min, x_max, y_max = extent.bounds
     if max(x_max - x_min, y_max - y_min) > LARGEST:
         raise MapError(
@@ -154,8 +157,7 @@ def check_size(extent: BaseGeometry) -> None:
 class Layer(NamedTuple):
     """Obstacles within a range of heights; ranges that meet the same obstacles share one geometry.
 
-    prisms  places of the obstacles
-    cells   whether the raster's cells are
+    prisms indices of the obstacles cells whether the raster's cells are within the range
     """
 
     prisms: tuple[int, ...]
@@ -165,19 +167,18 @@ class Layer(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Ground:
-    """Obstacles, and the extent where a robot must stay, in metres: a world without its content.
+    """Obstacles of a world and the extent where a robot must stay, m.
 
-    obstacles            upright prisms; those round the solids are the last of them
+    obstacles            upright prisms; those that enclose solids come last
     raster               occupancy cells, or None
     extent               shapely polygon, m: where the robot must stay; default: the image's rectangle, or the
                          bounding box of the obstacles
-    outside_is_obstacle  whether the camera counts all beyond the extent as obstacle (as high as the raster's
-                         cells; the whole height without a raster)
-    solids               boxes, cylinders, spheres and hulls in space; those whose prisms are among ``obstacles`` too
-    path                 the file that all this was read from, or None
+    outside_is_obstacle  whether the area beyond the extent obstructs the camera (as high as the raster's
+                         cells; unlimited without a raster)
+    solids               boxes, cylinders, spheres and hulls in space; ``obstacles`` holds their prisms
+    path                 file that the ground was read from, or None
 
-    Values derived from these are computed when first needed, kept (:mod:`hpop.world.ground`), and not pickled. They
-    serve every world on this ground: another content does not make them anew.
+    Values derived from these are computed on first use, cached, and not pickled. All worlds on this ground share them.
     """
 
     obstacles: tuple[Obstacle, ...] = ()
@@ -193,7 +194,7 @@ class Ground:
         prisms = check_prisms(self.obstacles)
         around = {
             prism.solid: prism for prism in prisms if prism.solid is not None
-        }  # of a ground of which this is made
+        }  # from the ground that this one was derived from
         around |= {solid: Obstacle.around(solid) for solid in check_solids(self.solids) if solid not in around}
         object.__setattr__(self, "solids", tuple(around))
         object.__setattr__(self, "obstacles", (*(p for p in prisms if p.solid is None), *around.values()))
@@ -202,7 +203,7 @@ class Ground:
                 f"raster must be a hpop.world.Raster; got {shown(self.raster)}. See World.from_cells(cells)."
             )
         given = self.extent
-        nothing = isinstance(given, BaseGeometry) and given.is_empty  # what is no geometry is refused below
+        nothing = isinstance(given, BaseGeometry) and given.is_empty  # other types are refused below
         extent = extent_of(self.obstacles, self.raster) if nothing else given
         check_area("extent", extent)
         check_size(extent)
@@ -218,7 +219,7 @@ class Ground:
         self.__dict__.update(state, cache=Cache())
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """Return the value of ``make``, kept with the ground by a key that states all other inputs."""
+        """Return the value of ``make``, cached with the ground under a key that states all other inputs."""
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     @property
@@ -237,28 +238,28 @@ class Ground:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Return notes on solids that a robot in the plane meets as larger ones."""
+        """Return notes on solids that count as larger for a robot in the plane."""
         return not_upright(self.solids)
 
-    # What is solid
+    # Solid parts
 
     @property
     def bodies(self) -> tuple[Solid, ...]:
-        """Return everything solid as convex solids: the given ones, pieces of prisms, and cells.
+        """Return everything solid as convex solids: the given ones, pieces of prisms, and boxes of cells.
 
-        Prisms and cells without a lower or upper end are cut 10 m below or above the floor (z = 0), or that far from
-        the end that they have. Raises MapError where there are more than 5,000.
+        Prisms and cells of unlimited height are cut 10 m below or above the floor (z = 0), or 10 m from their other
+        end. Raises MapError for more than 5,000 bodies.
         """
         return self.derived(("bodies",), lambda: solid_bodies(self.obstacles, self.raster))
 
     @property
     def has_heights(self) -> bool:
-        """Return whether any obstacle has a height range, so that the view depends on the camera's height."""
+        """Return whether any obstacle has limited height, so that the view depends on the camera's height."""
         ranges = [o.heights for o in self.obstacles] + ([self.raster.heights] if self.raster else [])
         return any(r != WHOLE for r in ranges)
 
     def layer(self, z: Heights) -> Layer:
-        """Return which obstacles, and whether the raster, overlap the open range of heights, m."""
+        """Return the obstacles, and whether the raster's cells, overlap an open range of heights, m."""
         low, high = float(z[0]), float(z[1])
         if not low <= high:
             raise OptionError(f"a height range must be (z_min, z_max) with z_min <= z_max; got {shown(z)}.")
@@ -268,7 +269,7 @@ class Ground:
     def raster_solid(self) -> BaseGeometry:
         """Return the union (m) of the occupied cells at all heights; empty without a raster.
 
-        Raises MapError, with the file that they were read from, where their outlines have too many corners.
+        Raises MapError, naming the file, if their outlines have too many corners.
         """
 
         def make() -> BaseGeometry:
@@ -282,7 +283,7 @@ class Ground:
         return self.derived(("raster",), make)
 
     def solid(self, z: Heights = WHOLE) -> BaseGeometry:
-        """Return the union (m) of all obstacles whose heights overlap the open range."""
+        """Return the union (m) of all obstacles that overlap the open range of heights."""
         layer = self.layer(z)
 
         def make() -> BaseGeometry:
@@ -294,14 +295,14 @@ class Ground:
         return self.derived(("solid", layer), make)
 
     def obstruction_field(self, radius: float, z: float) -> Field:
-        """Return the obstructed fraction of a ball of ``radius`` (m) at height ``z`` (m), as a field."""
+        """Return a field of the obstructed fraction of a ball of ``radius`` (m) at height ``z`` (m)."""
         z = z if self.has_heights else 0.0
         return self.derived(("obstruction", float(radius), z), lambda: sample_obstruction(self, float(radius), z))
 
-    # How far the robot is from it
+    # Distances to solid parts
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
-        """Return the extent without obstacles, its border indexed for exact distances."""
+        """Return the extent without obstacles, with an index for exact distances to its border."""
         return self.derived(("free", self.layer(z)), lambda: FreeSpace(without(self.extent, self.solid(z))))
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
@@ -309,9 +310,9 @@ class Ground:
         return self.derived(("clearance", self.layer(z)), lambda: self.sampled_clearance(self.free_space(z), z))
 
     def sampled_clearance(self, free: FreeSpace, z: Heights) -> Field:
-        """Sample the signed distance to the border of a free space at these heights, with other blocked areas.
+        """Sample the signed distance to the border of a free space that may have further blocked areas.
 
-        The last one sampled is kept: where people have moved, only the samples near to them are others.
+        The last result is cached, so after people have moved only samples near them are computed again.
         """
         key = ("last clearance", self.layer(z))
         field = sample_clearance(self, free, self.cache.find(key))
@@ -327,6 +328,6 @@ class Ground:
 
 
 def union(geometries: Sequence[BaseGeometry]) -> BaseGeometry:
-    """Return the union of geometries, m; a single one is returned as it is, which saves a tenth of a second."""
+    """Return the union of geometries, m; a single one is returned unchanged, which saves a tenth of a second."""
     filled = [geometry for geometry in geometries if not geometry.is_empty]
     return filled[0] if len(filled) == 1 else shapely.union_all(filled)

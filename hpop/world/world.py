@@ -43,14 +43,12 @@ W = TypeVar("W", bound="World")
 class World(FromFiles):
     """Workspace: a ground and its content, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
-    ground    obstacles, and the extent where the robot must stay: all that is solid
-    keep_out  shapely geometry, m: closed to the robot, invisible to the camera
-    notes     what a reader left out or mended, and which solids are not upright
-    content   people, landmarks and zones; see `with_content`
-    source    how to build the same world again, see `describe`
+    ground obstacles, and the extent where the robot must stay keep_out shapely geometry, m: closed to the robot,
+    invisible to the camera notes on parts that a reader left out or mended, and on solids that are not upright content
+    people, landmarks and zones; see `with_content` source description of the world's files, see `describe`
 
-    Values derived from these are computed when first needed, kept (:mod:`hpop.world.ground`), and not pickled. What
-    follows from the ground alone is kept with the ground, so other people in the same building cost none of it.
+    Derived values are computed on first use, cached (:mod:`hpop.world.ground`), and not pickled. Values of the ground
+    alone are cached with the ground, so worlds with other people in the same building share them.
     """
 
     ground: Ground
@@ -61,7 +59,7 @@ class World(FromFiles):
     cache: Cache = field(init=False)
 
     def __post_init__(self) -> None:
-        """Check what is closed to the robot."""
+        """Check the geometries, and collect notes."""
         if not isinstance(self.ground, Ground):
             raise MapError(
                 f"ground must be a hpop.world.Ground, of obstacles and an extent; got {shown(self.ground)}. See "
@@ -90,14 +88,16 @@ class World(FromFiles):
         self.__dict__.update(state, cache=Cache(beside=state["ground"].cache))
 
     def derived(self, key: tuple[Any, ...], make: Callable[[], T]) -> T:
-        """Return the value of ``make``, kept with this world; values without content belong to `Ground.derived`.
+        """Return the value of ``make``, cached with this world; values without content belong to `Ground.derived`.
+
+        The key must state all other inputs. One thread makes the value while others wait.
 
         The key says all on which it depends besides. One thread makes it while others wait.
         """
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 
     def stand_in(self, kind: type[W]) -> W:
-        """Return this world as another class of world that reads its fields differently; both share derived values."""
+        """Return this world as another class that reads its fields differently; both share derived values."""
         view = object.__new__(kind)  # nothing is checked or computed again
         view.__dict__.update(self.__dict__)
         return view
@@ -144,9 +144,9 @@ class World(FromFiles):
 
     @classmethod
     def from_solids(cls, solids: Iterable[Solid], *, extent: BaseGeometry | None = None) -> World:
-        """Build a world from solids in space; without an extent, their bounding box and 1 m more on each side.
+        """Build a world from solids in space; by default the extent is their bounding box, 1 m larger on each side.
 
-        There is no floor but what is given as one. In the plane each solid is the upright prism round it.
+        There is no floor unless it is one of the solids. In the plane each solid counts as its enclosing upright prism.
 
         >>> from hpop.world import Box, pose_at
         >>> world = World.from_solids([Solid(Box((2.0, 3.0, 1.0)), pose_at((5.0, 1.5, 0.5)))])
@@ -172,15 +172,15 @@ class World(FromFiles):
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """Return the upright prisms, those round solids included."""
+        """Return the upright prisms, including those that enclose solids."""
         return self.ground.obstacles
 
     @property
     def bodies(self) -> tuple[Solid, ...]:
-        """Return convex solids that a robot in space must not touch: `Ground.bodies`, and those closed by content.
+        """Return the convex solids that a robot in space must avoid: `Ground.bodies`, and those closed by content.
 
-        A person who stands is a column, as in the plane, and a keep-out zone is closed over the whole height: both
-        from 10 m below the floor to 10 m above. The border of the extent is none: it is where a base must stay.
+        Standing people and keep-out zones are columns from 10 m below the floor to 10 m above it. The border of the
+        extent is no body: it bounds the base only.
         """
         return self.derived(("bodies",), lambda: self.ground.bodies + closed_bodies(self.content, self.keep_out))
 
@@ -191,12 +191,12 @@ class World(FromFiles):
 
     @property
     def extent(self) -> BaseGeometry:
-        """Return where the robot must stay, m."""
+        """Return the area where the robot must stay, m."""
         return self.ground.extent
 
     @property
     def outside_is_obstacle(self) -> bool:
-        """Return whether the camera counts everything beyond the extent as obstacle."""
+        """Return whether the area beyond the extent obstructs the camera."""
         return self.ground.outside_is_obstacle
 
     @property
@@ -211,11 +211,11 @@ class World(FromFiles):
 
     @property
     def has_heights(self) -> bool:
-        """Return whether any obstacle has a height range, so that the view depends on the camera's height."""
+        """Return whether any obstacle has limited height, so that the view depends on the camera's height."""
         return self.ground.has_heights
 
     def solid(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """Return the union (m) of all obstacles whose heights overlap the open range (z_min, z_max)."""
+        """Return the union (m) of all obstacles that overlap the open range of heights (z_min, z_max)."""
         return self.ground.solid((z_min, z_max))
 
     @property
@@ -225,7 +225,7 @@ class World(FromFiles):
 
     @property
     def for_robots(self) -> World:
-        """Return this world as collisions see it: without the people a robot leaves, others wider by its margin."""
+        """Return the world for collision tests: touching people removed, other people enlarged by the margin."""
         content = self.content
         if not content.left and not (content.kept and content.bodies):
             return self
@@ -237,7 +237,7 @@ class World(FromFiles):
         return self.derived(("for robots",), make)
 
     def keeping(self, margin: float, left: tuple[int, ...] = ()) -> World:
-        """Return this world for a robot that keeps a margin, m, from standing people, except those it leaves."""
+        """Return the world for a robot that keeps a margin, m, from standing people, except those it leaves."""
         content = self.content
         if (content.kept, content.left) == (margin, left):
             return self
@@ -251,7 +251,7 @@ class World(FromFiles):
         return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
-        """Return `solid` and `closed`, m: where the robot must not be. The extent bounds it as well."""
+        """Return `solid` and `closed`, m, where the robot must not be; the extent bounds it as well."""
         layer = self.ground.layer((z_min, z_max))
         return self.derived(("blocked", layer), lambda: union([self.solid(z_min, z_max), self.closed]))
 
@@ -262,7 +262,7 @@ class World(FromFiles):
         return self.derived(("free", self.ground.layer(z)), lambda: FreeSpace(without(self.extent, self.blocked(*z))))
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
-        """Return the distance (M,), m, to the nearest obstacle, keep-out zone or border; 0 beyond them.
+        """Return the distance (M,), m, to the nearest obstacle, keep-out zone or border; 0 inside or beyond them.
 
         x and y are (M,) in metres; ``z`` is the range of heights that counts. Exact for arrays (about 1 us a
         point in a building at 0.05 m). CasADi columns get the `clearance_field`, which is signed and
@@ -276,7 +276,7 @@ class World(FromFiles):
     def segments_free(
         self, x0: Column, y0: Column, x1: Column, y1: Column, margin: float, *, z: Heights = WHOLE
     ) -> BoolArray:
-        """Return whether each segment (M,) stays in the extent, ``margin`` (m, within 1e-9) off blocked regions."""
+        """Mark segments (M,) that stay in the extent, ``margin`` (m, within 1e-9) away from blocked regions."""
         if not margin >= 0:
             raise OptionError(f"margin must be a distance of at least 0 m; got {shown(margin)}.")
         columns = (np.asarray(c, dtype=np.float64) for c in (x0, y0, x1, y1))
@@ -300,7 +300,7 @@ class World(FromFiles):
         landmarks: Iterable[Landmark] = (),
         zones: Iterable[Zone] = (),
     ) -> World:
-        """Return this world with people, conversations (places in ``people``), landmarks and zones in it."""
+        """Return the world with people, conversations (indices into ``people``), landmarks and zones."""
         content = Content(people, groups, landmarks, zones)  # type: ignore[arg-type]  # it makes tuples of them
         world = replace(self, content=content)
         return copied(world, source=self.source)
@@ -308,7 +308,7 @@ class World(FromFiles):
     # Fields
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
-        """Return the signed clearance as a `Field`: positive in free space, else minus the distance to it.
+        """Return the signed clearance as a `Field`: positive in free space, else minus the distance to free space.
 
         Sampled exactly every `cell` metres (more coarsely beyond 25 million samples). Clearance changes by at
         most one metre a metre, so the field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of it everywhere
@@ -323,9 +323,8 @@ class World(FromFiles):
     def obstruction(self, pose: Pose, radius: float) -> Column:
         """Return the obstructed fraction (M,) in [0, 1] of the ball of ``radius`` (m) round camera positions.
 
-        x and y are arrays or CasADi columns, z numbers. One `Field` is built for each radius and distinct
-        height, and kept; at most 16 heights a call. Worlds whose obstacles all have the whole height need
-        only one.
+        x and y are arrays or CasADi columns, z numbers. One `Field` is built and cached for each radius and distinct
+        height; at most 16 heights per call. If all obstacles have unlimited height, one field serves all heights.
         """
         return obstructed(self, pose, radius)
 
@@ -343,7 +342,7 @@ class World(FromFiles):
     # Saving
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description; `from_description` builds the identical world from it.
+        """Return a JSON-able description; `from_description` builds an identical world from it.
 
         A world read from files stores the reader, its options, the absolute path and the files' SHA-256;
         others store coordinates or compressed cells.
@@ -352,7 +351,7 @@ class World(FromFiles):
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> World:
-        """Build the world that `describe` described; `MapError` if a file has changed since or is missing."""
+        """Build the world of a description; `MapError` if a file is missing or has changed."""
         return build(description)
 
 

@@ -14,7 +14,7 @@ from hpop.errors import CriterionError
 from hpop.models.camera import FieldOfView, camera_height, field_of_view, rises
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows, surfaces_of
-from hpop.world.sight.bearings import ALL_ROUND, REACH, Seen, bearings
+from hpop.world.sight.bearings import ALL_ROUND, REACH, ViewAngles, bearings
 
 
 def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:
@@ -63,7 +63,7 @@ class _Flow:
         def rate(s: Instants) -> Column:
             twist = s.twist("camera")
             rotation = (0.0, 0.0, 0.0) if m.camera.steady else twist.rotation
-            seen = None if horizontal >= ALL_ROUND else Seen(s.camera.yaw, horizontal)
+            seen = None if horizontal >= ALL_ROUND else ViewAngles(s.camera.yaw, horizontal)
             return flow(s.camera.x, s.camera.y, twist.velocity, rotation, self.nearest, seen)
 
         return rate

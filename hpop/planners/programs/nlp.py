@@ -20,7 +20,7 @@ from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import lift, sparse_lookup
 from hpop.runtime.interrupts import interrupts_held
 from hpop.world import World
-from hpop.world.fields.field import Field, Places
+from hpop.world.fields.field import Field, GridPoints
 from hpop.world.fields.symbols import Quadratics
 from hpop.world.ground import WHOLE, Heights
 
@@ -88,7 +88,7 @@ class SparseField(Field):
         """See the field."""
         return self._field.coefficients_at(u, v)
 
-    def at(self, places: Places) -> Any:
+    def at(self, places: GridPoints) -> Any:
         if places.points is None:
             return super().at(places)
         size, lookups = places.u.numel(), self.__dict__["_lookups"]

@@ -1,4 +1,4 @@
-"""Content of a world beside its ground: people, landmarks, zones."""
+"""Content of a world besides obstacles: people, landmarks and zones."""
 
 from __future__ import annotations
 

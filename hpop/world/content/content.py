@@ -1,7 +1,8 @@
 """Content of a world: people and their conversations, landmarks to be seen, zones with rules.
 
 Frozen values in metres and radians, world frame. None of them is an obstacle to the camera. A standing person blocks
-the robot like a column of its radius; a moving one is where :mod:`hpop.world.content.people` predicts, at any time.
+the robot like a column of its radius; a moving person blocks it at the predicted positions, see
+:mod:`hpop.world.content.people`.
 """
 
 from __future__ import annotations
@@ -107,12 +108,9 @@ class Zone:
 class Content:
     """All people, conversations, landmarks and zones of a world.
 
-    people     in order
-    groups     conversations: places in ``people`` of those who talk with each other, at least two each
-    landmarks
-    zones
-    left       of one question: places in ``people`` of those who stand in contact with the robot, which may leave them
-    kept       of one question: m that the robot keeps from people who stand
+    people in order groups conversations: indices into ``people``, at least two each landmarks zones left set by a
+    problem: indices of people whom the robot touches at the start and may move away from kept set by a problem: m of
+    clearance that the robot keeps from standing people
     """
 
     people: tuple[Person, ...] = ()
@@ -150,12 +148,12 @@ class Content:
 
     @cached_property
     def bodies(self) -> dict[int, BaseGeometry]:
-        """Return the bodies of standing people, by place, m, wider by the robot's margin."""
+        """Return the bodies of standing people by index, m, enlarged by the robot's clearance."""
         return {i: _body(person, self.kept) for i, person in enumerate(self.people) if not person.moves}
 
     @cached_property
     def kinks(self) -> FloatArray:
-        """Return the times (K,), s, rising, at which a prediction may turn, begin or end; it is smooth in between."""
+        """Return the sorted times (K,), s, at which a prediction begins, ends or changes its velocity."""
         each = [one for person in self.people for _, one in person.hypotheses]
         tracks = [one.track.times for one in each if one.track is not None]
         return distinct(np.concatenate([[one.until for one in each if one.until is not None], *tracks]))
@@ -167,7 +165,7 @@ class Content:
 
     @property
     def present(self) -> frozenset[str]:
-        """Return the names of this content that criteria may require."""
+        """Return the kinds of content here that criteria may require."""
         kinds = {
             "people": bool(self.people),
             "moving people": any(person.moves for person in self.people),
@@ -179,7 +177,7 @@ class Content:
         return frozenset(name for name, there in kinds.items() if there)
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description, from which :meth:`build` makes an equal content."""
+        """Return a JSON-able description; :meth:`build` turns it into an equal content."""
         return {
             "people": [described_person(person) for person in self.people],
             "groups": [list(group) for group in self.groups],
@@ -192,7 +190,7 @@ class Content:
 
     @classmethod
     def build(cls, data: Mapping[str, Any]) -> Content:
-        """Build content from its description; MapError, TypeError or LookupError where it is malformed."""
+        """Build content from its description; MapError, TypeError or LookupError if it is malformed."""
         return cls(
             people=tuple(person_from(person) for person in data["people"]),
             groups=tuple(tuple(group) for group in data["groups"]),
@@ -209,7 +207,7 @@ class Content:
 
 
 def _body(person: Person, margin: float) -> BaseGeometry:
-    """Return a polygon of 64 corners round the body of a standing person, m, and a margin."""
+    """Return the polygon of 64 corners, m, that encloses a standing person and a margin."""
     return shapely.Point(person.x, person.y).buffer((person.radius + margin) / np.cos(np.pi / 64), quad_segs=16)
 
 

@@ -1,4 +1,4 @@
-"""Futures of a person, each a possible hypothesis, and checks of the numbers that content is made of."""
+"""Possible futures of a person, and checks of the numbers in content."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 Afterwards = Literal["gone", "stays"]
 STANDS = (0.0, 0.0)
-SAME_SUM = 1e-12  # by which weights may miss 1 that have been divided by their sum
+SAME_SUM = 1e-12  # tolerance of the sum of normalised weights
 
 
 def named_as(what: str, name: object) -> str:
-    """Return the subject of an error; a name is text.
+    """Return "person 'Ada'" or "a person" as the subject of an error; MapError if the name is no text.
 
     >>> named_as("person", "Ada"), named_as("person", "")
     ("person 'Ada'", 'a person')
@@ -34,19 +34,19 @@ def named_as(what: str, name: object) -> str:
 
 
 def set_numbers(value: object, what: str, *names: str) -> None:
-    """Make attributes floats, so that a description holds the same numbers."""
+    """Convert attributes to floats, so that a description holds equal numbers."""
     for name in names:
         object.__setattr__(value, name, number(what, name, getattr(value, name)))
 
 
 def number(what: str, name: str, value: Any, least: float | None = None) -> float:
-    """Return a finite number, a coordinate if its name is one; MapError for anything else, or below the least."""
+    """Return a finite number of at least ``least``; MapError otherwise. "x" and "y" are checked as coordinates."""
     most = FARTHEST if name in ("x", "y") else MOST
     return float(real(f"{what}: {name}", value, -most if least is None else least, most, error=MapError))
 
 
 def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
-    """Return two finite numbers (x, y), such as a velocity; MapError for anything else."""
+    """Return two finite numbers (x, y), such as a velocity; MapError otherwise."""
     try:
         x, y = value
     except (TypeError, ValueError):
@@ -55,7 +55,7 @@ def pair(what: str, name: str, value: Any, unit: str) -> tuple[float, float]:
 
 
 def check_radians(what: str, name: str, angle: float) -> None:
-    """Raise MapError for an angle that cannot be in radians."""
+    """Raise MapError for an angle that must be in degrees."""
     if advice := not_radians(angle):
         raise MapError(f"{what}: {name} {advice}.")
 
@@ -65,12 +65,9 @@ def check_radians(what: str, name: str, angle: float) -> None:
 class Future:
     """Possible future of a person, with a weight.
 
-    weight      above 0; those of a person's futures are divided by their sum
-    velocity    (x, y) m/s
-    track       in the place of a velocity
-    until       s   when this future ends; None as the person's
-    x, y        m   where it begins without a track; None where the person is
-    yaw, afterwards, spread, growth  as the person's, where None
+    weight above 0; the weights of a person's futures are normalised to sum 1 velocity (x, y) m/s track instead of a
+    velocity until s when this future ends; None: when the person's prediction ends x, y m where a future without a
+    track begins; None: at the person yaw, afterwards, spread, growth None: as the person's
     """
 
     weight: float
@@ -100,13 +97,13 @@ class Future:
 
     @classmethod
     def of(cls, weight: float, person: Person) -> Future:
-        """Return the prediction of a person without futures as one of several futures."""
+        """Return a person's single prediction as one of several futures."""
         names = ("velocity", "track", "until", "afterwards", "spread", "growth", "x", "y", "yaw")
         return cls(weight, **{name: getattr(person, name) for name in names})
 
 
 def check_track(what: str, track: object, velocity: tuple[float, float]) -> None:
-    """Raise MapError for a track that is none, or one beside a velocity."""
+    """Raise MapError if a track is of the wrong type or stands beside a velocity."""
     if not isinstance(track, Track):
         raise MapError(f"{what} needs an hpop.world.Track as its track; got {shown(track)}.")
     if velocity != STANDS:
@@ -114,7 +111,7 @@ def check_track(what: str, track: object, velocity: tuple[float, float]) -> None
 
 
 def checked_velocity(what: str, given: tuple[float, float]) -> tuple[float, float]:
-    """Return a velocity, m/s; 0 for speeds below the least, such as a tracker's noise at rest."""
+    """Return a velocity, m/s; speeds below the least, such as a tracker's noise at rest, become 0."""
     velocity = pair(what, "velocity", given, "m/s")
     speed = math.hypot(*velocity)
     if speed > FASTEST:
@@ -131,7 +128,7 @@ def heading_along(velocity: tuple[float, float]) -> float:
 
 
 def checked_futures(what: str, given: Any, looks_ahead: bool) -> tuple[Future, ...]:
-    """Return futures with weights of sum 1; each gets its own heading if the person has none."""
+    """Return futures with normalised weights; each takes its own heading if the person has none."""
     futures = tuple(given) if isinstance(given, Iterable) and not isinstance(given, str) else None
     if futures is None or not all(isinstance(future, Future) for future in futures):
         raise MapError(f"{what}: futures are a list of hpop.world.Future(weight, velocity=...); got {shown(given)}.")

@@ -1,7 +1,7 @@
-"""People: where they are, where they will be, and how sure that is.
+"""People: their positions, predictions, and the uncertainty of both.
 
-A person stands, walks at a constant velocity, follows a track, or has several futures, each of which may come true. The
-prediction may be uncertain (a normal distribution about the place, equal in all directions), and it may end.
+A person stands, walks at a constant velocity, follows a track, or has several possible futures. A prediction may be
+uncertain (an isotropic normal distribution about the predicted position), and it may end.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from hpop.world.content.futures import (
 )
 from hpop.world.tracks.track import Track
 
-SAME_PLACE = 1e-3  # m, by which a person's place may differ from where the track has it
+SAME_PLACE = 1e-3  # m, tolerance between a person's position and the track at time 0
 WIDEST = 2.0
 """m, of a person's radius: with what they push or carry; more is given in another unit."""
 
@@ -43,22 +43,16 @@ WIDEST = 2.0
 @checked_arguments
 @dataclass(frozen=True)
 class Person:
-    """Person with a place, a heading and a prediction; by default a constant velocity without end.
+    """Person with a position, a heading and a prediction; by default a constant velocity without end.
 
-    x, y        m     now
-    yaw         rad   heading of the body; left out, where a velocity leads, and 0 of who stands
-    velocity    (x, y) m/s
-    radius      m     of the body
-    name
-    track       waypoints or a recorded track, in the place of a velocity; x and y are where it is at time 0
-    futures     several things that may be, in the place of a velocity or a track
-    spread      m     standard deviation, along each axis, of the place now
-    growth      m/s   how much that grows: σ(t)² = spread² + (growth (t + age))², up to ``until``
-    until       s     when the prediction ends, None: never; a track ends it too
-    afterwards  what is assumed then: "gone", or that the person "stays" where the prediction ends
-    age         s     how old the prediction is now
+    x, y m now yaw rad heading of the body; default: along the velocity, 0 for a standing person velocity (x, y) m/s
+    radius m of the body name track waypoints or a recorded track, instead of a velocity; at time 0 it is at (x, y)
+    futures several possible futures, instead of a velocity or a track spread m standard deviation of the position now,
+    along each axis growth m/s growth of the standard deviation: σ(t)² = spread² + (growth (t + age))², up to ``until``
+    until s when the prediction ends, None: never; a track ends it too afterwards "gone": the person is absent after
+    ``until``; "stays": stands where the prediction ends age s age of the prediction now
 
-    Raises MapError for what makes no sense.
+    Raises MapError for contradictory or impossible values.
     """
 
     x: float
@@ -99,7 +93,7 @@ class Person:
             raise MapError(f"{what} has futures, which say where each goes: leave velocity and track out.")
 
     def _set_track(self, what: str, track: Track) -> None:
-        """Check the track against the person's place, and let the prediction end with it."""
+        """Check that the track passes the person's position, and let the prediction end with the track."""
         check_track(what, track, self.velocity)
         x, y = (float(place) for place in track.at(0.0))
         if math.hypot(self.x - x, self.y - y) > SAME_PLACE:
@@ -117,7 +111,7 @@ class Person:
             object.__setattr__(self, name, value)
 
     def _check_begin(self, what: str, future: Future) -> None:
-        """Check that a future's track begins at the person's place, unless the future gives its own place."""
+        """Check that a future's track begins at the person, unless the future has a position of its own."""
         if future.track is None or future.x is not None or future.y is not None:
             return
         x, y = (float(place) for place in future.track.at(0.0))
@@ -129,7 +123,7 @@ class Person:
 
     @classmethod
     def along(cls, track: Track, **others: Any) -> Person:
-        """Return a person who follows a track, with other attributes by name."""
+        """Return a person who follows a track; ``others`` are further attributes."""
         if not isinstance(track, Track):
             raise MapError(f"a person follows an hpop.world.Track; got {shown(track)}.")
         x, y = track.at(0.0)
@@ -137,13 +131,13 @@ class Person:
 
     @property
     def moves(self) -> bool:
-        """Return whether time matters: false only for a person who stands for ever, equally certain."""
+        """Return whether the person changes over time; False only for a person who stands for ever, equally certain."""
         leaves = self.until is not None and self.afterwards == "gone"
         return self.velocity != STANDS or self.track is not None or bool(self.futures) or self.growth > 0 or leaves
 
     @property
     def recorded(self) -> bool:
-        """Return whether this is a record of the person, not a prediction."""
+        """Return whether the track is a recording rather than a prediction."""
         return self.track is not None and self.track.recorded
 
     @property
@@ -155,7 +149,7 @@ class Person:
 
     @property
     def settled(self) -> float:
-        """Return the time, s, after which the person does not change: 0 if standing, ∞ without an end."""
+        """Return the time, s, after which nothing about the person changes: 0 if standing, ∞ without an end."""
         if self.futures:
             return max(person.settled for _, person in self.hypotheses)
         if not self.moves:
@@ -164,7 +158,7 @@ class Person:
 
     @cached_property
     def hypotheses(self) -> tuple[tuple[float, Person], ...]:
-        """Return weights, of sum 1, each with a person without futures."""
+        """Return (weight, person) for each future; weights sum to 1, and each person has one future."""
         if not self.futures:
             return ((1.0, self),)
         return tuple((future.weight, self._with(future)) for future in self.futures)
@@ -176,12 +170,19 @@ class Person:
 
     @property
     def begin(self) -> float:
-        """Return when the person first appears, s: 0, or the begin of a later track. Not of several futures."""
+        """Return the time, s, at which the person first appears: 0, or the later begin of a track.
+
+        For one future only.
+        """
         self._check_one("begin")
         return 0.0 if self.track is None else max(self.track.begin, 0.0)
 
     def way(self) -> FloatArray:
         """Return the corners (N, 4) of the path from now on: time s, x, y m, and the yaw rad up to the next corner.
+
+        The person moves straight and at constant speed between corners, and stands or is gone after the last. Raises
+        MapError for several futures or a prediction without end; the people of a :class:`hpop.Problem` always have an
+        end.
 
         The path is straight between them, at constant speed; after the last corner the person stands there, or is gone.
         Of a person with one future that ends, as those of a :class:`hpop.Problem` do.
@@ -207,7 +208,7 @@ class Person:
         return replace(self, velocity=future.velocity, track=future.track, futures=(), **own)
 
     def shifted(self, x: float, y: float) -> Person:
-        """Return the person with all its places shifted by (x, y), m."""
+        """Return the person with all positions shifted by (x, y), m."""
 
         def track(one: Track | None) -> Track | None:
             return None if one is None else replace(one, x=one.x + x, y=one.y + y)
@@ -221,7 +222,7 @@ class Person:
         return replace(self, x=self.x + x, y=self.y + y, track=track(self.track), futures=futures)
 
     def at(self, t: Column) -> tuple[Column, Column]:
-        """Return the position (x, y), m, at times t, s; after ``until`` the last one. Not of several futures."""
+        """Return the position (x, y), m, at times t, s; after ``until`` it is constant. For one future only."""
         self._check_one("at")
         if self.track is not None:
             return self.track.at(self._up_to_end(t))
@@ -229,7 +230,7 @@ class Person:
         return self.x + self.velocity[0] * t, self.y + self.velocity[1] * t
 
     def velocity_at(self, t: Column) -> tuple[Column, Column]:
-        """Return the velocity (x, y), m/s, at times t, s; 0 from ``until`` on. Not of several futures."""
+        """Return the velocity (x, y), m/s, at times t, s; 0 from ``until`` on. For one future only."""
         self._check_one("velocity_at")
         if self.velocity == STANDS and self.track is None:
             return STANDS
@@ -238,9 +239,9 @@ class Person:
         return vx * walks, vy * walks
 
     def ahead_at(self, t: Column) -> tuple[Column, Column]:
-        """Return the unit vector (x, y) of walking or, at rest, of facing, at times t, s. Not of several futures.
+        """Return the unit vector (x, y) of walking or, at rest, of facing, at times t, s. For one future only.
 
-        A person who stops goes on facing along the last steps.
+        A person who stops keeps the direction of the last movement.
         """
         self._check_one("ahead_at")
         along = None if self.track is None else self.track.ahead(self._up_to_end(t))
@@ -250,15 +251,15 @@ class Person:
         return math.cos(yaw), math.sin(yaw)
 
     def yaw_at(self, t: Column) -> Column:
-        """Return the heading of the body, rad, at times t, s: along a track, else ``yaw``. Of one future."""
+        """Return the heading of the body, rad, at times t, s: along a track, else ``yaw``. For one future only."""
         self._check_one("yaw_at")
         along = None if self.track is None else self.track.ahead(np.asarray(self._up_to_end(t)))
         return self.yaw if along is None else np.arctan2(along[1], along[0])
 
     def there(self, t: Column) -> Column:
-        """Return 1 at times t, s, at which the person is present, else 0; the number 1.0 if always present.
+        """Return 1 where the person is present at times t, s, else 0; the number 1.0 if always present.
 
-        That is from a track's first time on, and before ``until`` if the person is gone afterwards.
+        A person is present from a track's first time on, and until ``until`` if gone afterwards.
         """
         self._check_one("there")
         there: Column = 1.0
@@ -269,14 +270,14 @@ class Person:
         return there
 
     def deviation(self, t: Column) -> Column:
-        """Return the standard deviation σ(t) of the place along each axis, m, at times t, s; 0.0 if certain."""
+        """Return the standard deviation σ(t) of the position along each axis, m, at times t, s; 0.0 if certain."""
         if self.growth == 0.0:
             return self.spread
         grown = self.growth * (self._up_to_end(t) + self.age)
         return np.sqrt(self.spread * self.spread + grown * grown)
 
     def later(self, t: float) -> Person:
-        """Return the predicted person ``t`` seconds later: time t becomes time 0."""
+        """Return the person with its prediction shifted, so that ``t`` seconds from now becomes time 0."""
         if not self.moves:
             return self
         if self.futures:
@@ -296,7 +297,7 @@ class Person:
         return replace(ended, spread=float(self.deviation(t)), growth=0.0, age=0.0)
 
     def _age(self, t: float) -> float:
-        """Return the age of the prediction ``t`` seconds later; it only matters if the uncertainty grows."""
+        """Return the age of the prediction ``t`` seconds later; unchanged if its uncertainty does not grow."""
         grows = any(person.growth > 0 for _, person in self.hypotheses)
         return self.age + t if grows else self.age
 
@@ -312,16 +313,16 @@ class Person:
 
 
 def described_person(person: Person) -> dict[str, Any]:
-    """Return a JSON-able description, from which :func:`person_from` makes an equal person.
+    """Return a JSON-able description of a person; :func:`person_from` turns it into an equal person.
 
-    Defaults of predictions are left out.
+    Predictions with default values are left out.
     """
-    kept = ("x", "y", "yaw", "velocity", "radius", "name")
-    return {name: _plain(value) for name, value in _given(person) if name in kept or value != _DEFAULTS[name]}
+    always = ("x", "y", "yaw", "velocity", "radius", "name")
+    return {name: _plain(value) for name, value in _attributes(person) if name in always or value != _DEFAULTS[name]}
 
 
 def person_from(data: Mapping[str, Any]) -> Person:
-    """Return a person from a description; MapError, TypeError or LookupError where it is malformed."""
+    """Return a person from a description; MapError, TypeError or LookupError if it is malformed."""
     futures = tuple(Future(**_with_track(future)) for future in data.get("futures", ()))
     return Person(**{**_with_track(data), "futures": futures})
 
@@ -330,16 +331,16 @@ def _with_track(data: Mapping[str, Any]) -> dict[str, Any]:
     return {**data, "track": Track(**data["track"])} if data.get("track") is not None else {**data}
 
 
-def _given(value: Person | Future) -> Iterator[tuple[str, Any]]:
+def _attributes(value: Person | Future) -> Iterator[tuple[str, Any]]:
     return ((field.name, getattr(value, field.name)) for field in fields(value))
 
 
 def _plain(value: Any) -> Any:
-    """Return a person's attribute as JSON has it."""
+    """Return a person's attribute as a JSON-able value."""
     if isinstance(value, Track):
         return value.describe()
     if isinstance(value, Future):
-        return {name: _plain(given) for name, given in _given(value) if given is not None}
+        return {name: _plain(item) for name, item in _attributes(value) if item is not None}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 

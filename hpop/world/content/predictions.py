@@ -1,10 +1,10 @@
-"""Predictions that end: at walls, at the edge of the map, at a horizon, or before a standing robot.
+"""Cut predictions at walls, at the edge of the map, at a horizon, and before a standing robot.
 
-A recorded track is no prediction and stays as it is. Any other prediction is cut where it cannot be true, so that there
-is a time after which nothing changes any more, and notes say where it was cut and what is assumed then.
+A recorded track stays as it is. A prediction is cut where it becomes impossible, so that from some time on nothing
+changes any more. Notes say where it was cut, and what is assumed afterwards.
 
-A prediction knows nothing of the robot, so a person who walks slowly up to it is predicted to walk through it. A robot
-that must turn before it can leave has then no path at all. So such a person is taken to stop before the robot.
+A prediction ignores the robot, so a person who slowly approaches would walk through it, and a robot that must turn
+before it can leave would have no path. Such a person is therefore assumed to stop before the robot.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ GAP = 0.02
 WITHIN = 5.0
 """s: a robot that has not left its place by then is not kept there by people who come later."""
 STEP = 0.01  # s between the moments at which contact is looked for
-SIGMAS = 1.645  # standard deviations that a person who may be elsewhere stops earlier
+SIGMAS = 1.645  # standard deviations by which a person of uncertain position stops earlier
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class WalkedPath:
     """Path of a walking person: straight legs with times.
 
     times   (N,)    s  at its points
@@ -76,8 +76,8 @@ class Way:
     points: FloatArray
 
     @classmethod
-    def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> Way | None:
-        """Return the path of a person with one future until it is surely out of bounds; None for a standing person."""
+    def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> WalkedPath | None:
+        """Return the path of a person with one future until it has left the bounds; None for a standing person."""
         if person.track is not None:
             track = person.track.later(0.0)
             points = np.stack([track.x, track.y], axis=1)
@@ -97,7 +97,7 @@ class Way:
         return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.points, axis=0).T))])
 
     def time(self, length: float) -> float:
-        """Return the time, s, at a distance along the path."""
+        """Return the time, s, at a distance along the path, m."""
         leg = int(np.searchsorted(self.lengths, length, side="left"))
         if leg == 0:
             return float(self.times[0])
@@ -106,9 +106,11 @@ class Way:
         return float(self.times[leg - 1] + min(share, 1.0) * (self.times[leg] - self.times[leg - 1]))
 
     def enters(self, area: BaseGeometry, beyond: float = 0.0) -> float | None:
-        """Return how far along the path it first enters an area, m, or None. To follow its border is not to enter.
+        """Return the distance along the path, m, at which it first enters an area, or None.
 
-        Entries behind ``beyond``, m, do not count: a person who steps out of the area at the beginning.
+        Following the border is not entering.
+
+        Entries that end before ``beyond``, m, do not count: the person steps out of the area at the beginning.
         """
         for begin, end in self._spans(area):
             if end > beyond and shapely.contains_xy(area, *self._place((begin + end) / 2)):
@@ -116,7 +118,7 @@ class Way:
         return None
 
     def leaves(self, area: BaseGeometry) -> float | None:
-        """Return how far along the path it leaves an area, m: 0 if it is never in it; None if it never leaves."""
+        """Return the distance along the path, m, at which it leaves an area: 0 if never inside, None if it stays."""
         spans = self._spans(area)
         if not spans:
             stays = self.lengths[-1] == 0.0 and area.covers(shapely.Point(self.points[0]))
@@ -133,7 +135,7 @@ class Way:
         return x, y
 
     def _spans(self, area: BaseGeometry) -> list[Span]:
-        """Return the parts of the path in an area, border included, as sorted begins and ends, m."""
+        """Return the sorted begins and ends, m, of the path's parts in an area, border included."""
         legs = np.stack([self.points[:-1], self.points[1:]], axis=1)  # (N-1, 2, 2)
         lines: Any = shapely.linestrings(legs)
         shapely.prepare(area)
@@ -164,7 +166,7 @@ class End(NamedTuple):
 
 
 class Inside(NamedTuple):
-    """Person within an obstacle: the person in words, the place, m, and the treatment."""
+    """Person within an obstacle: the person in words, the position, m, and the treatment."""
 
     who: str
     place: tuple[float, float]
@@ -172,17 +174,18 @@ class Inside(NamedTuple):
 
 
 def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, ...], tuple[str, ...]]:
-    """The people of a world, their predictions cut, and notes on how each ends. Once done it changes nothing more.
+    """Cut the predictions of a world's people, and return the people with notes on each end. Idempotent.
+
+    - A person predicted to walk into an obstacle stops a body's radius before it, and stays there.
 
     - Who is predicted to walk into an obstacle stops a body's radius of way before it, and stays there.
-    - Who leaves the map is gone from then on.
-    - No prediction goes beyond a horizon, s, if one is given; then the person is as ``afterwards`` says. Who stands
-      stays where he is, as uncertain as then.
-    - Who begins to walk within an obstacle is shifted out of it, up to half a metre; who is deeper within is left out.
-      Who stands there stays.
+    - A person who leaves the map is gone from then on.
+    - No prediction goes beyond a horizon, s, if there is one; afterwards the person is as ``afterwards`` says. A standing
+     person stays, and its uncertainty grows no further.
+    - A walking person who begins within an obstacle is shifted out of it by up to half a metre, or left out if deeper
+     inside. A standing person stays.
 
-    Raises MapError where all who walk, several or one, begin deep within obstacles, and for somebody who stands and
-    grows uncertain for ever.
+    Raises MapError if all walking people begin deep within obstacles, or if a standing person grows uncertain for ever.
     """
     people, ends, elsewhere = [], list[End](), list[str]()
     world, inside = _outside(world)
@@ -208,7 +211,7 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
-    """Return a world with other people, in their order; the same object if they are equal."""
+    """Return a world with other people, in order; the same object if they are equal."""
     content = world.content
     if people == content.people:
         return world
@@ -216,13 +219,13 @@ def with_people(world: World, people: tuple[Person, ...]) -> World:
 
 
 def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """Return a hypothesis with its end; the same object if nothing changes."""
+    """Return a person with one future, cut, and the end; the same object if nothing changes."""
     if not person.moves:
         return person, None
     if person.velocity == STANDS and person.track is None:
         return _standing(person, horizon, who)
-    way = Way.of(person, world.bounds)
-    assert way is not None  # somebody walks
+    way = WalkedPath.of(person, world.bounds)
+    assert way is not None  # the person walks
     solid = world.solid(*TALL)
     if person.recorded:
         return person, End(who, person.settled, "recorded", person.afterwards)
@@ -243,20 +246,20 @@ def _cut(world: World, person: Person, horizon: float | None, who: str) -> tuple
 
 def _comes(world: World, person: Person) -> bool:
     """Return whether a person is ever on the map, as predicted or recorded."""
-    way = Way.of(person, world.bounds)
+    way = WalkedPath.of(person, world.bounds)
     line = shapely.Point(person.x, person.y) if way is None else shapely.LineString(way.points)
     return bool(world.extent.intersects(line))
 
 
 def _ending(person: Person, end: End) -> Person:
-    """Return the person with this end of its prediction."""
+    """Return the person with its prediction ended."""
     if person.track is not None and end.time <= person.track.begin:  # comes only after the end: never
         return replace(person, track=None, until=0.0, afterwards="gone")
     return replace(person, until=round(end.time, DIGITS), afterwards=end.afterwards)
 
 
 def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, End | None]:
-    """Return a standing person who leaves, or grows uncertain, with its end; the horizon ends growth only."""
+    """Return a standing person who leaves, or grows uncertain, with the end; a horizon only ends growth."""
     leaves = person.until is not None and person.afterwards == "gone"
     if leaves and person.until == 0.0:
         return person, None
@@ -272,9 +275,9 @@ def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, 
 
 
 def _outside(world: World) -> tuple[World, list[Inside]]:
-    """Return the world with walking people outside of obstacles, and the people who were within one.
+    """Return the world with walking people moved out of obstacles, and the people who were within one.
 
-    Raises MapError if no walking person begins outside of obstacles or near their border.
+    Raises MapError if every walking person begins deep within an obstacle.
     """
     solid, inside, people = world.solid(*TALL), list[Inside](), list[Person]()
     walking = outside = 0
@@ -307,7 +310,7 @@ def _outside(world: World) -> tuple[World, list[Inside]]:
 
 
 def _way_out(solid: BaseGeometry, place: tuple[float, float]) -> tuple[float, float]:
-    """Return the shift, m, of a place out of an obstacle; nothing up to ``DEEP`` within."""
+    """Return the shift (x, y), m, that brings a position out of an obstacle; (0, 0) up to ``DEEP`` inside."""
     here = shapely.Point(place)
     if not solid.contains(here) or solid.boundary.distance(here) <= DEEP:
         return 0.0, 0.0
@@ -340,13 +343,13 @@ def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
 
 
 def yielding(person: Person, place: tuple[float, float], reach: float, begin: float = 0.0) -> Person:
-    """Return a person who stops before a robot that stands at a place; the same object if the robot is not reached.
+    """Return a person who stops before a robot at ``place``; the same object if it does not reach the robot.
 
     Parameters
     ----------
-    place : (x, y) m, of the robot's axis
-    reach : m, what the robot needs about its axis: its body, the margin, and what its execution is off the plan
-    begin : s, from when on the robot stands there; who comes more than ``WITHIN`` later is left as predicted
+    place : (x, y) m, position of the robot's axis
+    reach : m, radius that the robot needs: its body, the margin, and the deviation of its execution
+    begin : s, from when on the robot stands there; a person who comes more than ``WITHIN`` later is left as predicted
     """
     if not person.futures:
         return _stopped(person, place, reach, begin)
@@ -359,18 +362,18 @@ def yielding(person: Person, place: tuple[float, float], reach: float, begin: fl
 def with_stops(
     people: Sequence[Person], which: Sequence[int], place: tuple[float, float], reach: float
 ) -> tuple[Person, ...]:
-    """Return people, some of whom, by number, stop before a robot as :func:`yielding` says."""
+    """Return people, with those at the given indices stopping before a robot, see :func:`yielding`."""
     return tuple(yielding(person, place, reach) if i in which else person for i, person in enumerate(people))
 
 
 def taken_to_stop(people: Sequence[Person], which: Sequence[int]) -> str:
-    """Return a note on people, by number, who are taken to stop before the robot."""
+    """Return a note on the people, by index, who are assumed to stop before the robot."""
     who = some([repr(people[i].name) if people[i].name else f"number {i}" for i in which])
     return f"people who would walk up to the robot before it can be away, and are taken to stop before it: {who}"
 
 
 def _stopped(person: Person, place: tuple[float, float], reach: float, begin: float) -> Person:
-    """Return a hypothesis of a person with its stop."""
+    """Return a person with one future who stops before the robot."""
     if person.velocity == STANDS and person.track is None:
         return person
     times = np.arange(0.0, begin + WITHIN, STEP)

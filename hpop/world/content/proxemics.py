@@ -1,11 +1,11 @@
-"""Proxemics: where people are and face, how places lie to them, and effects of many people on many places.
+"""Proxemics: positions and directions of people relative to points, and effects of many people on many points.
 
-Everything is written for columns (N,): NumPy arrays, or CasADi symbols. Times are only needed for people who move.
+All functions take columns (N,): NumPy arrays or CasADi symbols. Times are only needed for moving people.
 
-Possible futures enter in two ways. :func:`expected` is the mean over a person's futures. It is the mean at each moment,
-so its integral over time is the mean of the integrals, however the moments depend on each other: effects that add up
-along motions still add up exactly. :func:`worst` is the largest over people and futures, for effects of the worst
-moment; it needs no weights. :class:`Blurred` averages an effect over an uncertain place.
+Possible futures enter in two ways. :func:`expected` averages over a person's futures at each moment. By linearity, the
+integral of this mean over time is the mean of the integrals, so effects that add up along motions still add up.
+:func:`worst` is the maximum over people and futures, for criteria of the worst moment; it uses no weights.
+:class:`Blurred` averages an effect over an uncertain place.
 """
 
 from __future__ import annotations
@@ -25,42 +25,42 @@ HALL = {"intimate": 0.45, "personal": 1.2, "social": 3.6}
 BLOCK = 8192  # samples evaluated together: few enough that their intermediate columns stay in the processor's cache
 FAR = 160, 640  # steps of the table from no distance to an infinite one, least and most: 11 a detail at the end
 SHARES = 96  # steps of the table from no distance to no deviation
-MARGIN = 6  # steps beyond what is asked for, in which the ends of an interpolating spline die away
-STRETCH = 2.0  # a deviation counts as so much of a distance
+MARGIN = 6  # steps beyond the needed range, in which end effects of the interpolating spline die away
+STRETCH = 2.0  # weight of a deviation relative to a distance
 NODES = 32, 96  # of Gauss-Legendre an integral, least and most: 7 a detail
 WINDOW = 6.5  # deviations about the predicted place: 1e-9 of a normal distribution is beyond
 AT_ONCE = 4096  # integrals: the columns of their nodes take 3 MB each
-TINY = 1e-9  # m: so far off is who is exactly there
+TINY = 1e-9  # m: least distance and deviation, which avoids 0/0
 
 
 def any_moves(people: Iterable[Person]) -> bool:
-    """Return whether any person moves, so that times are needed to locate them."""
+    """Return whether any person moves, so that times are needed."""
     return any(person.moves for person in people)
 
 
 def position(person: Person, t: Column | None) -> tuple[Column, Column]:
-    """Return the place of a person, m: at times t (N,), s, of a moving one; fixed of a standing one."""
+    """Return the position of a person, m: at times t (N,), s, or constant for a standing person."""
     return person.at(t) if person.moves else (person.x, person.y)
 
 
 def offset(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Return the offset (x, y), m, from a person to places (N,), in the world frame."""
+    """Return the offset (x, y), m, from a person to points (N,), in the world frame."""
     at_x, at_y = position(person, t)
     return x - at_x, y - at_y
 
 
 def in_frame(person: Person, x: Column, y: Column, t: Column | None) -> tuple[Column, Column]:
-    """Return how far ahead of a person, and to the left, m, places (N,) lie; the person walks or faces ahead."""
+    """Return points (N,) in a person's frame, m: ahead and to the left. Ahead is where the person walks or faces."""
     dx, dy = offset(person, x, y, t)
     cos, sin = person.ahead_at(t)
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Return the sum (N,) over people of the mean over their futures of ``effect(person, *columns)``.
+    """Return the sum (N,), over people, of the mean of ``effect(person, *columns)`` over the person's futures.
 
-    A person counts while present. The effect gets people without futures, and handles their deviation itself. The last
-    of the columns is the time, or None if nobody moves.
+    A person counts while present. The effect receives people with one future, and handles their deviation itself. The
+    last column is the time, or None if all people stand.
     """
 
     def share(one: tuple[float, Person], *part: Column | None) -> Column:
@@ -72,7 +72,7 @@ def expected(people: Iterable[Person], effect: Callable[..., Column], *columns: 
 
 
 def worst(people: Iterable[Person], effect: Callable[..., Column], *columns: Column | None) -> Column:
-    """Return the largest (N,) of ``effect(person, *columns)`` >= 0 over people and futures, see :func:`expected`.
+    """Return the maximum (N,) of ``effect(person, *columns)`` >= 0 over people and futures, see :func:`expected`.
 
     Each future counts, however unlikely.
     """
@@ -96,8 +96,8 @@ def over(
 ) -> Column:
     """Combine the effects (N,) ``effect(item, *columns)`` of items: sums with np.add, maxima with np.maximum.
 
-    Columns are (N,), or None where an effect does not need them. Arrays are evaluated block by block, several times
-    faster than whole, and runs of equal samples once.
+    Columns are (N,), or None where an effect does not need them. Arrays are evaluated block by block, which is several
+    times faster, and each run of equal samples once.
 
     >>> over([1.0, 2.0], np.multiply, np.add, np.arange(4.0))
     array([0., 3., 6., 9.])
@@ -119,7 +119,7 @@ def over(
 
 
 def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -> Column:
-    """Return the values (N,) of a function of samples, evaluated once for successive equal samples."""
+    """Evaluate a function once for each run of equal samples, and return its values (N,) for all samples."""
     given = [column for column in columns if column is not None]
     changes = np.ones(given[0].size, dtype=bool)
     changes[1:] = np.any([column[1:] != column[:-1] for column in given], axis=0)
@@ -131,10 +131,11 @@ def _once_a_run(function: Callable[..., Column], columns: list[Column | None]) -
 
 
 class Blurred:
-    """Mean of a function of the distance to a person whose place is uncertain.
+    """Mean of a function of the distance to a person of uncertain position.
 
-    The place is normal about the predicted one, with the same standard deviation σ along both axes. Of a function f of
-    the distance, 0 beyond an end, the mean at distance ν from the predicted place is an integral over Rice's density::
+    The position is normally distributed about the predicted one, with standard deviation σ along both axes. Let f be a
+    function of the distance that is 0 beyond an end. At distance ν from the predicted position its mean is an integral
+    over Rice's density::
 
         F₀(ν, σ) = ∫ f(r) r/σ² exp(-(r² + ν²)/2σ²) I₀(rν/σ²) dr
 
@@ -143,17 +144,16 @@ class Blurred:
     has a closed form, and CasADi has no Bessel functions; so they are sampled once and interpolated by cubic splines.
     One table then serves numbers and symbols, and is twice differentiable.
 
-    The table counts by how far both together are, h² = ν² + (2σ)², and by their share, ν/(ν + 2σ): near the person a
-    function of the direction depends on the share alone, and all distances and deviations have a place in the table.
+    The table's axes are h = sqrt(ν² + (2σ)²), mapped to a finite range, and the share ν/(ν + 2σ). Near the person a
+    function of the direction depends on the share alone, and the table covers all distances and deviations.
 
-    function  >= 0 of distances (N,), m, a NumPy array; continuous
-    end       m      beyond which it is 0
-    detail    m      within which it changes; one much smaller than a twentieth of the end is not resolved
-    harmonic  0, or 1 for the mean of the function times the cosine of an angle, by that cosine at the predicted place
+    function >= 0 of distances (N,), m, a NumPy array; continuous end m beyond which it is 0 detail m length over which
+    it changes; much less than a twentieth of the end is not resolved harmonic 0; or 1 for F₁, the mean of the function
+    times a cosine, relative to the cosine at the predicted position
 
-    Where the function changes smoothly within the detail, a twentieth of the end or more, the table is nearer than 1e-4
-    of the change to the integral; with a fiftieth, 2e-3. (Within 2 cm of a person whose place is sure, the mean of a
-    cosine is no function of the place; no robot's axis is so near.)
+    If the function is smooth on the scale of the detail, and the detail is at least a twentieth of the end, the error
+    is below 1e-4 of the function's change; with a fiftieth, 2e-3. (Within 2 cm of a person of certain position the mean
+    of a cosine is not resolved; no robot's axis comes so near.)
 
     >>> cone = Blurred(lambda r: np.maximum(0.0, 1.0 - r), 1.0, detail=1.0)
     >>> cone(np.array([0.5, 0.0]), np.array([1e-6, 0.1])).round(3)  # the mean distance is σ sqrt(π/2)
@@ -181,11 +181,11 @@ class Blurred:
         means = _means(function, end, harmonic, nodes, np.abs(nu).ravel(), np.abs(sigma).ravel())
         values[:-1] = means.reshape(nu.shape)
         if harmonic:
-            values *= np.sign(share)  # beyond no distance it goes on as an odd function
+            values *= np.sign(share)  # continued to negative distances as an odd function
         self._table = Field(spline_filter(values, order=3, mode="mirror"), 1.0)
 
     def __call__(self, distance: Column, deviation: Column) -> Column:
-        """Return the mean (N,) at distances (N,), m, from the predicted place with deviation (N,), m."""
+        """Return the mean (N,) at distances (N,), m, from the predicted position, with deviations (N,), m."""
         wide = STRETCH * deviation + TINY
         both = distance + wide
         together = np.sqrt(distance * distance + wide * wide)
@@ -201,7 +201,7 @@ def _means(
     nu: FloatArray,
     sigma: FloatArray,
 ) -> FloatArray:
-    """Return the integrals (N,) at distances and deviations (N,), by ``count`` nodes where the density is not 0."""
+    """Return the integrals (N,) at distances and deviations (N,), each by ``count`` quadrature nodes."""
     from scipy.special import i0e, i1e  # slow to import
 
     nodes, weights = np.polynomial.legendre.leggauss(count)

@@ -1,1 +1,1 @@
-"""Scalar fields over the plane, and what is sampled into them."""
+"""Scalar fields over the plane, and the sampling of obstruction and clearance."""

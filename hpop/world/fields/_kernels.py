@@ -39,9 +39,9 @@ def ball_volumes(
     edges (E, 4) m: x0, y0, x1, y1, outer rings counter-clockwise, holes clockwise, sorted by slab
     slab (S + 1,): the edges of slab s are slab[s]:slab[s + 1]; heights (S, 2) m: its bottom and top
 
-    An edge from p to q adds, signed as the triangle (camera, p, q) is, the ball part over that triangle from the
-    bottom to the top: the volume between the heights 0 and c, odd in c, at the one less that at the other. What depends
-    on no height is common to both.
+    An edge from p to q adds the part of the ball over the triangle (camera, p, q), between bottom and top, with the
+    sign of the triangle's orientation. It is the difference of two volumes from height 0 to height c, a function odd in
+    c; terms that do not depend on c are computed once.
     """
     for k in range(x.size):
         total = 0.0
@@ -91,7 +91,7 @@ def ball_volumes(
 
 @lean
 def _weights(s: float) -> Four:
-    """Return the cubic B-spline weights of the four samples round a point, s of a step behind the second."""
+    """Return the cubic B-spline weights of the four samples round a point that is s steps behind the second."""
     r = 1.0 - s
     inner, outer = (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0, (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0
     return r * r * r / 6.0, inner, outer, s * s * s / 6.0
@@ -99,7 +99,7 @@ def _weights(s: float) -> Four:
 
 @kernel
 def _slopes(s: float) -> Four:
-    """Return the first derivatives of the weights."""
+    """Return the first derivatives of the spline weights."""
     r = 1.0 - s
     return -0.5 * r * r, -2.0 * s + 1.5 * s * s, 2.0 * r - 1.5 * r * r, 0.5 * s * s
 
@@ -108,11 +108,11 @@ def _slopes(s: float) -> Four:
 def spline(
     coefficients: FloatArray, row: IntArray, column: IntArray, up: FloatArray, right: FloatArray, out: FloatArray
 ) -> None:
-    """Add to out (M,) the cubic B-spline at places inside the grid.
+    """Add to out (M,) the cubic B-spline at points inside the grid.
 
-    coefficients (H, W); row, column (M,) of the sample before a place, within [1, n - 3]; up, right (M,) of a step from
-    there on, from 0 to 1. NaN gives NaN. (A first answer waits for this to be compiled, which takes as long as the text
-    is: what arrays can do is done before.)
+    coefficients (H, W); row, column (M,) of the sample before each point, within [1, n - 3]; up, right (M,) the
+    fraction of a step from there on. NaN gives NaN. (The first plan waits while this compiles, so the kernel is short:
+    array operations prepare its inputs.)
     """
     for k in range(row.size):
         across, along = _weights(right[k]), _weights(up[k])
@@ -125,9 +125,9 @@ def spline(
 
 @kernel
 def quadratics(coefficients: FloatArray, places: FloatArray, out: FloatArray) -> None:
-    """Write to out the second-order expansions of the B-spline at places inside the grid.
+    """Write to out the second-order expansions of the B-spline at points inside the grid.
 
-    coefficients (H, W); places (M, 2) in grid steps, within [1, n - 2]; out (M, 8) receives the place, the value, d/du,
+    coefficients (H, W); places (M, 2) in grid steps, within [1, n - 2]; out (M, 8) receives the point, the value, d/du,
     d/dv, d²/du², d²/dudv and d²/dv². NaN gives NaN.
     """
     rows, columns = coefficients.shape

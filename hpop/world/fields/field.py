@@ -1,14 +1,13 @@
-"""Scalar fields over the plane: one array of B-spline coefficients, for numbers and for CasADi symbols.
+"""Scalar fields over the plane: an array of B-spline coefficients, evaluated with numbers or CasADi symbols.
 
-``f(u, v) = sum_ij C[i, j] B(v - i) B(u - j)`` with the cubic cardinal B-spline B and (u, v) the position in
-grid steps. The grid values themselves are the coefficients (no prefilter), so the field is a local weighted
-mean of its samples: it stays within their range, is exactly constant where the sixteen neighbours are equal,
-and is twice continuously differentiable. The price is a slight smoothing, ``h^2/6 * laplacian(f)`` for a
-smooth f sampled at spacing h, and at most ``sqrt(2/3) h Lip(f)`` for any Lipschitz f (the squared spread of
-the weights is h^2/3 an axis). Beyond the grid the field keeps the value of the nearest point of its border.
+``f(u, v) = sum_ij C[i, j] B(v - i) B(u - j)`` with the cubic cardinal B-spline B and (u, v) the position in grid steps.
+The grid values themselves are the coefficients (no prefilter), so the field is a local weighted mean of its samples: it
+stays within their range, is exactly constant where the sixteen neighbours are equal, and is twice continuously
+differentiable. Its error is a slight smoothing: ``h^2/6 * laplacian(f)`` for a smooth f sampled at spacing h, and at
+most ``sqrt(2/3) h Lip(f)`` for a Lipschitz f (the variance of the weights is h^2/3 along each axis). Beyond the grid
+the field keeps the value of the nearest point of its border.
 
-A lazy field samples a block only when a point in it is read. So a first answer in a large building pays for a small
-part of the building.
+A lazy field samples a block when a point in it is first read, so a plan in a large building samples a small part.
 """
 
 from __future__ import annotations
@@ -33,12 +32,10 @@ BLOCK = 32  # nodes along a side of a block
 AT_ONCE = 256  # blocks that are sampled together
 
 
-class Places(NamedTuple):
-    """Symbolic points in grid steps, all inside the grid.
+class GridPoints(NamedTuple):
+    """Symbolic points in grid steps, clamped to the grid.
 
-    u, v    (M, 1) each
-    points  (2, M)  both, for MX; None for SX
-    shape   of the columns that they were
+    u, v (M, 1) each points (2, M) u and v, for MX; None for SX shape of the input columns
     """
 
     u: Any
@@ -52,9 +49,8 @@ class Places(NamedTuple):
 class Field:
     """Scalar field: samples on a uniform grid, as a cubic B-spline.
 
-    values   (H, W)        samples; row 0 at the lowest y of the field's frame
-    spacing  float         m     distance of neighbouring samples
-    origin   (x, y, yaw)   m, m, rad   where values[0, 0] was sampled, and the direction of the rows
+    values (H, W) samples; row 0 has the lowest y of the field's frame spacing float m distance of neighbouring samples
+    origin (x, y, yaw) m, m, rad where values[0, 0] was sampled, and the direction of the rows
 
     >>> field = Field(np.full((4, 5), 7.0), spacing=0.1)
     >>> field(np.array([0.0, 0.15, 99.0]), np.array([0.0, 0.2, 0.0])).round(12)
@@ -66,7 +62,7 @@ class Field:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Copy the samples."""
+        """Copy the samples, and pad their border."""
         values = np.asarray(self.values, dtype=np.float64)
         if values.ndim != 2 or values.size == 0 or not np.isfinite(values).all():
             raise ValueError(f"values must be a finite (H, W) array with samples; got shape {values.shape}.")
@@ -84,7 +80,7 @@ class Field:
         return coefficients.nbytes
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the samples only; the CasADi function is built again on first use."""
+        """Return the samples; the CasADi function is built again on first use."""
         return {"values": self.values, "spacing": self.spacing, "origin": self.origin}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -102,12 +98,12 @@ class Field:
 
     @property
     def coefficients(self) -> FloatArray:
-        """Return the padded samples (H + 2 PAD, W + 2 PAD), in which grid steps are counted."""
+        """Return the padded samples (H + 2 PAD, W + 2 PAD), the array to which grid steps refer."""
         padded: FloatArray = self.__dict__["_coefficients"]
         return padded
 
     def gradient(self, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 across the border."""
+        """Return the partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 beyond the border."""
         from hpop.world.fields._kernels import quadratics  # numba is slow to import
 
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
@@ -137,11 +133,11 @@ class Field:
         return out.reshape(shape)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the padded samples, at least those that points (M,) in grid steps need."""
+        """Return the padded samples; a lazy field computes those that points (M,) in grid steps need."""
         return self.coefficients
 
-    def places(self, x: Column, y: Column) -> Places:
-        """Return CasADi columns of points in grid steps; all fields on one grid can be read there."""
+    def places(self, x: Column, y: Column) -> GridPoints:
+        """Convert CasADi columns to points in grid steps, which all fields on an equal grid can share."""
         import casadi  # slow to import
 
         u, v = self._grid(x, y)
@@ -151,10 +147,10 @@ class Field:
         v = np.minimum(np.maximum(v, 1.0), rows - 2.0)
         size = u.shape
         u, v = casadi.vec(u.to_casadi()), casadi.vec(v.to_casadi())
-        return Places(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
+        return GridPoints(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
 
     def at(self, places: Places) -> Any:
-        """Return the values at places in this grid, as CasADi symbols."""
+        """Return the values at points in grid steps, as CasADi symbols."""
         u, v, points, size = places
         if points is None:
             from hpop.world.fields.symbols import look  # CasADi is slow to import
@@ -168,7 +164,7 @@ class Field:
         return lift(values, size)
 
     def _build(self) -> Any:
-        """Build a CasADi B-spline with the same coefficients and uniform knots (3 ms at 160 x 160)."""
+        """Build a CasADi B-spline with equal coefficients and uniform knots."""
         import casadi  # slow to import
 
         rows, columns = self.coefficients.shape
@@ -178,15 +174,15 @@ class Field:
 
 
 def _step(at: FloatArray, count: int) -> tuple[IntArray, FloatArray]:
-    """Return the sample (M,) before places along an axis of ``count`` samples, and the part of a step beyond it."""
+    """Return the sample (M,) before each position along an axis of ``count`` samples, and the part of a step beyond."""
     at = np.minimum(np.maximum(at, 1.0), count - 2.0)
-    before = np.fmin(at, count - 3.0).astype(np.int64)  # of NaN too
+    before = np.fmin(at, count - 3.0).astype(np.int64)  # fmin also bounds NaN
     return before, at - before
 
 
 @lru_cache(maxsize=1)
 def _kernel() -> Any:
-    """Return the compiled spline, imported on first use: numba takes half a second to import."""
+    """Return the compiled spline; numba, which takes half a second to import, is imported on first use."""
     from hpop.world.fields._kernels import spline  # numba is slow to import
 
     return spline
@@ -203,9 +199,9 @@ def grid_points(bounds: tuple[float, float, float, float], spacing: float) -> tu
 
 
 class LazyField(Field):
-    """Field whose samples are computed block by block, when a point in a block is first read.
+    """Field that computes its samples block by block, when a point in a block is first read.
 
-    Values are those of the field sampled as a whole. Who takes ``values``, or pickles it gets all.
+    Values equal those of the field sampled at once. Reading ``values``, or pickling, computes all samples.
 
     >>> asked = []
     >>> def sample(x, y):
@@ -226,6 +222,8 @@ class LazyField(Field):
     ) -> None:
         """Set up an empty field; (ys, xs) are node positions, m, and ``sample`` returns the values (N,) at nodes.
 
+        ``within`` is a lower and an upper bound of all values.
+
         ``within`` are a lower and an upper bound of all values.
         """
         origin = float(xs[0]), float(ys[0]), 0.0
@@ -240,7 +238,7 @@ class LazyField(Field):
         within: tuple[float, float],
         **attributes: Any,
     ) -> None:
-        """Set the attributes of a field of which nothing is sampled."""
+        """Set the attributes of a field without samples."""
         whole = np.zeros((shape[0] + 2 * PAD, shape[1] + 2 * PAD))
         shown = whole.view()
         shown.setflags(write=False)
@@ -267,7 +265,7 @@ class LazyField(Field):
         return super().coefficients
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle all samples, as a `Field`."""
+        """Pickle as a `Field` with all samples."""
         return Field, (self.values, self.spacing, self.origin)
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
@@ -286,7 +284,7 @@ class LazyField(Field):
         return super().coefficients
 
     def _fill(self, wanted: Any) -> None:
-        """Sample the wanted blocks (of coefficients) that are missing; one thread at a time."""
+        """Sample those of the wanted blocks that are missing; one thread at a time."""
         with self.__dict__["_lock"]:
             self._filled(wanted)
 
@@ -297,7 +295,7 @@ class LazyField(Field):
             self._sampled(blocks[begin : begin + AT_ONCE])
 
     def _sampled(self, blocks: IntArray) -> None:
-        """Sample the missing nodes of some blocks (B, 2), sorted by row."""
+        """Sample the missing nodes of blocks (B, 2), which are sorted by row."""
         asked, whole = (self.__dict__[name] for name in ("_asked", "_whole"))
         corners = blocks * BLOCK - PAD
         first = max(int(corners[0, 0]) - 1, 0)
@@ -314,11 +312,11 @@ class LazyField(Field):
         inside[rows, columns] = self.__dict__["_sample"](xs[columns], ys[rows])
         done |= todo
         _repeat_border(whole)
-        asked[blocks[:, 0], blocks[:, 1]] = True  # last: neither Ctrl-C nor another thread finds a half of a block
+        asked[blocks[:, 0], blocks[:, 1]] = True  # last, so that Ctrl-C and other threads never see half a block
 
 
 class TiledField(LazyField):
-    """Lazy field whose nodes are sampled in tiles of a given size, such as those of a transform.
+    """Lazy field that samples its nodes in tiles of fixed size, as a Fourier transform needs them.
 
     >>> tiles = []
     >>> def sample(rows, columns):
@@ -369,7 +367,7 @@ class TiledField(LazyField):
 
 
 def _tile(nodes: IntArray, side: int, shape: tuple[int, ...]) -> IntArray:
-    """Return the tiles (N, 2) of nodes; nodes beyond the grid count to the nearest tile."""
+    """Return the tiles (N, 2) of nodes; a node beyond the grid belongs to the nearest tile."""
     return np.clip(nodes // side, 0, np.array(shape) - 1)
 
 

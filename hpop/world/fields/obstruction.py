@@ -1,4 +1,4 @@
-"""Obstruction phi: which fraction of a ball round the camera is inside obstacles.
+"""Obstruction phi: the fraction of a ball round the camera that is inside obstacles.
 
 ``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` (Becerra et al. 2020). There are three ways to compute it:
 for polygons in closed form, for cells as a convolution of the occupancy with the closed form of one cell, and for
@@ -34,26 +34,24 @@ BLOCK = 256
 ROUNDING = 1e-12
 """Rounding of the closed form: values below are 0."""
 PER_RADIUS = 10  # nodes
-RAYS = 1000  # of each node, over the ball: an edge or a corner is met to a thousandth or two
-MOST = 1 << 22  # nodes that are kept, 64 MB
-SIDE = 1 << 20  # nodes on either side of the middle, of what a key has room for
+RAYS = 1000  # per node, over the ball: errors at edges and corners are one or two thousandths
+MOST = 1 << 22  # most nodes in the cache, 64 MB
+SIDE = 1 << 20  # nodes on either side of the middle that a key can number
 STRIDES = np.array([1 << 42, 1 << 21, 1], np.int64)
-AROUND = np.array([*product(range(-1, 3), repeat=3)], np.int64) @ STRIDES  # nodes by which a cell is interpolated
+AROUND = np.array([*product(range(-1, 3), repeat=3)], np.int64) @ STRIDES  # nodes that interpolate a cell
 CUBICS = 0.5 * np.array([[0.0, 2.0, 0.0, 0.0], [-1.0, 0.0, 1.0, 0.0], [2.0, -5.0, 4.0, -1.0], [-1.0, 3.0, -3.0, 1.0]])
 
 
 class RasterBalls:
     """Obstructed fraction at cell centres, by FFT, tile by tile.
 
-    The kernel is the exact obstruction by a single cell at every offset, so the result is that of the union of the
-    occupied squares, at any resolution. Tiles overlap by the kernel's width; NumPy's transforms do, and spare the
-    import of scipy.signal, which takes longer than a building's convolution.
+    The kernel is the exact obstruction by a single cell at every offset, so the result is exact for the union of the
+    occupied squares at any resolution. Tiles overlap by the kernel's width. NumPy's transforms are used because
+    importing scipy.signal takes longer than convolving a building.
 
-    raster               occupied cells, with their heights
-    radius               m, of the ball
-    camera_z             m, height of the ball's centre; without effect where all cells have the whole height
-    outside_is_obstacle  whether the plane beyond the image counts as occupied
-    pad                  cells to add on every side of the image
+    raster occupied cells, with their heights radius m, of the ball camera_z m, height of the ball's centre; without
+    effect if the cells have unlimited height outside_is_obstacle whether the plane beyond the image counts as occupied
+    pad cells to add on every side of the image
     """
 
     def __init__(
@@ -74,7 +72,7 @@ class RasterBalls:
 
     @property
     def side(self) -> int:
-        """Return the nodes along a tile."""
+        """Return the number of nodes along a tile."""
         return self._tile - self._overlap
 
     def values(self, rows: slice, columns: slice) -> FloatArray:
@@ -120,10 +118,10 @@ def raster_obstruction(
 def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: Column, radius: float) -> FloatArray:
     """Return the obstructed fraction of the ball round each camera position, in closed form.
 
-    The volume over a polygon is a signed sum over its edges of elementary integrals of the ball's column
-    height (derived for this project, checked against Monte Carlo). Overlapping obstacles count once: touching
-    groups are cut into slabs between their heights, and merged within each. Points are treated tile by tile,
-    with the polygons clipped to what the tile's balls can reach.
+    The volume over a polygon is a signed sum over its edges of elementary integrals of the ball's column height
+    (derived for this project, checked against Monte Carlo). Overlapping obstacles count once: groups that touch are cut
+    into slabs between their heights, and merged within each slab. Points are processed tile by tile, with polygons
+    clipped to the reach of the tile's balls.
 
     Parameters
     ----------
@@ -151,7 +149,7 @@ def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: 
 def prism_obstruction(
     parts: Sequence[BaseGeometry], heights: FloatArray, x: Column, y: Column, z: Column, radius: float
 ) -> FloatArray:
-    """Return `polygon_obstruction` of disjoint prisms, as :func:`disjoint_prisms` gives them."""
+    """Return `polygon_obstruction` for disjoint prisms, as returned by :func:`disjoint_prisms`."""
     from hpop.world.fields._kernels import ball_volumes  # numba is slow to import
 
     columns = (np.asarray(c, dtype=np.float64) for c in (x, y, z))
@@ -195,7 +193,7 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
     if not polygons:
         return []
     tree, shapes = shapely.STRtree(polygons), np.asarray(polygons, dtype=object)
-    label = np.arange(len(polygons))  # a lower index that each is known to be joined with, its own if there is none
+    label = np.arange(len(polygons))  # the lowest index so far of each polygon's group
     for begin in range(0, len(shapes), BLOCK):  # all pairs at once would be gigabytes where thousands overlap
         a, b = tree.query(shapes[begin : begin + BLOCK], predicate="intersects")
         a = label[a + begin]
@@ -210,7 +208,10 @@ def _groups(polygons: Sequence[Polygon]) -> list[IntArray]:
 
 
 def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntArray, NDArray[np.object_]]:
-    """Order points by square tile of side 2 r: where each tile begins (T + 1,), and the boxes that its balls reach."""
+    """Sort points by square tile of side 2 r.
+
+    Return the begins of tiles (T + 1,), and the boxes that their balls reach.
+    """
     side = 2.0 * radius
     column, row = np.floor(x / side), np.floor(y / side)
     order = np.lexsort((row, column))
@@ -222,7 +223,7 @@ def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntAr
 
 
 def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
-    """Return edges (E, 4) of the geometries' rings, m, and where each geometry's edges begin (S + 1,)."""
+    """Return the edges (E, 4) of the geometries' rings, m, and the first edge of each geometry (S + 1,)."""
     parts, owner = shapely.get_parts(np.asarray(geometries, dtype=object), return_index=True)
     area = shapely.area(parts) > 0
     rings, part = shapely.get_rings(shapely.orient_polygons(parts[area]), return_index=True)
@@ -233,16 +234,16 @@ def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
     return edges, np.searchsorted(slab, np.arange(len(geometries) + 1)).astype(np.int64)
 
 
-class Filled:
-    """Share of the ball of ``radius`` m round a place that bodies fill.
+class SolidBalls:
+    """Fraction of the ball of ``radius`` m round a point that bodies fill.
 
-    The share changes slowly, by no more than 3/4 where its centre moves by the radius. So rays measure it at the nodes
-    of a grid, a tenth of the radius apart, and cubics without kinks (Catmull and Rom 1974) interpolate it. A node is
-    computed once, when a place near it is first read; its value does not depend on the order of reading.
+    The fraction changes slowly, by at most 3/4 when the centre moves by the radius. Rays measure it at the nodes of a
+    grid, a tenth of the radius apart, and smooth cubics (Catmull and Rom 1974) interpolate it. A node is computed when
+    a point near it is first read; its value does not depend on the order of reading.
 
     >>> from hpop.world.geometry.solids import Box, Solid, pose_at
     >>> wall = Solid(Box((9.0, 99.0, 99.0)), pose_at((5.5, 0.0, 0.0)))  # its face is 1 m away
-    >>> Filled(Surfaces.of([wall]), 2.0)(np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).round(2)  # 5/32, 0
+    >>> SolidBalls(Surfaces.of([wall]), 2.0)(np.array([[0.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])).round(2)  # 5/32, 0
     array([0.16, 0.  ])
     """
 
@@ -258,7 +259,7 @@ class Filled:
         return self._keys.nbytes + self._values.nbytes
 
     def __call__(self, places: FloatArray) -> FloatArray:
-        """Return the shares (N,), in [0, 1], round places (N, 3), m."""
+        """Return the fractions (N,), in [0, 1], round points (N, 3), m."""
         if not len(self._surfaces):
             return np.zeros(len(places))
         scaled = np.clip((places - self._middle) / self._spacing, 4.0 - SIDE, SIDE - 4.0)
@@ -271,7 +272,7 @@ class Filled:
         return np.clip(share, 0.0, 1.0)
 
     def _at(self, nodes: IntArray) -> FloatArray:
-        """Return the shares at nodes; one thread computes missing nodes while others wait."""
+        """Return the fractions at nodes; one thread computes missing nodes while others wait."""
         some, which = np.unique(nodes, return_inverse=True)
         with self._lock:
             place = np.minimum(np.searchsorted(self._keys, some), max(0, self._keys.size - 1))
@@ -294,7 +295,7 @@ class Filled:
         return self._middle + self._spacing * numbers
 
 
-def filled(world: World, radius: float) -> Filled:
-    """Return the share that a world's solids fill of balls of ``radius`` m; kept with the ground."""
+def filled(world: World, radius: float) -> SolidBalls:
+    """Return the obstruction of balls of ``radius`` m by a world's solids; cached with the ground."""
     ground = world.ground
-    return ground.derived(("filled balls", radius), lambda: Filled(surfaces_of(world), radius))
+    return ground.derived(("filled balls", radius), lambda: SolidBalls(surfaces_of(world), radius))

@@ -1,4 +1,4 @@
-"""Sample the fields of a world, obstruction and clearance, on a grid, and read fields of several heights."""
+"""Sample obstruction and clearance of a world on a grid, and evaluate obstruction at several heights."""
 
 from __future__ import annotations
 
@@ -45,6 +45,9 @@ OBSTRUCTION = "the obstruction was sampled"
 def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Field] | None) -> Field:
     """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`.
 
+    ``last`` is a free space of this ground and its samples. Samples whose nearest edge has not changed are copied from
+    there, bit by bit equal; the others are computed again, in blocks.
+
     ``last`` is a free space on this ground with its samples. Those whose nearest edge both free spaces have are taken
     from there, to the last bit what they would be; the others are taken anew, in whole blocks.
     """
@@ -53,7 +56,7 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
     x0, y0, x1, y1 = ground.bounds
     xs, ys = grid_points((x0 - border, y0 - border, x1 + border, y1 + border), spacing)
     limits.hold(CLEARANCE, xs.size * ys.size * SAMPLE, 2 * xs.size * ys.size * SAMPLE)
-    limit = math.hypot(x1 - x0, y1 - y0)  # where nothing is free, its distance is infinite
+    limit = math.hypot(x1 - x0, y1 - y0)  # the distance is infinite if nothing is free
 
     def sample(x: FloatArray, y: FloatArray) -> FloatArray:
         limits.check(CLEARANCE)
@@ -73,7 +76,7 @@ def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Fie
 
 
 def _near(edges: FloatArray, clearance: FloatArray, xs: FloatArray, ys: FloatArray) -> BoolArray:
-    """Return which blocks of nodes (ys, xs) may lie nearer to edges (E, 4), m, than their clearance (H, W), m."""
+    """Mark blocks of nodes (ys, xs) that may lie nearer to edges (E, 4), m, than their clearance (H, W), m."""
     rows, columns = (np.arange(0, size, BLOCK) for size in clearance.shape)
     if not len(edges):
         return np.zeros((rows.size, columns.size), dtype=bool)
@@ -93,7 +96,7 @@ def sample_obstruction(ground: Ground, radius: float, z: float) -> Field:
 
 
 def obstructed(world: World, pose: Pose, radius: float) -> Column:
-    """Return the obstruction (M,) at the heights of the poses, a field for each; see `World.obstruction`."""
+    """Return the obstruction (M,) at poses, from a field for each height; see `World.obstruction`."""
     x, y = pose.x, pose.y
     if not world.has_heights:
         return world.obstruction_field(radius)(x, y)
@@ -164,7 +167,7 @@ def _sample_raster(ground: Ground, raster: Raster, radius: float, z: float) -> F
 
 
 def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:
-    """Return the volume that an obstacle adds to the raster; volume filled by both counts once."""
+    """Return the parts of an obstacle that lie outside the raster's cells, so that no volume counts twice."""
     bottom, top = max(obstacle.z_min, raster.z_min), min(obstacle.z_max, raster.z_max)
     if bottom >= top:
         return [obstacle]
@@ -180,6 +183,6 @@ def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Ob
 
 
 def _prisms(geometry: BaseGeometry, z_min: float = -math.inf, z_max: float = math.inf) -> list[Obstacle]:
-    """Return obstacles from the polygons of a geometry; lines and points that an overlay leaves have no volume."""
+    """Return the polygons of a geometry as obstacles; lines and points, which an overlay may leave, are dropped."""
     parts = shapely.get_parts(geometry)
     return [Obstacle(part, z_min, z_max) for part in parts if part.area > 0]

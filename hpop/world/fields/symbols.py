@@ -1,8 +1,8 @@
-"""Fields in CasADi formulas: a look into a field becomes a quadratic, and a CasADi function gives its numbers.
+"""Fields in CasADi formulas: each reading becomes a quadratic, with coefficients from a CasADi function.
 
-While a formula is written on CasADi's scalar symbols (SX), each look into a field becomes a quadratic round a place,
-and the eight numbers of the quadratic are new symbols. To evaluate the formula, evaluate the places first, and pass
-them to :class:`Quadratics` for these numbers. Values and first and second derivatives are then exactly the field's.
+While a formula is built from CasADi's scalar symbols (SX), each reading of a field becomes a quadratic expansion about
+a point, with eight new symbols as its coefficients. To evaluate the formula, evaluate the points first, and let
+:class:`Quadratics` compute the coefficients there. Values and first and second derivatives then equal the field's.
 """
 
 from __future__ import annotations
@@ -23,16 +23,14 @@ from hpop.world.fields import _kernels
 if TYPE_CHECKING:
     from hpop.world.fields.field import Field
 
-NUMBERS = 8  # of a quadratic: place (2), value, gradient (2), curvature (3)
+NUMBERS = 8  # of a quadratic: point (2), value, gradient (2), curvature (3)
 
 
 @dataclass(frozen=True)
 class Looks:
-    """Looks of one formula into fields, in the order in which they were taken.
+    """Readings of fields by one formula, in order.
 
-    fields   K
-    places   K columns (2,) of SX, grid steps
-    numbers  K columns (NUMBERS,) of SX
+    fields K places K points (2,) of SX, grid steps numbers K columns (NUMBERS,) of SX
     """
 
     fields: list[Field] = field(default_factory=list)
@@ -40,7 +38,7 @@ class Looks:
     numbers: list[Any] = field(default_factory=list)
 
     def take(self, into: Field, u: Any, v: Any) -> Any:
-        """Return the value of a field at a place, in grid steps; all are SX scalars."""
+        """Return the value of a field at a point, in grid steps, as a quadratic; all are SX scalars."""
         number = casadi.SX.sym("look", NUMBERS)
         self.fields.append(into)
         self.places.append(casadi.vertcat(u, v))
@@ -55,7 +53,7 @@ _OPEN: ContextVar[Looks | None] = ContextVar("looks", default=None)
 
 @contextmanager
 def looking() -> Iterator[Looks]:
-    """Collect the looks that are taken inside the context."""
+    """Collect the readings of fields inside the context."""
     looks = Looks()
     token = _OPEN.set(looks)
     try:
@@ -65,7 +63,7 @@ def looking() -> Iterator[Looks]:
 
 
 def look(into: Field, u: Any, v: Any) -> Any:
-    """Return the values (M, 1), SX, of a field at places (M, 1) in grid steps."""
+    """Return the values (M, 1), SX, of a field at points (M, 1) in grid steps."""
     looks = _OPEN.get()
     if looks is None:
         raise TypeError("a field on scalar symbols is read inside hpop.world.fields.symbols.looking()")
@@ -73,11 +71,11 @@ def look(into: Field, u: Any, v: Any) -> Any:
 
 
 class Quadratics(casadi.Callback):
-    """CasADi function from places (2, size), in grid steps, to quadratics (NUMBERS, size).
+    """CasADi function from points (2, size), in grid steps, to quadratics (NUMBERS, size).
 
-    Many times as fast as three of CasADi's own splines; see :func:`hpop.world.fields._kernels.quadratics`. The result
-    is not a number where a limit is passed: CasADi would print an error, and solvers end where nothing is a number.
-    CasADi holds no reference to the function: keep it as long as an expression uses it.
+    Much faster than three CasADi splines; see :func:`hpop.world.fields._kernels.quadratics`. Once a limit is passed it
+    returns NaN, on which solvers stop; an exception would only make CasADi print an error. CasADi holds no reference to
+    the function: keep one as long as an expression uses it.
     """
 
     def __init__(self, field: Field, size: int) -> None:

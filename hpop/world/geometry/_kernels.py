@@ -9,10 +9,10 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 
-# A first answer waits for this to be compiled, which takes longer for each function that is called.
-PARALLEL = 1e-15  # of unit vectors: a line that slants less against a plane never meets it
-TOUCH = 1e-6  # m: what a ray enters sooner contains its origin, which may be on its surface, as a lens in its case
-WIDER = 1e-6  # rad: so much wider than it is a cone is taken to be
+# The first plan waits while these kernels compile; each function called makes this longer.
+PARALLEL = 1e-15  # sine of the angle below which a line counts as parallel to a plane
+TOUCH = 1e-6  # m: a body that a ray enters sooner counts as containing the origin, as a camera's case does
+WIDER = 1e-6  # rad by which a cone is widened against rounding
 NOWHERE = (1.0, 0.0)  # an interval that begins after its end
 
 
@@ -31,8 +31,8 @@ def nearest(
 
     ``waiting`` and ``away`` are scratch, two numbers for each level of the tree.
 
-    The nearer of two boxes is looked into first, and none that is farther than the nearest edge so far. Points in a row
-    are mostly near each other, so the leaf of the last nearest edge comes before all.
+    The nearer of two boxes is searched first, and boxes farther than the nearest edge so far are skipped. Successive
+    points are mostly close together, so each search begins at the leaf of the last nearest edge.
     """
     inner = len(boxes) - len(members)
     width = members.shape[1]
@@ -79,7 +79,9 @@ def nearest(
 def inside(
     planes: FloatArray, first: int, last: int, round_: FloatArray, o: tuple[float, ...], d: tuple[float, ...]
 ) -> tuple[float, float]:
-    """Return the interval in which the line o + t d, |d| = 1, is inside a body; it ends before it begins if nowhere.
+    """Return the interval of t in which the line o + t d, |d| = 1, is inside a body; an empty one if it misses.
+
+    An empty one if it misses the body.
 
     See `Surfaces` for the arrays planes (P, 4) and round_ (8,).
     """
@@ -122,7 +124,7 @@ def inside(
 
 @lean
 def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: IntArray) -> int:
-    """Write to found the bodies that are at most reach from a place, and return their number."""
+    """Write to ``found`` the bodies within ``reach`` of a point, and return their number."""
     count = 0
     for b in range(len(rounds)):
         x, y, z = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
@@ -134,7 +136,7 @@ def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: 
 
 @lean
 def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
-    """Return the axis of a cone round rays (K, 3), and half its angle, rad; 4 if they go nearly all round."""
+    """Return the axis of a cone round rays (K, 3), and half its angle, rad; 4 if the rays go almost all round."""
     x = y = z = 0.0
     for k in range(len(directions)):
         x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]
@@ -150,7 +152,7 @@ def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
 
 @lean
 def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
-    """Keep the bodies whose bounding balls meet a cone from a place."""
+    """Keep in ``found`` the bodies whose bounding balls meet a cone, and return their number."""
     if cone[3] > math.pi:
         return count
     kept = 0
@@ -196,9 +198,9 @@ def first_hits(
     reach: float,
     out: FloatArray,
 ) -> None:
-    """Write to out (N, K) how far from each origin (N, 3) its rays (N, K, 3) first enter a body; at most reach.
+    """Write to out (N, K) the distance at which each ray (N, K, 3) from its origin (N, 3) enters a body; at most reach.
 
-    A body that contains the origin is left by the ray, not entered.
+    A body that contains the origin does not count.
     """
     near = np.empty(len(rounds), np.int64)
     for n in range(len(origins)):
@@ -214,10 +216,10 @@ def first_hits(
 def towards_ball(
     places: FloatArray, centre: FloatArray, radius: float, disc: FloatArray, directions: FloatArray, reach: FloatArray
 ) -> None:
-    """Write unit vectors (N, K, 3) from places (N, 3) towards points of a ball, and distances (N, K), m, to it.
+    """Write unit vectors (N, K, 3) from points (N, 3) towards points of a ball, and distances (N, K), m, to it.
 
-    The points are those (K, 2) of a disc of radius 1, scaled to the ball and turned towards the place. Distances are
-    0 m for places in the ball.
+    The targets are points (K, 2) of a unit disc, scaled to the ball and turned to face each point. Distances are 0 m
+    for points in the ball.
     """
     for n in range(len(places)):
         x, y, z = centre[0] - places[n, 0], centre[1] - places[n, 1], centre[2] - places[n, 2]
@@ -226,7 +228,7 @@ def towards_ball(
         if distance <= radius:
             directions[n], reach[n] = 0.0, 0.0
             continue
-        a, b, c = abs(x), abs(y), abs(z)  # the axis that is most across it
+        a, b, c = abs(x), abs(y), abs(z)  # the axis most perpendicular to it
         if a <= b and a <= c:
             ux, uy, uz = 0.0, z, -y
         elif b <= c:
@@ -304,9 +306,9 @@ def filled(
     radius: float,
     out: FloatArray,
 ) -> None:
-    """Write to out (N,) the share of the ball round each centre (N, 3) inside bodies, each place counted once.
+    """Write to out (N,) the fraction of the ball round each centre (N, 3) that bodies fill; overlaps count once.
 
-    The mean over directions (K, 3) of what the bodies fill of a ray's cone: t³ / radius³ grows evenly with the volume.
+    It is the mean, over directions (K, 3), of the filled part of a ray's cone: volume grows with t³ / radius³.
     """
     near = np.empty(len(rounds), np.int64)
     lows, highs = np.empty(len(rounds)), np.empty(len(rounds))

@@ -1,4 +1,4 @@
-"""Compiled loop that finds the targets that bodies hide from a place, with few divisions a line."""
+"""Compiled loop that finds which lines of sight bodies block, with few divisions per line."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.world.geometry._kernels import PARALLEL, TOUCH, bundle, in_bundle, inside, within_reach
 
-BOX = 3  # planes of a box, at most, before which a place outside it is
+BOX = 3  # most planes of a box that face a point outside it
 
 
 @lean
 def _turned_back(pose: FloatArray, d: tuple[float, ...]) -> tuple[float, float, float]:
-    """Return a direction of the world in the frame of a pose."""
+    """Transform a direction from the world to the frame of a pose."""
     return (
         pose[0, 0] * d[0] + pose[1, 0] * d[1] + pose[2, 0] * d[2],
         pose[0, 1] * d[0] + pose[1, 1] * d[1] + pose[2, 1] * d[2],
@@ -34,7 +34,10 @@ def _faced(
     sorted_: FloatArray,
     room: int,
 ) -> tuple[int, int]:
-    """Write planes to sorted_ from ``room`` on: those in front of which a place is, then the others; return the ends.
+    """Write planes to sorted_ from ``room`` on, those facing the point first; return the end of these and of all.
+
+    The last column becomes the distance of the point behind each plane. No planes are written for a body that no ray
+    can enter: one that contains the point, or that the cone of rays leads away from.
 
     Their last column is by how much the place is behind each. None are written of a body that no ray enters: one that
     contains the place, or lies all behind a plane from which a cone from the place leads away.
@@ -57,10 +60,10 @@ def _faced(
 
 @lean
 def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[float, ...], reach: float) -> bool:
-    """Return whether a ray enters a body of planes before reach, its planes sorted by `_faced`.
+    """Return whether a ray enters a convex body before reach; its planes are sorted by `_faced`.
 
-    It has to pass all planes in front of it before any of the others: few divisions. Of both the planes of the box
-    round a hull are asked first, which most lines that miss it miss.
+    A ray must pass all planes that face it before any other, which takes few divisions. The planes of a hull's bounding
+    box come first, because most rays that miss the hull miss the box.
     """
     low, middle = 0.0, min(front, first + BOX)
     for k in range(first, middle):
@@ -106,9 +109,9 @@ def blocked(
     reach: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write to out (N,) the share of the rays (N, K, 3) from each origin (N, 3) that enter a body before reach (N, K).
+    """Write to out (N,) the fraction of rays (N, K, 3) from each origin (N, 3) that enter a body before reach (N, K).
 
-    Bodies are those of a world, and others, each in its own frame, of which poses (B, N, 4, 4) say where it is.
+    Bodies are those of a world, and own bodies, each in a frame with poses (B, N, 4, 4).
     """
     count, own_count = len(rounds), len(own_rounds)
     near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)
@@ -170,6 +173,6 @@ def blocked(
                         hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
                 if hidden:
                     hits += 1
-                    some[0], some[i] = some[i], some[0]  # it is likely to hide the next one too
+                    some[0], some[i] = some[i], some[0]  # it is likely to block the next ray too
                     break
         out[n] = hits / directions.shape[1]

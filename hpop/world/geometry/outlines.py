@@ -1,9 +1,9 @@
-"""Outlines of cells and polygons: traced where solid meets free, and their crossings counted before GEOS sees them.
+"""Outlines of cells and polygons: traced between solid and free cells, and checked before GEOS processes them.
 
-GEOS cannot be interrupted, and its time grows fast with the input. It joins squares in a time that grows faster than
-their number (800 x 800 cells of noise take a minute), so here only the borders of the cells become rings. It mends an
-outline in a time that grows with the square of its crossings and more, and tests one in a time that grows with the
-pairs of segments whose boxes overlap. These are counted here with NumPy, exactly but for rounding, up to a bound.
+GEOS cannot be interrupted, and its time grows fast with the input. Joining squares takes more than linear time (a
+minute for 800 x 800 cells of noise), so only the borders of cells become rings here. Mending an outline takes at least
+quadratic time in its crossings, and testing one takes time in proportion to the pairs of segments with overlapping
+boxes. These are counted here with NumPy, exactly up to rounding, and refused above a bound.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ AT_ONCE = 1_000_000
 
 
 def outlined(cells: BoolArray) -> BaseGeometry:
-    """Return the exact union of unit squares, one for each True cell (H, W); a corner wherever an outline turns.
+    """Return the exact union of unit squares, one for each True cell (H, W), with a corner only where an outline turns.
 
-    Raises MapError where there are more than `MOST_CORNERS`.
+    Raises MapError for more than `MOST_CORNERS` corners.
     """
     limits.check("cells were outlined")
     padded = np.pad(cells, 1)
@@ -68,14 +68,17 @@ def outlined(cells: BoolArray) -> BaseGeometry:
 
 
 def _borders(x: IntArray, y: IntArray, leave: BoolArray) -> IntArray:
-    """Return straight borders (n, 2, 2), from each corner to the next one in its row or column."""
+    """Return straight borders (n, 2, 2), each from a corner to the next one in its row or column."""
     first = np.flatnonzero(leave[y, x])
     points = np.stack([x, y], axis=1)
     return np.stack([points[first], points[first + 1]], axis=1)
 
 
 def _lowest(rings: NDArray[np.object_]) -> IntArray:
-    """Return the lowest point (n, 2) of each ring, the leftmost of several: the cell above to the right is inside."""
+    """Return the lowest point (n, 2) of each ring, the leftmost if several; the cell above right of it is inside.
+
+    The cell above right of it is inside.
+    """
     points, ring = shapely.get_coordinates(rings, return_index=True)
     order = np.lexsort((points[:, 0], points[:, 1], ring))
     first = order[np.flatnonzero(np.append(True, np.diff(ring) > 0))]
@@ -84,19 +87,19 @@ def _lowest(rings: NDArray[np.object_]) -> IntArray:
 
 
 def check_mendable(outline: BaseGeometry, what: str) -> int:
-    """Return how often an outline crosses itself.
+    """Return the number of times an outline crosses itself.
 
-    Raises MapError where that is more than `MOST_MENDED` times, or the outline lies on itself again and again.
+    Raises MapError for more than `MOST_MENDED` crossings, or too many points where it touches itself.
     """
     segments = _segments([outline])
-    found = _bound(what, "crosses itself", MOST_MENDED, (_crossings(*pair) for pair in _pairs(segments, what)))
+    crossings = _bound(what, "crosses itself", MOST_MENDED, (_crossings(*pair) for pair in _pairs(segments, what)))
     touching = (_crossings(*pair, touching=True) for pair in _pairs(segments, what))
     _bound(what, "touches itself", MOST_JOINED + 10 * len(segments), touching)  # neighbours do
-    return found
+    return crossings
 
 
 def check_mendable_together(crossings: Sequence[int], what: str) -> None:
-    """Refuse outlines that cross themselves at most `MOST_MENDED` times each, but take too long together."""
+    """Raise MapError for outlines, each mendable, that take too long together."""
     if sum(count * count for count in crossings) > MOST_SQUARES:
         raise MapError(
             f"{what}: {len(crossings):,} of its outlines cross themselves {sum(crossings):,} times in all, up to "
@@ -105,20 +108,20 @@ def check_mendable_together(crossings: Sequence[int], what: str) -> None:
 
 
 def check_each_joinable(outlines: NDArray[np.object_], names: Sequence[object]) -> None:
-    """Refuse outlines any of which crosses itself more than `MOST_JOINED` times."""
+    """Raise MapError if any outline crosses itself more than `MOST_JOINED` times."""
     for i in np.flatnonzero(_may_cross(shapely.get_num_coordinates(outlines))).tolist():
         check_joinable([outlines[i]], str(names[i]))
 
 
 def check_joinable(outlines: Sequence[BaseGeometry], what: str) -> None:
-    """Refuse outlines whose segments cross more than `MOST_JOINED` times."""
+    """Raise MapError for outlines with more than `MOST_JOINED` crossings among their segments."""
     if _may_cross(shapely.get_num_coordinates(outlines).sum()):
         crossings = (_crossings(*pair) for pair in _pairs(_segments(outlines), what))
         _bound(what, "has outlines that cross", MOST_JOINED, crossings)
 
 
 def check_widenable(line: BaseGeometry, distance: float, what: str) -> None:
-    """Refuse a line that comes so near to itself that a strip along it, as wide as twice the distance, is useless."""
+    """Raise MapError for a line so close to itself that a strip of half-width ``distance`` along it is useless."""
     near = (len(first) for first, _ in _pairs(_segments([line]), what, margin=distance))
     _bound(what, "comes near to itself", MOST_NEAR, near)
 
@@ -142,7 +145,10 @@ def _bound(what: str, does: str, most: int, counts: Iterator[int]) -> int:
 
 
 def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield pairs of segments (m, 2, 2) whose boxes, grown by a margin, overlap; each pair once, in large batches."""
+    """Yield pairs of segments (m, 2, 2) with overlapping boxes, enlarged by a margin; each pair once, in batches.
+
+    Each pair once, in large batches.
+    """
     corners = np.concatenate([segments.min(axis=1) - margin, segments.max(axis=1) + margin], axis=1)
     boxes = np.atleast_1d(shapely.box(*corners.T))
     tree = shapely.STRtree(boxes)
@@ -163,7 +169,7 @@ def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tup
 
 
 def _segments(outlines: Sequence[BaseGeometry]) -> FloatArray:
-    """Return the ends (n, 2, 2) of the segments of all lines and rings, without segments of no length."""
+    """Return the ends (n, 2, 2) of the segments of all lines and rings, except segments of length 0."""
     parts = shapely.get_parts(outlines)
     polygons = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     lines = np.concatenate([parts[~polygons], shapely.get_rings(parts[polygons])])
@@ -182,6 +188,6 @@ def _crossings(first: FloatArray, second: FloatArray, *, touching: bool = False)
 
 
 def _side(segments: FloatArray, points: FloatArray) -> FloatArray:
-    """Return on which side of the lines through segments the points lie: -1, 0 or 1 (m,)."""
+    """Return the side of the lines through segments on which points lie: -1, 0 or 1 (m,)."""
     u, v = segments[:, 1] - segments[:, 0], points - segments[:, 0]
     return np.asarray(np.sign(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]))

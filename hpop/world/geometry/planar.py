@@ -1,8 +1,8 @@
-"""Distances in the plane: edges in trees and grids, and how far points and segments are from a free region's border.
+"""Distances in the plane: trees and grids of edges, and the clearance of points and segments in a free region.
 
-The free region is the extent without everything blocked; its border therefore holds the obstacles' outlines,
-the keep-out zones' and the extent's own. A tree of boxes answers for points, another one for other shapes; rays visit
-the buckets of a grid. All distances are exact.
+The free region is the extent without everything blocked; its border consists of outlines of obstacles, keep-out zones
+and the extent. Points use a tree of boxes, other shapes another tree; rays visit the buckets of a grid. All distances
+are exact.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from shapely.geometry.base import BaseGeometry
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 
 LEAF = 4  # pieces of edges in a leaf
-ROUNDING = 8  # units in the last place by which boxes are wider: none is passed over for its rounding
-BITS = 16  # of each coordinate, by which pieces are put in order
+ROUNDING = 8  # units in the last place by which boxes are enlarged against rounding
+BITS = 16  # of each coordinate, for sorting pieces
 TOLERANCE = 1e-9
 """Metres by which a segment may miss its margin."""
 GRID = 2.0**-43
@@ -32,12 +32,11 @@ GRID = 2.0**-43
 class EdgeTree:
     """Edges in a binary tree of boxes; the children of node i are 2 i + 1 and 2 i + 2.
 
-    The time for a point grows with the logarithm of the number of edges, and at most with its square root: in the
-    middle of a circle of many edges all are about equally near.
+    The time for a point is mostly logarithmic in the number of edges. The worst case is the square root: at the centre
+    of a circle of many edges, all are about equally near.
 
-    edges    (E, 4)     m   x0, y0, x1, y1; at least one
-    members  (L, LEAF)      the edges in each leaf, some of them again to fill it; L is a power of two
-    boxes    (2 L - 1, 4)   m   x_min, y_min, x_max, y_max of each node; the last L are the leaves
+    edges (E, 4) m x0, y0, x1, y1; at least one members (L, LEAF) the edges in each leaf, filled up with repetitions; L
+    is a power of two boxes (2 L - 1, 4) m x_min, y_min, x_max, y_max of each node; the last L are the leaves
     """
 
     edges: FloatArray
@@ -81,7 +80,7 @@ def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
     """Cut long edges; return the edge (P,) of each piece and its ends (P, 4), m."""
     size = edges.reshape(-1, 2).max(axis=0) - edges.reshape(-1, 2).min(axis=0)
     most = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() * 2.0 / len(edges), 1e-9)
-    slanting = (edges[:, :2] != edges[:, 2:]).all(axis=1)  # what is parallel to an axis fills its box
+    slanting = (edges[:, :2] != edges[:, 2:]).all(axis=1)  # an edge parallel to an axis fills its box
     length = np.where(slanting, np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1]), 0.0)
     count = np.maximum(1, np.ceil(length / most)).astype(np.int64)
     edge = np.repeat(np.arange(len(edges)), count)
@@ -92,7 +91,7 @@ def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def _curve(points: FloatArray) -> IntArray:
-    """Return the places (P,) of points on a Morton curve through the square that holds them."""
+    """Return the positions (P,) of points along a Morton curve through their bounding square."""
     low = points.min(axis=0)
     side = max(float((points.max(axis=0) - low).max()), 1e-9)
     cells = np.minimum((points - low) / side * 2**BITS, 2**BITS - 1).astype(np.int64)
@@ -104,8 +103,8 @@ def _curve(points: FloatArray) -> IntArray:
 def without(region: BaseGeometry, blocked: BaseGeometry) -> BaseGeometry:
     """Return a region without a blocked part, m.
 
-    GEOS may lose whole polygons, and not say so, where edges all but coincide, as those of cells on a map that is
-    turned: seen once in a thousand small maps, and never on a grid.
+    Slanting edges are first snapped to a fine grid. Without a grid GEOS may silently lose whole polygons if edges
+    almost coincide, as those of cells on a rotated map do: once in a thousand small maps.
     """
     points, ring = shapely.get_coordinates(shapely.get_rings(shapely.get_parts([region, blocked])), return_index=True)
     slanting = np.diff(points, axis=0).all(axis=1) & (np.diff(ring) == 0)
@@ -131,7 +130,9 @@ class FreeSpace:
         edges = np.stack([points[:-1][same], points[1:][same]], axis=1)
         shapely.prepare(self.region)
         x_min, y_min, x_max, y_max = shapely.bounds(self.region)
-        shapely.contains_xy(self.region, (x_min + x_max) / 2, (y_min + y_max) / 2)  # indexes it, before threads ask
+        shapely.contains_xy(
+            self.region, (x_min + x_max) / 2, (y_min + y_max) / 2
+        )  # builds its index before threads use it
         object.__setattr__(self, "edges", edges)
         if len(edges):
             object.__setattr__(self, "_nearest", EdgeTree.build(edges.reshape(-1, 4)))
@@ -145,7 +146,7 @@ class FreeSpace:
         return self._nearest.distance(x, y)
 
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether points are strictly inside the free region."""
+        """Mark points strictly inside the free region."""
         return shapely.contains_xy(self.region, x, y)
 
     def clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
@@ -156,9 +157,9 @@ class FreeSpace:
         return result
 
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark points (M,) within a distance, m, of which free space may be other than before.
+        """Mark points (M,) where free space within a distance, m, may differ from a previous free space.
 
-        Where no edge within that distance has come or gone and the point is free as before, all about it is.
+        It does not differ if no edge within that distance was added or removed, and the point itself is free as before.
         """
         if self is before:
             return np.zeros(x.shape, dtype=np.bool_)
@@ -170,14 +171,14 @@ class FreeSpace:
         return found
 
     def signed_clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return `clearance` for points inside, minus the distance to the free region for all others."""
+        """Return `clearance` for points inside, and minus the distance to the free region for all others."""
         return np.where(self.contains(x, y), 1.0, -1.0) * self.distance(x, y)
 
     def segments_free(self, x0: FloatArray, y0: FloatArray, x1: FloatArray, y1: FloatArray, margin: float) -> BoolArray:
-        """Return whether segments lie in the free region, at least ``margin`` (>= 0, m) from its border.
+        """Mark segments in the free region, at least ``margin`` (>= 0, m) from its border.
 
-        Cheap tests decide most: free if the midpoint's clearance exceeds margin + half the length, not free
-        if an end is closer than the margin. The rest asks the tree of edges for anything within the margin.
+        Cheap tests decide most: free if the midpoint's clearance exceeds margin + half the length, not free if an end
+        is closer than the margin. Otherwise the tree of edges is searched within the margin.
         """
         middle = self.clearance((x0 + x1) / 2, (y0 + y1) / 2)
         free = middle >= margin + np.hypot(x1 - x0, y1 - y0) / 2
@@ -190,17 +191,17 @@ class FreeSpace:
         return free
 
     def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
-        """Return whether shapely geometries (N,) lie in the free region, at least ``margin`` (m) from its border."""
+        """Mark shapely geometries (N,) in the free region, at least ``margin`` (m) from its border."""
         if margin <= TOLERANCE:
             return np.asarray(shapely.covers(_own(self), shapes), dtype=bool)
-        # A border out of reach leaves a shape all inside or all outside: one of its points tells.
+        # If the border is out of reach, a shape is all inside or all outside, so one of its points decides.
         free = self.contains(*_first_point(shapes))
         free[self._tree.query(shapes, predicate="dwithin", distance=margin - TOLERANCE)[0]] = False
         return free
 
 
 def _distinct(edges: FloatArray) -> FloatArray:
-    """Return the distinct ones of edges (N, 2, 2), m, as rows (E, 4), each from its lesser end to its greater one."""
+    """Return the distinct edges of (N, 2, 2), m, as rows (E, 4), each from its lesser end to its greater one."""
     (x0, y0), (x1, y1) = edges[:, 0].T, edges[:, 1].T
     swapped = (x0 > x1) | ((x0 == x1) & (y0 > y1))
     return np.unique(np.where(swapped[:, None, None], edges[:, ::-1], edges).reshape(-1, 4), axis=0)
@@ -219,7 +220,7 @@ _COPIES = _Copies()
 def _own(space: FreeSpace) -> BaseGeometry:
     """Return the region, prepared for this thread alone.
 
-    A prepared geometry keeps state while its edges are asked: two threads that do so corrupt memory (libgeos/geos#825).
+    Queries change the state of a prepared geometry, so two threads would corrupt memory (libgeos/geos#825).
     """
     copies = _COPIES.regions
     if space not in copies:
@@ -229,7 +230,7 @@ def _own(space: FreeSpace) -> BaseGeometry:
 
 
 def edges_of_one(one: FreeSpace, other: FreeSpace) -> FloatArray:
-    """Return the edges (E, 4), m, that belong to the border of one of two free spaces only.
+    """Return the edges (E, 4), m, on the border of exactly one of two free spaces.
 
     An edge is directed, with the free region on its right: two edges may join the same points.
     """
@@ -247,7 +248,7 @@ def _first_point(shapes: NDArray[np.object_]) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True, eq=False)
 class EdgeGrid:
-    """Edges in the square buckets of a grid that they cross; a ray visits one bucket after another.
+    """Edges sorted into the square buckets of a grid that they cross, for rays that visit one bucket after another.
 
     edges    (E, 4)    m   x0, y0, x1, y1; at least one
     corner   (x, y)    m   lower-left corner of bucket [0, 0]
@@ -266,10 +267,10 @@ class EdgeGrid:
 
     @classmethod
     def build(cls, edges: FloatArray) -> EdgeGrid:
-        """Build a grid of edges (E, 4), m, with about two edges in a bucket."""
+        """Build a grid of edges (E, 4), m, with about two edges per bucket."""
         corner = np.minimum(edges[:, :2], edges[:, 2:]).min(axis=0)
         size = np.maximum(edges[:, :2], edges[:, 2:]).max(axis=0) - corner
-        least = size.max() * max(2.0 / len(edges), 1.0 / 2000.0)  # of what is flat: one row of buckets, no area
+        least = size.max() * max(2.0 / len(edges), 1.0 / 2000.0)  # of a flat box: one row of buckets
         side = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), least, 1e-9)
         columns, rows = np.floor(size / side).astype(np.int64) + 1
         bucket, member = _crossings(edges, corner, side, (int(rows), int(columns)))
@@ -278,7 +279,10 @@ class EdgeGrid:
 
 
 def _crossings(edges: FloatArray, corner: FloatArray, side: float, shape: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    """Return sorted pairs (bucket, edge): long edges are cut, and a piece lies where its bounding box does."""
+    """Return sorted pairs (bucket, edge); long edges are cut, and a piece is in the buckets of its bounding box.
+
+    Long edges are cut, and a piece belongs to the buckets of its bounding box.
+    """
     length = np.hypot(edges[:, 2] - edges[:, 0], edges[:, 3] - edges[:, 1])
     pieces = np.maximum(1, np.ceil(length / side)).astype(np.int64)
     edge = np.repeat(np.arange(len(edges)), pieces)

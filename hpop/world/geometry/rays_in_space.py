@@ -1,8 +1,8 @@
-"""Rays in space against boxes, cylinders, spheres and convex hulls: what a camera that rises and tilts has before it.
+"""Rays in space against boxes, cylinders, spheres and convex hulls, for a camera that rises and tilts.
 
-Each body is convex, so a line is inside it from one place to another, both in closed form: many rays at once, compiled.
-Where planes hold all that matters (:mod:`hpop.world.sight.bearings`, :mod:`hpop.world.sight.visibility`, fields of
-obstruction), they are faster and have gradients; rays are for cameras whose height changes.
+Each body is convex, so a line is inside it along one interval, with ends in closed form; kernels compute many rays at
+once. For cameras of fixed height the planar methods (:mod:`hpop.world.sight.bearings`,
+:mod:`hpop.world.sight.visibility`, fields of obstruction) are faster and have gradients.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ RAYS = "rays were cast"
 class Surfaces:
     """Convex bodies for rays: each is the region behind all of its planes and within its round part.
 
-    planes  (P, 4)    outward unit normal and distance from the origin along it, m; of one body after the other
-    begin   (B + 1,)  where the planes of each begin
+    planes  (P, 4)    outward unit normal and distance from the origin along it, m; body by body
+    begin   (B + 1,)  index of each body's first plane
     rounds  (B, 8)    centre, m; axis of a cylinder, 0 of a ball; radius, 0 if nothing is round; and radius of a ball
                       round the centre that holds the body, m
 
@@ -67,7 +67,7 @@ class Surfaces:
         return len(self.rounds)
 
     def first_hits(self, origins: FloatArray, directions: FloatArray, reach: float) -> FloatArray:
-        """Return how far (N, K), m, unit rays (N, K, 3) get from origins (N, 3), m, up to ``reach``.
+        """Return the length (N, K), m, of unit rays (N, K, 3) from origins (N, 3), m, up to ``reach``.
 
         A ray ends where it enters a body. A body that contains or touches the origin, such as the camera's own case,
         does not stop it.
@@ -86,16 +86,16 @@ class Surfaces:
     def blocked(
         self, own: Surfaces, poses: FloatArray, origins: FloatArray, directions: FloatArray, reach: FloatArray
     ) -> FloatArray:
-        """Return the share (N,) of rays (N, K, 3) from origins (N, 3), m, that enter a body before ``reach`` (N, K), m.
+        """Return the fraction (N,) of rays (N, K, 3) from origins (N, 3), m, that meet a body before ``reach`` (N, K).
 
-        Bodies are these and ``own``, each in a frame of its own, with poses (B, N, 4, 4).
+        Bodies are these surfaces and ``own``, each body of ``own`` in a frame with poses (B, N, 4, 4).
         """
         from hpop.world.geometry._sight_in_space import blocked  # numba is slow to import
 
         limits.check(RAYS)
         out = np.empty(len(origins))
-        given = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
-        blocked(self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *given, out)
+        arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
+        blocked(self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *arrays, out)
         return out
 
     def flow(
@@ -110,7 +110,7 @@ class Surfaces:
         *,
         largest: bool,
     ) -> FloatArray:
-        """Return the mean or largest angular speed (N,), rad/s, of surfaces in view: see the kernel of this name."""
+        """Return the mean or largest angular speed (N,), rad/s, of surfaces in view; see `_kernels.flow`."""
         from hpop.world.geometry._kernels import flow  # numba is slow to import
 
         out = np.empty(len(places))
@@ -122,7 +122,7 @@ class Surfaces:
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
-        """Return the share (N,), in [0, 1], of the ball of ``radius`` m round centres (N, 3), m, that bodies fill."""
+        """Return the fraction (N,) of the ball of ``radius`` m round centres (N, 3), m, that bodies fill."""
         from hpop.world.geometry._kernels import filled  # numba is slow to import
 
         out = np.zeros(len(centres))
@@ -137,13 +137,13 @@ class Surfaces:
 
 
 def surfaces_of(world: World) -> Surfaces:
-    """Return the surfaces of a world's solids; kept with its ground."""
+    """Return the surfaces of a world's solids; cached with its ground."""
     ground = world.ground
     return ground.derived(("bodies for rays",), lambda: Surfaces.of(ground.bodies))
 
 
 def rows(vector: Vector, size: int) -> FloatArray:
-    """Return three columns, or numbers in their place, as vectors (N, 3); OptionError for symbols."""
+    """Return three columns or numbers as vectors (N, 3); OptionError for symbols."""
     if any(map(is_symbolic, vector)):
         raise OptionError(
             "rays in space are cast on numbers, and here places are variables of a program; take a planner on a graph."
@@ -152,9 +152,9 @@ def rows(vector: Vector, size: int) -> FloatArray:
 
 
 def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:
-    """Return unit vectors (count, 3), evenly spread over the directions within half the angles, rad, of the x axis.
+    """Return unit vectors (count, 3), spread evenly over directions within half the angles, rad, of the x axis.
 
-    They span ``width`` round the z axis and ``height`` up and down; by default all directions.
+    ``width`` is the angle round the z axis, ``height`` the angle up and down; by default all directions.
     """
     number = np.arange(count) + 0.5
     z = math.sin(0.5 * height) * (2.0 * number / count - 1.0)
@@ -165,9 +165,9 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
 def towards_ball(
     places: FloatArray, centre: Sequence[float], radius: float, rays: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return unit vectors (N, rays, 3) from places (N, 3) towards a ball, evenly spread, and distances (N, rays), m.
+    """Return unit vectors (N, rays, 3) from points (N, 3) towards a ball, spread evenly, and distances (N, rays), m.
 
-    Distances are 0 for places in the ball, which see nothing of it.
+    Distances are 0 for points inside the ball.
     """
     from hpop.world.geometry._kernels import towards_ball  # numba is slow to import
 
@@ -177,7 +177,7 @@ def towards_ball(
 
 
 def over_disc(count: int) -> FloatArray:
-    """Return points (count, 2), evenly spread over the disc of radius 1."""
+    """Return points (count, 2), spread evenly over the unit disc."""
     number = np.arange(count)
     distance, angle = np.sqrt((number + 0.5) / count), GOLDEN * number
     return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
@@ -206,5 +206,5 @@ def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, floa
             low, high = shape.points.min(axis=0), shape.points.max(axis=0)
             centre = 0.5 * (low + high)
             box = np.column_stack([np.concatenate([np.eye(3), -np.eye(3)]), np.concatenate([high, -low])])
-            planes = np.concatenate([box, planes[once]])  # most lines that miss it miss the box round it already
+            planes = np.concatenate([box, planes[once]])  # most lines that miss the hull already miss its box
             return planes, centre, zero, 0.0, float(np.linalg.norm(shape.points - centre, axis=1).max())

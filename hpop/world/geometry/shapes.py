@@ -41,7 +41,7 @@ def check_prisms(obstacles: Any) -> tuple[Obstacle, ...]:
 
 
 def check_heights(heights: Any) -> tuple[float, float]:
-    """Return (z_min, z_max), m, as floats; None is no bound. `MapError` unless z_min < z_max."""
+    """Return (z_min, z_max), m, as floats; None means unbounded. `MapError` unless z_min < z_max."""
     try:
         low, high = heights
         z_min = -math.inf if low is None else float(low)
@@ -56,7 +56,7 @@ def check_heights(heights: Any) -> tuple[float, float]:
 
 
 def check_pose(origin: Any) -> tuple[float, float, float]:
-    """Return an origin (x, y, yaw), metres and radians, as three finite floats, or raise `MapError`."""
+    """Return an origin (x, y, yaw), metres and radians, as finite floats; `MapError` otherwise."""
     try:
         x, y, yaw = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
@@ -70,7 +70,7 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 
 
 def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
-    """Refuse geometries beyond any building, or with coordinates whose products overflow."""
+    """Raise MapError for geometries larger than any building, or with coordinates whose products underflow."""
     away = np.abs(shapely.get_coordinates(geometry))
     if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
@@ -79,18 +79,18 @@ def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -
 
 
 def check_positive(name: str, value: Any) -> float:
-    """Return a finite float above 0, or raise `MapError` naming the quantity."""
+    """Return a finite float above 0; `MapError` naming the quantity otherwise."""
     return float(real(name, value, 1e-9, 1e9, "a number above 0,", error=MapError))
 
 
-def check_inside(given: Any) -> tuple[float, float] | None:
-    """Return a point (x, y) of the free space, m, or None; `MapError` for anything else."""
-    if given is None:
+def check_inside(point: Any) -> tuple[float, float] | None:
+    """Return a point (x, y) in free space, m, or None; `MapError` otherwise."""
+    if point is None:
         return None
     try:
-        x, y = given
+        x, y = point
     except (TypeError, ValueError):
-        raise MapError(f"inside must be a point [x, y] in m; got {shown(given)}.") from None
+        raise MapError(f"inside must be a point [x, y] in m; got {shown(point)}.") from None
     x, y = (
         float(real("inside", value, -FARTHEST, FARTHEST, "a point [x, y] in m", error=MapError)) for value in (x, y)
     )
@@ -98,7 +98,7 @@ def check_inside(given: Any) -> tuple[float, float] | None:
 
 
 def check_size(height: int, width: int, what: str) -> None:
-    """Refuse a raster without cells or with more than `MAX_CELLS`, before memory is taken."""
+    """Raise MapError for a raster without cells or with more than `MAX_CELLS`, before memory is allocated."""
     if height < 1 or width < 1:
         raise MapError(f"{what} must have at least one cell; got {width} x {height}.")
     if height * width > MAX_CELLS:
@@ -109,7 +109,7 @@ def check_size(height: int, width: int, what: str) -> None:
 
 
 def check_span(height: int, width: int, resolution: float, path: Any) -> None:
-    """Refuse the map in a file if no robot fits on it or it is larger than a country: its resolution is wrong."""
+    """Raise MapError if a map's resolution makes it smaller than a robot or larger than a country."""
     side = max(height, width) * resolution
     if not SMALLEST <= side <= LARGEST:
         raise MapError(
@@ -119,7 +119,7 @@ def check_span(height: int, width: int, resolution: float, path: Any) -> None:
 
 
 def rotate(x: Any, y: Any, yaw: float) -> tuple[Any, Any]:
-    """Turn plane vectors by `yaw` (rad, counter-clockwise); yaw 0 leaves the numbers exactly as they are."""
+    """Rotate plane vectors by `yaw` (rad, counter-clockwise); yaw 0 returns exactly the same numbers."""
     if yaw == 0.0:
         return x, y
     c, s = math.cos(yaw), math.sin(yaw)
@@ -136,10 +136,9 @@ def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
 class Obstacle:
     """Upright prism: a polygon between two heights.
 
-    polygon       shapely Polygon   m   outline in the world frame, holes allowed
-    z_min, z_max  float             m   -inf and inf mean "the whole height"
-    solid         Solid or None     what this is the prism round; None where the prism itself was given
-    name          str               what messages call it
+    polygon shapely Polygon m outline in the world frame, holes allowed z_min, z_max float m -inf and inf: unlimited
+    height solid Solid or None the solid that this prism encloses; None for a prism of its own name str shown in
+    messages
     """
 
     polygon: Polygon
@@ -165,7 +164,7 @@ class Obstacle:
 
     @classmethod
     def around(cls, solid: Solid) -> Obstacle:
-        """Return the upright prism round a solid."""
+        """Return the upright prism that encloses a solid."""
         return cls(solid.outline, *solid.heights, solid, solid.name)
 
     @property
@@ -175,7 +174,7 @@ class Obstacle:
 
 
 def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
-    """Return prisms over shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError for anything else."""
+    """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)); MapError otherwise."""
     if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
         raise MapError(f"obstacles must be a list of shapely polygons; got {shown(obstacles)}. Put one in brackets.")
     prisms = list[Obstacle]()
@@ -211,7 +210,7 @@ class Raster:
         """Copy the cells and check sizes and numbers."""
         try:
             cells = np.asarray(self.cells)
-        except ValueError:  # of numpy, which knows no ragged rows
+        except ValueError:  # numpy refuses ragged rows
             raise MapError(
                 f"cells must be a 2-D array of bool (H, W), all rows of one length; got {shown(self.cells)}."
             ) from None
@@ -234,7 +233,7 @@ class Raster:
         return self.z_min, self.z_max
 
     def to_world(self, column: Column, row: Column) -> tuple[Any, Any]:
-        """Return world coordinates (m) of points given in cells from the lower-left corner."""
+        """Convert points, in cells from the lower-left corner, to world coordinates (m)."""
         dx, dy = rotate(column * self.resolution, row * self.resolution, self.origin[2])
         return dx + self.origin[0], dy + self.origin[1]
 
@@ -244,7 +243,7 @@ class Raster:
         return self._placed(shapely.box(0, 0, columns, rows))
 
     def solid(self) -> BaseGeometry:
-        """Return the union of the occupied squares, exact, m; MapError where outlines have too many corners."""
+        """Return the exact union of the occupied squares, m; MapError if its outlines have too many corners."""
         return self._placed(outlined(self.cells))
 
     def _placed(self, geometry: BaseGeometry) -> BaseGeometry:

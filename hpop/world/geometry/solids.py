@@ -1,6 +1,6 @@
 """Solids in space: boxes, cylinders, spheres and convex hulls with poses, for worlds and for arms.
 
-A robot in the plane meets the upright prism round each: `Solid.outline` between `Solid.heights`.
+For a robot in the plane each solid counts as its enclosing upright prism, `Solid.outline` between `Solid.heights`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ MOST_POINTS = 100_000
 @checked_arguments
 @dataclass(frozen=True)
 class Box:
-    """Box round its origin, along its axes.
+    """Box centred at its origin, along its axes.
 
     size  (x, y, z)  m
     """
@@ -59,7 +59,7 @@ class Box:
         return corners
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return how far the box reaches (N,), m, in unit directions (N, 3)."""
+        """Return the extent (N,), m, of the box in unit directions (N, 3)."""
         reach: FloatArray = np.abs(directions) @ (np.array(self.size) / 2)
         return reach
 
@@ -67,7 +67,7 @@ class Box:
 @checked_arguments
 @dataclass(frozen=True)
 class Cylinder:
-    """Cylinder round its origin; its axis is z.
+    """Cylinder centred at its origin, along z.
 
     radius, length  m
     """
@@ -81,12 +81,12 @@ class Cylinder:
 
     @property
     def corners(self) -> FloatArray:
-        """Return the corners (V, 3), m, of an upright prism round it, whose edges touch it."""
+        """Return the corners (V, 3), m, of an upright prism that encloses the cylinder."""
         rim = _rim(self.radius)
         return np.concatenate([np.c_[rim, np.full(len(rim), z)] for z in (-self.length / 2, self.length / 2)])
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return how far the cylinder reaches (N,), m, in unit directions (N, 3)."""
+        """Return the extent (N,), m, of the cylinder in unit directions (N, 3)."""
         x, y, z = directions.T
         reach: FloatArray = self.radius * np.hypot(x, y) + self.length / 2 * np.abs(z)
         return reach
@@ -95,7 +95,7 @@ class Cylinder:
 @checked_arguments
 @dataclass(frozen=True)
 class Sphere:
-    """Ball round its origin.
+    """Ball centred at its origin.
 
     radius  m
     """
@@ -106,7 +106,7 @@ class Sphere:
         object.__setattr__(self, "radius", _length("a sphere's radius", self.radius))
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return how far the ball reaches (N,), m, in unit directions (N, 3)."""
+        """Return the extent (N,), m, of the ball in unit directions (N, 3)."""
         return np.full(len(directions), self.radius)
 
 
@@ -168,7 +168,7 @@ class Hull:
         return float(np.einsum("ij,ij->", np.cross(a, b), c)) / 6
 
     def support(self, directions: FloatArray) -> FloatArray:
-        """Return how far the hull reaches (N,), m, in unit directions (N, 3)."""
+        """Return the extent (N,), m, of the hull in unit directions (N, 3)."""
         reach: FloatArray = (self.points @ directions.T).max(axis=0)
         return reach
 
@@ -181,9 +181,7 @@ Shape = Box | Cylinder | Sphere | Hull
 class Solid:
     """Shape with a pose.
 
-    shape
-    pose   (4, 4)  homogeneous, m: from the shape's frame to the world's, or that of whatever it is part of
-    name
+    shape pose (4, 4) homogeneous, m: from the shape's frame to the world's, or to that of the link that carries it name
 
     >>> can = Solid(Cylinder(radius=0.03, length=0.14), pose_at((1.0, 2.0, 0.07)), "can")
     >>> can.heights, can.is_upright, can.outline.area > np.pi * 0.03**2
@@ -203,9 +201,9 @@ class Solid:
 
     @property
     def corners(self) -> FloatArray:
-        """Return corners (V, 3), m, of a polyhedron equal to the solid (`Box`, `Hull`) or round it (`Cylinder`).
+        """Return the corners (V, 3), m, of a polyhedron: equal to a `Box` or `Hull`, enclosing a `Cylinder`.
 
-        MapError for a sphere, round which no few points are near.
+        Raises MapError for a sphere.
         """
         if isinstance(self.shape, Sphere):
             raise MapError("a sphere has no corners; ask for its outline, its bounds, or its radius.")
@@ -227,7 +225,7 @@ class Solid:
 
     @cached_property
     def outline(self) -> Polygon:
-        """Return its outline from above, m: exact for boxes and hulls, else round it, within `SAGITTA`."""
+        """Return the outline from above, m: exact for boxes and hulls, else enclosing the solid within `SAGITTA`."""
         if isinstance(self.shape, Sphere):
             return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
         outline: Polygon = shapely.convex_hull(shapely.MultiPoint(self.corners[:, :2]))  # type: ignore[assignment]
@@ -235,7 +233,7 @@ class Solid:
 
     @cached_property
     def is_upright(self) -> bool:
-        """Return whether the solid equals the upright prism round it, except for the edges of a circle."""
+        """Return whether the solid equals its enclosing upright prism, apart from the polygon for a circle."""
         vertical = np.hypot(self.pose[0, :3], self.pose[1, :3]) <= TILT
         match self.shape:
             case Box():
@@ -248,7 +246,7 @@ class Solid:
         return self.shape.volume >= (1 - 1e-9) * self.outline.area * (high - low)
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description, from which :meth:`build` makes an equal solid."""
+        """Return a JSON-able description; :meth:`build` turns it into an equal solid."""
         match self.shape:
             case Box():
                 shape: dict[str, Any] = {"box": list(self.shape.size)}
@@ -262,16 +260,16 @@ class Solid:
 
     @classmethod
     def build(cls, data: Mapping[str, Any]) -> Solid:
-        """Build a solid from its description; MapError, TypeError or LookupError where it is malformed."""
+        """Build a solid from its description; MapError, TypeError or LookupError if it is malformed."""
         (kind,) = set(data) - {"pose", "name"}
-        given = data[kind]
+        dimensions = data[kind]
         shapes: dict[str, Any] = {"box": Box, "sphere": Sphere, "hull": Hull}
-        shape = Cylinder(**given) if kind == "cylinder" else shapes[kind](given)
+        shape = Cylinder(**dimensions) if kind == "cylinder" else shapes[kind](dimensions)
         return cls(shape, [*data["pose"], [0.0, 0.0, 0.0, 1.0]], data["name"])  # type: ignore[arg-type]  # made an array
 
 
 def check_solids(solids: Any) -> tuple[Solid, ...]:
-    """Return the solids of a world as a tuple; `MapError` for anything else, or too many."""
+    """Return the solids of a world as a tuple; `MapError` if there are too many or any is of another type."""
     found = tuple(islice(solids, MOST_SOLIDS + 1)) if isinstance(solids, Iterable) else (solids,)
     if not all(isinstance(solid, Solid) for solid in found):
         raise MapError(
@@ -284,7 +282,7 @@ def check_solids(solids: Any) -> tuple[Solid, ...]:
 
 
 def not_upright(solids: Sequence[Solid]) -> tuple[str, ...]:
-    """Return a note on solids that count as larger in the plane; none where all are upright."""
+    """Return a note on solids that are larger in the plane than in space; empty if all are upright."""
     names = [solid.name or f"solid {place}" for place, solid in enumerate(solids) if not solid.is_upright]
     if not names:
         return ()
@@ -302,9 +300,9 @@ def pose_at(
     rpy: Sequence[float] = (0.0, 0.0, 0.0),
     quaternion: Sequence[float] | None = None,
 ) -> FloatArray:
-    """Return a pose (4, 4), m: by roll, pitch and yaw, rad, about fixed axes x, y, z in turn, or by a quaternion.
+    """Return a pose (4, 4), m, from roll, pitch and yaw, rad, about the fixed axes x, y, z, or from a quaternion.
 
-    A quaternion is (x, y, z, w); one of another length than 1 is taken as the one of length 1 in its direction.
+    A quaternion is (x, y, z, w), and is normalised to length 1.
     """
     from scipy.spatial.transform import Rotation  # slow to import
 
@@ -319,7 +317,7 @@ def pose_at(
         angles = _numbers("roll, pitch and yaw", rpy, 3)
         if advice := next(filter(None, map(not_radians, angles)), ""):
             raise MapError(f"each of roll, pitch and yaw {advice}.")
-        if any(angles):  # none leaves the numbers exactly as they are
+        if any(angles):  # zero angles leave the numbers exactly unchanged
             pose[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
     return pose
 
@@ -340,14 +338,14 @@ def _checked_pose(pose: Any, name: str) -> FloatArray:
     return frozen(given)
 
 
-def _numbers(what: str, given: Any, count: int) -> tuple[float, ...]:
+def _numbers(what: str, vector: Any, count: int) -> tuple[float, ...]:
     """Return ``count`` finite numbers, or raise MapError."""
     try:
-        values = tuple(given)
+        values = tuple(vector)
     except TypeError:
         values = ()
-    if isinstance(given, str) or len(values) != count:
-        raise MapError(f"{what} must be {count} numbers; got {shown(given)}.")
+    if isinstance(vector, str) or len(values) != count:
+        raise MapError(f"{what} must be {count} numbers; got {shown(vector)}.")
     return tuple(float(real(what, value, -FARTHEST, FARTHEST, "finite numbers", error=MapError)) for value in values)
 
 
@@ -356,7 +354,7 @@ def _length(what: str, value: Any) -> float:
 
 
 def _rim(radius: float) -> FloatArray:
-    """Return corners (N, 2), m, of a polygon round a circle, each within `SAGITTA` of it."""
+    """Return the corners (N, 2), m, of a polygon that encloses a circle within `SAGITTA`."""
     excess = SAGITTA / min(radius, 1.0)
     count = max(16, 4 * math.ceil(math.pi / math.acos(1.0 / (1.0 + excess)) / 4))
     angles = 2.0 * math.pi * np.arange(count) / count

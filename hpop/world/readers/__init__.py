@@ -1,4 +1,4 @@
-"""Readers of maps, one module for a format or two, and the registry of readers by name."""
+"""Readers of maps, about one module for each format, and the registry of readers by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pixels of a blueprint that are no walls: grey areas, lettering, specks, thin lines, unreachable regions."""
+"""Clean blueprints: find grey areas, lettering, specks, thin lines and unreachable regions, which are no walls."""
 
 from __future__ import annotations
 
@@ -53,8 +53,7 @@ MOST = 1_000
 class Specks(NamedTuple):
     """Groups of connected pixels, one row each.
 
-    area    (n,)    int     pixels
-    boxes   (n, 4)  int     first row and column, and those after the last
+    area (n,) int pixels boxes (n, 4) int first row, first column, and the row and column after the last
     """
 
     area: IntArray
@@ -62,7 +61,7 @@ class Specks(NamedTuple):
 
 
 def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
-    """Return cells without obstacles smaller than ``smallest`` (m²), and a note on the removed and remaining ones."""
+    """Return cells without obstacles smaller than ``smallest`` (m²), and a note on removed and remaining ones."""
     cells, square = raster.cells, raster.resolution**2
     labels, count = numbered(cells, _ROUND)
     area = areas_of(labels, count)
@@ -82,9 +81,9 @@ def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
 
 
 def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
-    """Return cells with the part unreachable from a point (m) made solid, and a note; `MapError` if it is blocked.
+    """Make the part that is unreachable from a point (m) solid, and return cells and a note; `MapError` if blocked.
 
-    Reached are neighbours to the left and right, above and below: a line of pixels that touch at corners is closed.
+    Only the four neighbours that share a side are reachable, so a line of pixels that touch at corners is closed.
     """
     rows, columns = raster.cells.shape
     x, y = rotate(inside[0] - raster.origin[0], inside[1] - raster.origin[1], -raster.origin[2])
@@ -104,7 +103,7 @@ def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray,
 
 
 def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: Raster) -> Iterator[str]:
-    """Yield notes on pixels that are neither dark nor light, and on areas of them that are free.
+    """Yield notes on pixels that are neither dark nor light, and on grey areas that became free.
 
     shade, dark : (H, W), brightness from 0 to 255 and the obstacles, row 0 at the bottom
     """
@@ -145,7 +144,7 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
 
 
 def lettering(raster: Raster) -> Iterator[str]:
-    """Yield a note on obstacles like lettering: rows of small specks of unlike size that stand close together."""
+    """Yield a note on obstacles that look like lettering: rows of small specks of different sizes, close together."""
     labels, count = numbered(raster.cells, _ROUND)
     if count > MOST_SPECKS:
         yield (
@@ -167,7 +166,7 @@ def lettering(raster: Raster) -> Iterator[str]:
         return
     largest = int(some.area[letters].max())
     others = np.count_nonzero(area <= largest) - letters.size
-    if np.count_nonzero(area <= SPARE * largest) - letters.size == others:  # letters that touch count as one
+    if np.count_nonzero(area <= SPARE * largest) - letters.size == others:  # letters that touch count as one letter
         largest = math.floor(SPARE * largest)
     places = []
     for word in words[:TOLD]:
@@ -184,7 +183,7 @@ def lettering(raster: Raster) -> Iterator[str]:
 
 
 def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
-    """Return the letters of words that are written across, or upward."""
+    """Return the letters of words written horizontally, or upward if ``turned``."""
     r0, c0, r1, c1 = specks.boxes.T if not turned else specks.boxes[:, [1, 0, 3, 2]].T
     if not len(r0):
         return []
@@ -192,7 +191,7 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
     from scipy.sparse.csgraph import connected_components  # slow to import
 
     height = r1 - r0
-    reach = 0.4 * height  # half of a gap: two letters whose boxes so widened meet are neighbours
+    reach = 0.4 * height  # half of a gap: letters whose widened boxes meet are neighbours
     boxes = shapely.box(c0 - reach, r0, c1 + reach, r1)
     a, b = shapely.STRtree(boxes).query(boxes)
     overlap = np.minimum(r1[a], r1[b]) - np.maximum(r0[a], r0[b])
@@ -213,7 +212,7 @@ def _words(specks: Specks, *, turned: bool) -> list[IntArray]:
 
 
 def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.int32], int]:
-    """Number connected cells from 1, and return the numbers and their count."""
+    """Return numbers of connected cells, from 1, and the highest number."""
     from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, LABELS * cells.size)
@@ -222,7 +221,7 @@ def numbered(cells: BoolArray, structure: BoolArray | None) -> tuple[NDArray[np.
 
 
 def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
-    """Count the cells of each number, 0 included, some rows at a time to bound memory."""
+    """Count the cells of each number, 0 included, in blocks of rows to bound memory."""
     step = max(1, ROWS // labels.shape[1])
     area = np.zeros(count + 1, dtype=np.int64)
     for top in range(0, labels.shape[0], step):
@@ -231,7 +230,7 @@ def areas_of(labels: NDArray[np.int32], count: int) -> IntArray:
 
 
 def _box(cells: BoolArray) -> list[int]:
-    """Return the first row and column of the True cells, and those after the last."""
+    """Return the first row and column of the True cells, and the row and column after the last."""
     rows, columns = np.flatnonzero(cells.any(axis=1)), np.flatnonzero(cells.any(axis=0))
     return [int(rows[0]), int(columns[0]), int(rows[-1]) + 1, int(columns[-1]) + 1]
 
@@ -249,14 +248,17 @@ def _rounded_up(value: float) -> float:
 def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
     """Return cells without obstacles thinner than ``thinnest`` (m), and a note on the removed pixels."""
     pixels = min(MOST, math.ceil(thinnest / raster.resolution - 1e-9))
-    kept = _thick(raster.cells, pixels)
-    left = np.count_nonzero(raster.cells) - np.count_nonzero(kept)
+    thick = _thick(raster.cells, pixels)
+    removed = np.count_nonzero(raster.cells) - np.count_nonzero(thick)
     square = raster.resolution**2
-    return kept, f"lines thinner than {thinnest:g} m are left out, {left:,} pixels, {left * square:.3g} m² in all"
+    return (
+        thick,
+        f"lines thinner than {thinnest:g} m are left out, {removed:,} pixels, {removed * square:.3g} m² in all",
+    )
 
 
 def closing(raster: Raster) -> Iterator[str]:
-    """Yield a note on thin lines that separate rooms where all walls are thicker, such as the swings of doors."""
+    """Yield a note on thin lines that separate rooms if all walls are thicker; they may be the swings of doors."""
     cells = raster.cells
     thick = _thick(cells, THIN + 1)
     thin = cells & ~thick
@@ -290,7 +292,7 @@ def closing(raster: Raster) -> Iterator[str]:
 
 
 def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray) -> Iterator[NDArray[np.int32]]:
-    """Yield pairs (n, 2) of a line and a room whose pixels are neighbours."""
+    """Yield pairs (n, 2) of the numbers of a line and a room with neighbouring pixels."""
     for a, b in (
         ((slice(1, None), slice(None)), (slice(None, -1), slice(None))),
         ((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
@@ -301,17 +303,17 @@ def _beside(lines: NDArray[np.int32], rooms: NDArray[np.int32], large: BoolArray
 
 
 def _thick(cells: BoolArray, pixels: int) -> BoolArray:
-    """Return obstacle cells in or next to a square of ``pixels`` that fits into the obstacles."""
+    """Return the obstacle cells in or next to a square of side ``pixels`` that fits into the obstacles."""
     if pixels <= 1:
         return cells
     from scipy import ndimage  # slow to import
 
     limits.hold(READING, 0, 3 * cells.size)
     found = cells.astype(np.uint8)
-    for axis in (0, 1):  # what is beyond the image is as what is at its edge
+    for axis in (0, 1):  # beyond the image its edge is repeated
         found = ndimage.minimum_filter1d(found, pixels, axis=axis, mode="nearest")
-    even = -1 if pixels % 2 == 0 else 0  # the squares are those whose least pixels were taken
+    even = -1 if pixels % 2 == 0 else 0  # shifts even squares back to their least pixels
     for axis in (0, 1):
         found = ndimage.maximum_filter1d(found, pixels, axis=axis, mode="constant", cval=0, origin=even)
-    near = ndimage.maximum_filter(found, 2 * (pixels // 2) + 1)  # corners of walls that are turned
+    near = ndimage.maximum_filter(found, 2 * (pixels // 2) + 1)  # keeps the corners of rotated walls
     return np.asarray(cells & (near > 0))

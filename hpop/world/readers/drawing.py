@@ -55,13 +55,11 @@ BLOCK = 2_000
 """Lines that are widened between two looks at the limits."""
 
 
-class Options(NamedTuple):
-    """Options of every drawing.
+class DrawingOptions(NamedTuple):
+    """Options shared by the readers of drawings.
 
-    wall_width  m
-    layers      names, or None for all that are shown
-    inside      a point of the free space, m, or None
-    door_arcs   whether arcs along which doors swing are walls, or left out
+    wall_width m layers names, or None for all visible layers inside a point of the free space, m, or None door_arcs
+    whether the swing arcs of doors are walls, or left out
     """
 
     wall_width: float
@@ -70,10 +68,10 @@ class Options(NamedTuple):
     door_arcs: DoorArcs
 
 
-def checked_options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> Options:
-    """Return the options, checked, or raise `MapError`."""
+def checked_options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> DrawingOptions:
+    """Return checked options; `MapError` if one is invalid."""
     one_of("door_arcs", door_arcs, get_args(DoorArcs), error=MapError)
-    return Options(check_positive("wall_width", wall_width), _names(layers), check_inside(inside), door_arcs)
+    return DrawingOptions(check_positive("wall_width", wall_width), _names(layers), check_inside(inside), door_arcs)
 
 
 def _names(layers: Any) -> list[str] | None:
@@ -85,11 +83,11 @@ def _names(layers: Any) -> list[str] | None:
     return list(names)
 
 
-def build(path: str | Path, found: Answer, placement: Placement, asked: Options, *, nothing: str) -> World:
-    """Build the world of a drawing's lines; its notes tell everything left out.
+def build(path: str | Path, found: Answer, placement: Placement, options: Options, *, nothing: str) -> World:
+    """Build the world of a drawing's lines, with notes on everything left out.
 
-    found      ``points`` (n, 2) of all lines, where each line ``starts`` (m + 1,), its ``layer`` (m,), and its ``area``
-               (m,): lines of one number above 0 bound an area
+    found      ``points`` (n, 2) of all lines, the first point of each in ``starts`` (m + 1,), its ``layer`` (m,), and its
+               ``area`` (m,): lines with an equal number above 0 bound an area
     placement  from the drawing's units to metres
     nothing    advice for a drawing without lines
     """
@@ -97,7 +95,7 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
     left = f"left out: {said(words['left_out'])}" if words["left_out"] else ""
     starts, area = arrays["starts"], arrays["area"]
     if len(starts) < 2:
-        raise MapError(f"{path} has no lines{' on those layers' * (asked.layers is not None)}; {left or nothing}.")
+        raise MapError(f"{path} has no lines{' on those layers' * (options.layers is not None)}; {left or nothing}.")
     points = placement.placed(arrays["points"])
     width, height = np.ptp(points, axis=0)
     if not SMALLEST <= max(width, height) <= LARGEST:
@@ -105,12 +103,12 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
             f"{path}: a scale of {placement.scale:g} m a unit makes it {width:.3g} x {height:.3g} m; expected a "
             "building. Give another scale."
         )
-    wide = np.maximum(asked.wall_width, arrays["width"] * placement.scale)  # of lines that are so thick on paper
+    wide = np.maximum(options.wall_width, arrays["width"] * placement.scale)  # thick lines on paper are thick walls
     thin = np.flatnonzero(area == 0)
     swings = list(door_arcs(points, starts, thin))
-    if asked.door_arcs == "open":
+    if options.door_arcs == "open":
         points, starts, wide, thin = _without(swings, points, starts, wide, thin)
-    walls = _walls(points, starts, thin, wide, asked.wall_width, path)
+    walls = _walls(points, starts, thin, wide, options.wall_width, path)
     solid = [*walls, *_areas(points, starts, area, path)]
     if not solid:
         raise MapError(f"{path} has lines without length only; {left or nothing}.")
@@ -124,20 +122,20 @@ def build(path: str | Path, found: Answer, placement: Placement, asked: Options,
     union = shapely.disjoint_subset_union_all(solid)  # in a thirtieth of the time of union_all
     several = "lines and fills" if len(starts) > 2 else "line or fill"
     size = f"{len(starts) - 1:,} {several} of {width:.4g} x {height:.4g} m"
-    notes = [f"{size}; lines are walls {asked.wall_width:g} m thick. Layers: {said(by_layer)}", left]
-    if thick := words["wide"] + np.count_nonzero(wide > asked.wall_width):
+    notes = [f"{size}; lines are walls {options.wall_width:g} m thick. Layers: {said(by_layer)}", left]
+    if thick := words["wide"] + np.count_nonzero(wide > options.wall_width):
         notes.append(f"lines as thick as they are drawn: {thick:,}")
     if swings:
-        notes.append(said_of_doors(swings, asked.door_arcs))
-    if asked.layers is None:
+        notes.append(said_of_doors(swings, options.door_arcs))
+    if options.layers is None:
         notes.append("layers chooses which are read; doors that are drawn as lines are closed, so leave out theirs")
     extent = shapely.box(*union.bounds)
-    if asked.inside is None:
+    if options.inside is None:
         ground = Ground(tuple(Obstacle(part) for part in shapely.get_parts(union).tolist()), extent=extent)
     else:
-        reached = _reached(shapely.difference(extent, union), asked.inside, extent, path)
+        reached = _reached(shapely.difference(extent, union), options.inside, extent, path)
         ground = Ground(extent=reached, outside_is_obstacle=True)
-        x, y = asked.inside
+        x, y = options.inside
         notes.append(f"what cannot be reached from inside ({x:g}, {y:g}) is solid, {reached.area:.4g} m² are free")
     return World(ground, notes=tuple(f"{path}: {note}." for note in notes if note))
 
@@ -150,7 +148,7 @@ def _counted(layer: IntArray) -> tuple[list[int], list[int]]:
 def _walls(
     points: FloatArray, starts: IntArray, lines: IntArray, widths: FloatArray, usual: float, path: str | Path
 ) -> list[BaseGeometry]:
-    """Return polygons along lines, each of its width, m; lines wider than usual have flat ends."""
+    """Return polygons along lines, each of its own width, m; lines wider than usual have flat ends."""
     walls: list[BaseGeometry] = []
     for begin in range(0, len(lines), BLOCK):
         limits.check(READING)
@@ -166,7 +164,7 @@ def _walls(
 def _without(
     arcs: Sequence[Arc], points: FloatArray, starts: IntArray, widths: FloatArray, lines: IntArray
 ) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
-    """Return points, starts, widths and lines without arcs; the rest of such a line becomes a line of its own."""
+    """Return points, starts, widths and lines without arcs; what remains of a line becomes lines of their own."""
     pieces = [
         (points[begin:end], widths[arc.line])
         for arc in arcs
@@ -185,16 +183,16 @@ def _without(
 
 
 def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArray[np.object_]:
-    """Return lines, without those of no length."""
+    """Return lines, except those of length 0."""
     sizes = starts[lines + 1] - starts[lines]
     owner = np.repeat(np.arange(len(lines)), sizes)
-    place = np.arange(len(owner)) + np.repeat(starts[lines] - np.cumsum(sizes) + sizes, sizes)
-    made: NDArray[np.object_] = shapely.linestrings(points[place], indices=owner)
-    return made[shapely.length(made) > 0]
+    index = np.arange(len(owner)) + np.repeat(starts[lines] - np.cumsum(sizes) + sizes, sizes)
+    lines_of_points: NDArray[np.object_] = shapely.linestrings(points[index], indices=owner)
+    return lines_of_points[shapely.length(lines_of_points) > 0]
 
 
 def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
-    """Return the polygons that lines bound together: the areas within an odd number of them."""
+    """Return the areas inside an odd number of the given lines, as polygons."""
     made: list[BaseGeometry] = []
     lines = np.flatnonzero(area)
     for some in np.split(lines, np.flatnonzero(np.diff(area[lines])) + 1):
@@ -208,7 +206,7 @@ def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Pat
 
 
 def _reached(free: BaseGeometry, inside: tuple[float, float], extent: BaseGeometry, path: str | Path) -> BaseGeometry:
-    """Return the part of the free space that holds a point, or raise `MapError`."""
+    """Return the part of the free space that contains a point; `MapError` if it is blocked."""
     here = shapely.Point(inside)
     for part in shapely.get_parts(free).tolist():
         if shapely.intersects(part, here):
@@ -236,30 +234,30 @@ def read_dxf(
     ----------
     path : path of the file
     scale : float, optional
-        Metres per unit of the drawing; without it the drawing's header must say its units (``$INSUNITS``).
+        Metres per unit of the drawing; without it the drawing's header must state its units (``$INSUNITS``).
     layers : name or names, optional
-        The layers that are read; all that are neither off nor frozen without it.
+        The layers to read; default: all that are neither off nor frozen.
     wall_width : float
         Thickness of the walls along lines, m.
     inside : (x, y), optional
-        A point of the free space, m: what cannot be reached from it is solid, such as the inside of walls that are
-        drawn as two lines, and all outside of the building. Without it the extent is the bounding box of the walls.
+        A point in the free space, m. All that cannot be reached from it is solid, such as the inside of walls drawn as
+        two lines, and everything outside the building. Without it the extent is the bounding box of the walls.
     origin : (x, y)
         The drawing's point that becomes (0, 0), in its units.
     door_arcs : "closed" or "open"
         Whether arcs that look like the swing of a door (0.4 to 1.6 m, about a quarter of a circle) are walls, or left
         out. ``world.notes`` say where they are.
 
-    Lines, polylines, arcs, circles, ellipses, splines and the lines of MLINEs are walls, and so are those of blocks
-    where these are inserted; wide polylines, solid hatches, solids and traces are obstacles. What is invisible, or on
-    layers that are off or frozen, is left out. That and all else is counted in ``world.notes``, which name the
-    layers. A curve is a polyline within a two thousandth of its size.
+    Lines, polylines, arcs, circles, ellipses, splines and MLINEs are walls, also in inserted blocks; wide polylines,
+    solid hatches, solids and traces are obstacles. Everything invisible, or on layers that are off or frozen, is left
+    out. ``world.notes`` count what was read and left out, by layer. Curves become polylines, accurate to 1/2000 of
+    their size.
 
     Raises
     ------
     MapError
-        If the file is missing or no drawing, says no units, has no lines or not the layers asked for, or takes more
-        time or memory than `hpop.world.files` allows.
+        If the file is missing or no drawing, states no units, lacks lines or the requested layers, or takes more time
+        or memory than `hpop.world.files` allows.
     """
     asked = checked_options(wall_width, layers, inside, door_arcs)
     Placement(1.0 if scale is None else scale, origin)  # checked before the file is read
@@ -275,12 +273,12 @@ def read_dxf(
 
 
 def _units(path: str | Path, found: Answer) -> tuple[str, float]:
-    """Return the name of the units in a drawing's header, and their metres."""
+    """Return the name of the units in a drawing's header, and their size in metres."""
     code = found.words["insunits"]
     if code in METRES:
         return METRES[code]
     if not len(found.arrays["points"]):
-        return "no units", 1.0  # that there are no lines is worse
+        return "no units", 1.0  # a drawing without lines is refused first
     width, height = np.ptp(found.arrays["points"], axis=0)
     says = "does not say its units ($INSUNITS is 0)" if code == 0 else f"has $INSUNITS {code}, no unit of a building"
     raise MapError(
@@ -301,7 +299,7 @@ def read_pdf(
     origin: tuple[float, float] = (0.0, 0.0),
     door_arcs: DoorArcs = "closed",
 ) -> World:
-    """Read a page of a PDF with lines, as drawing programs write it, as a `World`; exactly one of scale and ratio.
+    """Read a page of a PDF with lines, as CAD programs export it, as a `World`; give either scale or ratio.
 
     Parameters
     ----------
@@ -309,11 +307,11 @@ def read_pdf(
     scale : float
         Metres per point of the page (1/72 inch on paper).
     ratio : float
-        The ratio that the plan states: 100 where it says 1:100, and the page has its true size.
+        The scale stated on the plan: 100 for 1:100, if the page has its true size.
     page : int
-        Which page, from 1.
+        Number of the page, from 1.
     layers : name or names, optional
-        The layers (optional content) that are read; all that are on when the file is opened without it.
+        The layers (optional content) to read; default: all that are on when the file is opened.
     wall_width, inside
         As `hpop.world.readers.drawing.read_dxf` has them.
     origin : (x, y)
@@ -321,16 +319,15 @@ def read_pdf(
     door_arcs : "closed" or "open"
         As `hpop.world.readers.drawing.read_dxf` has it.
 
-    Dark lines are walls; those of more than 1 mm on paper are as thick as they are drawn. Dark fills are obstacles,
-    lighter ones colour rooms and are left out, as are texts, images, annotations, and what lies outside of the page or
-    of a clip path. All that is counted in ``world.notes``. A page whose unit is no point (UserUnit) is as large as it
-    says.
+    Dark lines are walls; lines thicker than 1 mm on paper are as thick as drawn. Dark fills are obstacles. Lighter
+    fills colour rooms and are left out, as are texts, images, annotations, and everything outside the page or a clip
+    path. ``world.notes`` count what was left out. A page's own unit (UserUnit) is respected.
 
     Raises
     ------
     MapError
-        If the file is missing or no PDF, has no such page, no lines or not the layers asked for, or takes more time or
-        memory than `hpop.world.files` allows.
+        If the file is missing or no PDF, lacks the page, lines or the requested layers, or takes more time or memory than
+        `hpop.world.files` allows.
     """
     asked = checked_options(wall_width, layers, inside, door_arcs)
     page = whole("page", page, 1, MOST_PAGES, error=MapError)

@@ -1,6 +1,6 @@
-"""Features of GeoJSON files: their names, properties as text, choices among them, and notes on them.
+"""Features of GeoJSON files: names, properties as text, selection by properties, and notes.
 
-A note stands for all features of a file that share a fault. Properties are read as GIS and OpenStreetMap write them:
+One note covers all features of a file with the same fault. Properties follow the habits of GIS and OpenStreetMap:
 numbers and lengths as text, several values in one text.
 """
 
@@ -46,9 +46,9 @@ class Feature(NamedTuple):
 
     @property
     def properties(self) -> dict[str, Any]:
-        """Return the properties; {} where they are no object."""
-        found = self.data.get("properties")
-        return found if isinstance(found, dict) else {}
+        """Return the properties; {} if they are no object."""
+        properties = self.data.get("properties")
+        return properties if isinstance(properties, dict) else {}
 
     @property
     def name(self) -> str:
@@ -89,13 +89,13 @@ class FeatureNotes:
         self._found: dict[tuple[str, str], list[Feature]] = {}
 
     def add(self, feature: Feature, what: str) -> None:
-        """Note a feature; repeated notes, for its parts, count once."""
-        found = self._found.setdefault((str(feature.path), what), [])
-        if not found or found[-1].number != feature.number:
-            found.append(feature)
+        """Note a feature; a repeated note on it, such as for another part, counts once."""
+        features = self._found.setdefault((str(feature.path), what), [])
+        if not features or features[-1].number != feature.number:
+            features.append(feature)
 
     def __contains__(self, what: object) -> bool:
-        """Return whether any feature has a note with these words."""
+        """Return whether any feature has a note with this text."""
         return any(said == what for _, said in self._found)
 
     def lines(self, path: str | Path | None = None) -> tuple[str, ...]:
@@ -110,7 +110,7 @@ class FeatureNotes:
 
 
 def _listed(features: list[Feature]) -> str:
-    """Return features by number and name, or by ranges of numbers if none has a name."""
+    """List features by number and name, or by ranges of numbers if none has a name."""
     if not any(feature.name for feature in features):
         return _ranges(sorted({feature.number for feature in features}))
     called = dict.fromkeys(feature.called for feature in sorted(features, key=lambda feature: feature.number))
@@ -118,7 +118,7 @@ def _listed(features: list[Feature]) -> str:
 
 
 def _ranges(numbers: list[int]) -> str:
-    """Return increasing numbers in few words: "0 to 2, 5"."""
+    """Write increasing numbers as ranges: "0 to 2, 5"."""
     ranges: list[list[int]] = []
     for number in numbers:
         if ranges and number == ranges[-1][-1] + 1:
@@ -148,14 +148,14 @@ def length(value: Any) -> float | None:
 
 
 def number(value: Any) -> Any:
-    """Return the number that a text holds; other values stay as they are."""
+    """Convert text that holds a number to that number; other values stay as they are."""
     if isinstance(value, str) and len(value) <= 40 and (found := LENGTH.fullmatch(value.strip())) and not found[2]:
         return float(found[1])
     return value
 
 
 def truth(value: Any) -> bool | None:
-    """Return the truth value of a number, a boolean or a text; None where it is neither yes nor no."""
+    """Return the truth value of a number, a boolean or a text; None if it is neither yes nor no."""
     if isinstance(value, bool | int | float):
         return bool(value)
     text = value.strip().lower() if isinstance(value, str) else None
@@ -181,7 +181,7 @@ def values(key: str, value: Any) -> set[str]:
 
 
 def _text(value: Any) -> str:
-    """Return a value as text, equal for 0, 0.0 and "0"."""
+    """Convert a value to text, equal for 0, 0.0 and "0"."""
     read = number(value)
     if isinstance(read, float) and read.is_integer() and abs(read) < 1e15:
         return str(int(read))
@@ -190,10 +190,10 @@ def _text(value: Any) -> str:
     return "" if read is None else str(read).strip()
 
 
-class Choice:
-    """Choice of features by their properties.
+class FeatureFilter:
+    """Filter of features by their properties.
 
-    >>> rooms = Choice({"indoor": ["room", "corridor"], "level": 0})
+    >>> rooms = FeatureFilter({"indoor": ["room", "corridor"], "level": 0})
     >>> rooms.takes({"indoor": "room", "level": "0;1"}), rooms.takes({"indoor": "room"})
     (True, False)
     """
@@ -216,7 +216,7 @@ class Choice:
         return bool(self._wanted)
 
     def takes(self, properties: Mapping[str, Any], keys: Iterable[str] | None = None) -> bool:
-        """Return whether properties have the wanted values, of all keys or of some."""
+        """Return whether properties have the wanted values, of all keys or of the given ones."""
         asked = self._wanted.items() if keys is None else [(k, w) for k, w in self._wanted.items() if k in keys]
         return all(wanted & values(key, properties.get(key)) for key, wanted in asked)
 
@@ -232,14 +232,14 @@ def _is_choice(entry: tuple[Any, Any]) -> bool:
 
 def chosen_features(
     features: Sequence[Feature],
-    choice: Choice,
+    choice: FeatureFilter,
     path: str | Path,
     *,
     by_level: Callable[[Feature], bool] | None = None,
 ) -> tuple[list[Feature], tuple[str, ...]]:
-    """Return the chosen features, and a note; raise MapError where there are none.
+    """Return the features that pass a filter, and a note; MapError if there are none.
 
-    by_level  whether a feature, such as a door, is chosen by its level alone
+    by_level tells whether a feature, such as a door, is chosen by its level alone
     """
     if not choice:
         return list(features), ()
@@ -261,7 +261,7 @@ def chosen_features(
                 f"{path}: where: no feature has a property {shown(key)}.{did_you_mean(key, known)} Properties there: "
                 f"{shown(some(list(known), TOLD), 300) if known else 'none'}."
             )
-        if not any(Choice({key: choice.given[key]}).takes(feature.properties) for feature in features):
+        if not any(FeatureFilter({key: choice.given[key]}).takes(feature.properties) for feature in features):
             raise MapError(
                 f"{path}: where: no feature has {key}: {shown(choice.given[key])}. Its values there: "
                 f"{shown(some(list(there), TOLD), 300)}."
@@ -269,8 +269,8 @@ def chosen_features(
     raise MapError(f"{path}: where: no feature has all of {choice}.")
 
 
-def notes_of_levels(of: Sequence[Feature], choice: Choice, path: str | Path) -> Iterator[str]:
-    """Yield a note where features of several floors are read as one."""
+def notes_of_levels(of: Sequence[Feature], choice: FeatureFilter, path: str | Path) -> Iterator[str]:
+    """Yield a note if features of several floors are read as one."""
     for key in LEVELS:
         if key in choice.given:
             continue

@@ -19,12 +19,12 @@ from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.shapes import Obstacle, check_heights
 from hpop.world.ground import WHOLE, Ground, Heights
 from hpop.world.readers import placement as systems
-from hpop.world.readers.features import Choice, Feature, FeatureNotes, chosen_features, length, notes_of_levels
+from hpop.world.readers.features import Feature, FeatureFilter, FeatureNotes, chosen_features, length, notes_of_levels
 from hpop.world.readers.geojson_document import (
     LINES,
     POINTS,
     POLYGONS,
-    Document,
+    GeoJsonDocument,
     left_out,
     placed,
     read_document,
@@ -73,40 +73,39 @@ def read(
         The file's point that becomes (0, 0), in its units; projected coordinates are millions of metres otherwise.
         Without it, (0, 0) stays where it is, and of degrees or a ``crs`` it is the plan's south-west corner.
     polygons : "obstacles", "free", "outline" or "rooms"
-        What a polygon stands for. *obstacles*: the extent is their bounding box. *free*: the robot must stay
-        in their union, and all beyond is obstacle to the camera. *outline*: the same for the largest polygon;
-        every other is an obstacle: a building and its columns. *rooms*: as free, with walls along the outlines of
-        rooms, which points and lines with a property ``door`` or ``entrance`` open.
+        Meaning of a polygon. *obstacles*: the extent is their bounding box. *free*: the robot must stay in their union,
+        and everything beyond obstructs the camera. *outline*: the largest polygon is free, such as a building, and the
+        others are obstacles, such as columns. *rooms*: as *free*, with walls along the outlines of rooms, opened by
+        points and lines with a property ``door`` or ``entrance``.
     units : "m" or "deg", optional
         Degrees of longitude and latitude (RFC 7946: geojson.io, QGIS) are put on a plane that touches the earth at
         the origin, x east and y north, on which lengths are right to 0.02 %. Without ``units`` a file is in degrees if
         all of it lies within 180 and 90 and spans less than 0.1 each way, and no ``scale`` is given.
     wall_width : float, optional
-        Thickness of walls, m: lines are walls, as thick as that. Without it lines are left out, and the walls of
-        rooms are 0.1 m thick.
+        Thickness of walls along lines, m. Without it lines are left out, and the walls of rooms are 0.1 m thick.
     crs : str, optional
-        What the coordinates are in, such as "EPSG:3857"; without it what the file's member ``crs`` says, unless scale
-        or units are given. Such coordinates are put on the same plane as degrees. pyproj (extra ``plans``) is needed.
+        Coordinate system, such as "EPSG:3857"; default: the file's member ``crs``, unless scale or units are given.
+        Coordinates are projected to a plane as degrees are. Needs pyproj (extra ``plans``).
     where : mapping, optional
         Properties that a feature must have, each with a value or several: ``{"indoor": "room", "level": [0, 1]}``.
         Text and numbers are compared as text; a feature's "0;1" is each of the two, and its level "0-2" all three.
         Doors are chosen by their level alone.
 
-    An obstacle's property ``height`` is the number of metres from the floor, also as text ("3", "12 ft"), or a pair
-    [z_min, z_max]; ``min_height`` is where it begins. It has the whole height without, and where it is 0 or cannot be
-    read. What is left out or mended is told in ``world.notes``: features without geometry, properties, or polygons,
-    self-crossing and open outlines; how degrees became metres, and that rooms which touch are one.
+    An obstacle's property ``height`` is its height above the floor, m, also as text ("3", "12 ft"), or a pair [z_min,
+    z_max]; ``min_height`` is its lower end. Without a readable height above 0 it is unlimited. ``world.notes`` tell
+    what was left out or mended, such as features without geometry and self-crossing or open outlines; how degrees
+    became metres; and which rooms touch, so that they are one.
 
     Raises
     ------
     MapError
-        If the file is missing or no GeoJSON, has no polygons, mixes degrees with metres, is in a crs that cannot be
-        read, or a polygon or pair of heights makes no sense.
+        If the file is missing or no GeoJSON, has no polygons, mixes degrees with metres, is in an unknown crs, or has an
+        invalid polygon or pair of heights.
     """
     one_of("polygons", polygons, get_args(Meaning), error=MapError)
     given = Placement(scale, origin, units)
     width = check_width(wall_width)
-    chosen = Choice(where)
+    chosen = FeatureFilter(where)
     if crs is not None and (units is not None or given.scale != 1.0):
         raise MapError(f"crs {shown(crs)} says what the coordinates are in; leave out scale and units.")
     content = read_bytes(path, "GeoJSON file")
@@ -177,7 +176,7 @@ def _ground(
 def _shapes(
     features: Sequence[Feature], kinds: tuple[str, ...], noted: FeatureNotes, *, doors: bool
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return features and their geometries, those of doors included where these are read."""
+    """Return features and their geometries, including doors if ``doors``."""
     if not doors:
         return shaped(features, kinds, noted)
     opening = [feature for feature in features if is_door(feature)]
@@ -190,12 +189,12 @@ def _shapes(
 def _placed_by(
     given: Placement,
     crs: str | None,
-    document: Document,
+    document: GeoJsonDocument,
     of: Sequence[Feature],
     shapes: NDArray[np.object_],
     path: str | Path,
 ) -> tuple[Placement, NDArray[np.object_], dict[str, Any]]:
-    """Return the placement of geometries, the geometries in its units, and the options that describe it."""
+    """Return the placement of geometries, the geometries in its units, and options that describe it."""
     is_open = given.units is None and given.scale == 1.0
     system = systems.crs_of(crs) if crs is not None else document.crs if is_open else None
     if system is None or system == systems.DEGREES:
@@ -217,7 +216,7 @@ def _placed_by(
     return placement, shapes, {"scale": 1.0, "origin": list(origin), "units": None, "crs": system}
 
 
-class _Part(NamedTuple):
+class _FeaturePolygon(NamedTuple):
     """Polygon of a feature, m, with its heights."""
 
     feature: Feature
@@ -230,7 +229,7 @@ class _Part(NamedTuple):
 
 
 def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Path) -> tuple[str, ...]:
-    """Yield notes on coordinates read as metres although their crs, or their size, says otherwise."""
+    """Yield notes on coordinates read as metres although their crs, or their size, suggests otherwise."""
     x0, y0, x1, y1 = shapely.total_bounds(shapes)
     if declared is not None:
         return (
@@ -245,8 +244,8 @@ def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Pa
     return ()
 
 
-def _closing(areas: Sequence[_Part], lines: Sequence[_Part], width: float) -> Iterator[str]:
-    """Yield a note on an obstacle that contains everything else, such as the outline of a building."""
+def _closing(areas: Sequence[_FeaturePolygon], lines: Sequence[_FeaturePolygon], width: float) -> Iterator[str]:
+    """Yield a note on an obstacle that encloses everything else, such as the outline of a building."""
     if not areas:
         return
     largest = max(areas, key=lambda part: part.area.area)
@@ -263,8 +262,8 @@ def _closing(areas: Sequence[_Part], lines: Sequence[_Part], width: float) -> It
 class _Plan(NamedTuple):
     """Parts of a plan: areas, walls along lines, and doors."""
 
-    areas: list[_Part]
-    lines: list[_Part]
+    areas: list[_FeaturePolygon]
+    lines: list[_FeaturePolygon]
     doors: list[Door]
 
     def add(self, feature: Feature, parts: Sequence[Any], width: float, notes: FeatureNotes, *, doors: bool) -> None:
@@ -281,7 +280,7 @@ class _Plan(NamedTuple):
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
-    """Return the heights, m, of a feature; a note tells unreadable ones, which become the whole height."""
+    """Return the heights, m, of a feature; unreadable heights become unlimited, with a note."""
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
         notes.add(feature, "no properties, so of the whole height")

@@ -21,8 +21,8 @@ from hpop.world.geometry.outlines import check_widenable
 from hpop.world.geometry.shapes import check_positive
 from hpop.world.readers import placement as systems
 from hpop.world.readers.features import (
-    Choice,
     Feature,
+    FeatureFilter,
     FeatureNotes,
     chosen_features,
     length,
@@ -55,15 +55,14 @@ def read(
 ) -> tuple[Content, tuple[str, ...]]:
     """Read the content of a world from GeoJSON files: ``world.with_content(landmarks=content.landmarks, ...)``.
 
-    A file is a path, or a mapping such as ``{"path": "zones.geojson", "where": {"level": 0}}``, of which those features
-    are read that have all properties of ``where``, as `hpop.world.readers.geojson.read` has it.
+    A file is a path, or a mapping such as ``{"path": "zones.geojson", "where": {"level": 0}}``; then only features with
+    all properties of ``where`` are read, see `hpop.world.readers.geojson.read`.
 
     Parameters
     ----------
     landmarks : file or files
-        Each point is a `Landmark`. Its name is the first that is there of the properties ``name``, ``label`` and
-        ``title``, the feature's ``id``, and the properties ``id`` and ``type``; the properties ``z`` (m), ``facing``
-        (rad) and ``weight`` are the landmark's.
+        Each point is a `Landmark`. Its name is the first of: properties ``name``, ``label``, ``title``; the feature's
+        ``id``; properties ``id``, ``type``. The properties ``z`` (m), ``facing`` (rad) and ``weight`` are used too.
     flows : file or files
         Each line is a one-way `Zone` in the direction in which it is drawn, ``width`` across, or as the property
         ``width`` (m) says; it ends where the line ends.
@@ -71,22 +70,20 @@ def read(
         Each polygon with a rule is a `Zone`: property ``limit`` (m/s) makes a speed zone, ``closed`` (true, yes, or a
         number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
     scale, origin, units, crs
-        As `hpop.world.readers.geojson.read` has them for the plan to which this belongs; ``world.source["options"]``
-        says which it found where they were not given. Beside a plan in degrees or of a crs, a file may be in another
-        crs, which its member ``crs`` says, or in degrees.
+        As for the plan of the world, see `hpop.world.readers.geojson.read`; ``world.source["options"]`` has the values
+        that were used there. For a plan in degrees or a crs, a file may be in degrees or in the crs of its member ``crs``.
     width : float
-        Of the way along a flow, m.
+        Width of the lane along a flow, m.
 
     Returns
     -------
-    The content, and notes on what was left out or mended: features without geometry, properties, or a rule, and those
-    of another geometry than was asked for; how many features were chosen, and that several levels are read as one.
+    The content, and notes: on features left out or mended (no geometry, properties or rule, or another geometry than expected), on the number of chosen features, and on several levels read as one.
 
     Raises
     ------
     MapError
-        If a file is missing or no GeoJSON, has nothing of the geometry that was asked for, no feature has the
-        properties of ``where``, or a property makes no sense.
+        If a file is missing or no GeoJSON, lacks the expected geometry, has no feature with the properties of ``where``,
+        or has an invalid property.
     """
     width = check_positive("width", width)
     plan = systems.DEGREES if crs is None else systems.crs_of(crs)
@@ -114,7 +111,7 @@ class _Source:
     chosen: list[str]
 
     def made(self, files: ContentFiles, kinds: tuple[str, ...], make: Maker) -> list[Landmark | Zone]:
-        """Return the content that geometries of some kinds in the files stand for."""
+        """Return the content described by geometries of some kinds in the files."""
         things: list[Landmark | Zone] = []
         for file in [files] if isinstance(files, str | Path | Mapping) else files:
             path, choice = _path_and_choice(file)
@@ -140,7 +137,7 @@ class _Source:
         return things
 
     def _in_degrees(self, shapes: NDArray[np.object_], crs: str | None, path: str | Path) -> NDArray[np.object_]:
-        """Return geometries of a file as they are, or in degrees where those of the plan are."""
+        """Return the geometries of a file, in degrees if the plan is in degrees."""
         if self.placement.units != "deg" or not len(shapes):
             return shapes
         if crs is None:
@@ -149,21 +146,21 @@ class _Source:
         return systems.on_earth(shapes, crs, path)
 
 
-def _path_and_choice(file: ContentFile) -> tuple[str | Path, Choice]:
-    """Return the path of a file, and the choice among its features."""
+def _path_and_choice(file: ContentFile) -> tuple[str | Path, FeatureFilter]:
+    """Return the path of a file, and the filter of its features."""
     if not isinstance(file, Mapping):
-        return file, Choice(None)
+        return file, FeatureFilter(None)
     path = file.get("path")
     if not isinstance(path, str | Path) or not file.keys() <= {"path", "where"}:
         raise MapError(
             "a file of landmarks, flows or zones is a path, or has a path and where, such as "
             f"{{path: zones.geojson, where: {{level: 0}}}}; got {shown(dict(file))}."
         )
-    return path, Choice(file.get("where"))
+    return path, FeatureFilter(file.get("where"))
 
 
 def _told(make: Maker, part: BaseGeometry, feature: Feature) -> Landmark | Zone | str | None:
-    """Return the content of a part; an error names its place."""
+    """Make the content of a geometry; an error names the feature."""
     try:
         return make(part, feature)
     except MapError as error:
@@ -195,7 +192,7 @@ def _zone(area: Polygon, feature: Feature) -> Zone | str | None:
     if kind == "keep-out" or (kind is None and truth(closed)):
         return Zone("keep-out", area, name=feature.name)
     if kind is None and truth(closed) is False:
-        return None  # it says that it is open
+        return None  # the zone states that it is open
     got = (
         f"; its kind is {shown(kind)}"
         if kind is not None

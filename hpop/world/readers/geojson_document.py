@@ -1,6 +1,6 @@
 """GeoJSON documents (RFC 7946, RFC 8142): features, the declared crs, and geometries in metres, mended where invalid.
 
-A text of another format raises an error that names the format.
+Files of another format raise an error that names the format.
 """
 
 from __future__ import annotations
@@ -72,12 +72,10 @@ MOST_DEEP = 20
 """Collections within collections that are read."""
 
 
-class Document(NamedTuple):
-    """Contents of a file.
+class GeoJsonDocument(NamedTuple):
+    """Contents of a GeoJSON file.
 
-    features  in the file's order
-    crs       the code of what it declares, or None
-    notes     what was unusual
+    features in the file's order crs declared coordinate system, or None notes on unusual contents
     """
 
     features: list[Feature]
@@ -85,10 +83,10 @@ class Document(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_document(content: bytes, path: str | Path) -> Document:
-    """Read the features of a FeatureCollection, a Feature or a bare geometry, or of several texts, one a line.
+def read_document(content: bytes, path: str | Path) -> GeoJsonDocument:
+    """Read features from a FeatureCollection, a Feature or a bare geometry, or from several texts, one per line.
 
-    Raises MapError for what is none of them; it says which format it seems to be, and how to convert it.
+    Raises MapError for other contents, with the probable format and how to convert it.
     """
     limits.hold(READING, STAYS * len(content), PARSED * len(content))
     for start, what in BINARY:
@@ -114,11 +112,11 @@ def read_document(content: bytes, path: str | Path) -> Document:
         notes.append(f"{path}: {len(texts):,} texts of JSON, read as one collection.")
     if elsewhere:
         notes.append(f"{path}: a crs of single features is not read; the file's own is {declared or 'not declared'}.")
-    return Document(features, declared, tuple(notes))
+    return GeoJsonDocument(features, declared, tuple(notes))
 
 
 def _texts(text: str, path: str | Path) -> list[Any]:
-    """Yield the JSON texts of a file: one, or one a line (GeoJSONSeq, newline-delimited GeoJSON)."""
+    """Return the JSON texts of a file: one, or one per line (GeoJSONSeq, newline-delimited GeoJSON)."""
     count = 0
 
     def look(parsed: Any) -> Any:
@@ -146,13 +144,13 @@ def _texts(text: str, path: str | Path) -> list[Any]:
 
 
 def _after(text: str, place: int) -> int:
-    """Return the place after the separator of two texts."""
+    """Return the index after the separator that follows a text."""
     found = BETWEEN.match(text, place)
     return found.end() if found else place
 
 
 def _hint(text: str) -> str:
-    """Return the probable format of a text that is no JSON."""
+    """Return a hint at the probable format of a text that is no JSON."""
     begin = text[:2_000].lower()
     return next((f" It seems to be {what}." for mark, what in MARKED if mark in begin), "")
 
@@ -177,7 +175,7 @@ def _features(data: Any, path: str | Path, *, several: bool) -> list[Any]:
 
 
 def _other(data: Any) -> str:
-    """Return which other JSON format a text has, and what to do."""
+    """Return a hint at another JSON format, and how to convert it."""
     if not isinstance(data, dict):
         return ""
     if data.get("type") == "Topology":
@@ -205,7 +203,7 @@ WORDS[POLYGONS + LINES + POINTS] = "polygon, line or door"
 def shaped(
     features: Sequence[Feature], kinds: tuple[str, ...], notes: FeatureNotes
 ) -> tuple[list[Feature], NDArray[np.object_]]:
-    """Return geometries of some kinds (n,), in the file's units, and the feature of each; note the others."""
+    """Return geometries of some kinds (n,), in the file's units, and their features; notes tell the others."""
     of: list[Feature] = []
     shapes: list[BaseGeometry] = []
     rest = iter(features)
@@ -221,10 +219,10 @@ def shaped(
 def placed(
     of: Sequence[Feature], shapes: NDArray[np.object_], placement: Placement, notes: FeatureNotes
 ) -> Iterator[tuple[Feature, list[Any]]]:
-    """Yield features, each with the parts of its geometry, m; mended ones are noted.
+    """Yield features with the parts of their geometries, m, in blocks; mended geometries are noted.
 
-    In blocks, between which the limits are looked at. Polygons are valid, and a self-crossing outline is mended;
-    `MapError` for one that crosses itself so often that to mend it would take for ever.
+    Limits are checked between blocks. Polygons are valid: a self-crossing outline is mended, or refused with `MapError`
+    if it crosses itself so often that mending would not end.
     """
     for begin in range(0, len(of), BLOCK):
         limits.check(READING)
@@ -233,7 +231,7 @@ def placed(
         areas = np.isin(shapely.get_type_id(there), AREAS)
         there = _mended(some, there, areas, notes)
         parts, owner = shapely.get_parts(there, return_index=True)
-        parts, outer = shapely.get_parts(parts, return_index=True)  # what was mended may be nested
+        parts, outer = shapely.get_parts(parts, return_index=True)  # a mended geometry may be nested
         owner = owner[outer]
         kept = ~areas[owner] | (np.isin(shapely.get_type_id(parts), AREAS) & (shapely.area(parts) > 0))
         parts, owner = parts[kept], owner[kept]
@@ -251,7 +249,7 @@ def left_out(kind: Any, kinds: tuple[str, ...]) -> str:
 def _shaped(
     feature: Feature, data: Any, kinds: tuple[str, ...], notes: FeatureNotes, deep: int = 0
 ) -> Iterator[BaseGeometry]:
-    """Yield the geometries of a feature in the file's units, those of a collection one by one; notes on the others."""
+    """Yield the geometries of a feature in the file's units, from collections one by one; other kinds are noted."""
     if data is None:
         notes.add(feature, "no geometry, left out")
         return
@@ -267,7 +265,7 @@ def _shaped(
         return
     try:
         geometry = _geometry(feature, data, notes)
-    except Exception as error:  # shapely passes on whatever the coordinates provoke
+    except Exception as error:  # coordinates may raise any exception in shapely
         raise MapError(
             f"{feature}: its coordinates make no {kind}, which has positions [x, y] of two numbers: {error!s:.200}."
         ) from None
@@ -278,7 +276,7 @@ def _shaped(
 
 
 def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> BaseGeometry | None:
-    """Return the geometry of coordinates as GIS writes them: of two or more numbers, rings perhaps not closed."""
+    """Return the geometry of coordinates as GIS programs write them: extra numbers and open rings are allowed."""
     kind = data["type"]
     if kind in POLYGONS:
         data = _with_rings(feature, data, notes)
@@ -297,20 +295,20 @@ def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> Ba
 
 
 def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> dict[str, Any]:
-    """Return polygons with the rings that bound an area; note the others, and rings that are not closed."""
+    """Return polygons with the rings that bound an area; other rings, and open ones, are noted."""
     polygons = data["coordinates"] if data["type"] == "MultiPolygon" else [data["coordinates"]]
     kept, is_whole = [], True
     for polygon in polygons if isinstance(polygons, list) else ():
         rings = []
         for i, ring in enumerate(polygon) if isinstance(polygon, list) else ():
             if not isinstance(ring, list) or not all(isinstance(p, list) and len(p) > 1 for p in ring):
-                return data  # shapely says what is wrong
+                return data  # shapely explains the fault
             if not _bounds_area(ring):
                 is_whole = False
                 if ring:
                     notes.add(feature, f"a ring of fewer than {LEAST_RING} different points, left out")
                 if i == 0:
-                    break  # holes of nothing
+                    break  # without an outer ring its holes do not count
                 continue
             if ring[0][:2] != ring[-1][:2]:
                 notes.add(feature, "a ring that is not closed, closed")
@@ -323,7 +321,7 @@ def _with_rings(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> 
 
 
 def _bounds_area(ring: list[list[Any]]) -> bool:
-    """Return whether a ring has enough different points; usually the first few tell."""
+    """Return whether a ring has enough different points; usually the first few suffice."""
     seen: set[Any] = set()
     for point in ring:
         seen.add(tuple(item if isinstance(item, int | float | str) else None for item in point[:2]))
@@ -342,7 +340,7 @@ def _mended(
     check_mendable_together(crossings, str(of[0].path) if of else "")
     for i in invalid:
         limits.check(READING)
-        reason, *_ = shapely.is_valid_reason(shapes[i]).split("[")  # less where, which no other feature shares
+        reason, *_ = shapely.is_valid_reason(shapes[i]).split("[")  # without the position: features share a note
         notes.add(of[i], f"no valid polygon ({reason}), mended")
         shapes[i] = shapely.make_valid(shapes[i])
     return shapes

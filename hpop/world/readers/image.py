@@ -51,11 +51,10 @@ DECODED, SHADES = 8, 80
 
 
 @dataclass(frozen=True, eq=False)
-class Picture:
+class DecodedImage:
     """Decoded image, row 0 at the top.
 
-    height, width  pixels
-    is_turned      whether it was turned or mirrored as its EXIF orientation says
+    height, width pixels is_turned whether it was rotated or mirrored by its EXIF orientation
     """
 
     height: int
@@ -65,9 +64,9 @@ class Picture:
     is_turned: bool = False
 
     def blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray | None]]:
-        """Yield rows, about a million pixels at a time: brightness (h, W, channels) from 0 to 1, and alpha (h, W).
+        """Yield about a million pixels at a time: rows, brightness (h, W, channels) from 0 to 1, and alpha (h, W).
 
-        Grey images have one channel, coloured ones three; alpha is None for an image without.
+        Grey images have one channel, coloured images three; alpha is None for an image without transparency.
         """
         step = max(1, BLOCK // self.width)
         for top in range(0, self.height, step):
@@ -91,11 +90,11 @@ class Picture:
         return (pixels[..., :-1], pixels[..., -1]) if alpha else (pixels, None)
 
 
-def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> Picture:
-    """Decode an image; white is the largest value of 8 or 16 bits. Its size is checked before pixels are decoded.
+def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> DecodedImage:
+    """Decode an image; white is the largest value of 8 or 16 bits. Its size is checked before decoding.
 
-    Its cells, a byte each, are charged as what stays of it. ``upright`` turns it as its EXIF orientation says, as what
-    shows pictures does, and map_server does not.
+    A byte per cell is charged to the memory limit. ``upright`` applies the EXIF orientation, as image viewers do and
+    map_server does not.
     """
     from PIL import Image, ImageOps, UnidentifiedImageError  # slow to import
 
@@ -118,22 +117,22 @@ def read_image(data: bytes, path: str | Path, *, upright: bool = False) -> Pictu
     pixels = height * width
     limits.hold(READING, pixels, DECODED * pixels + SHADES * min(pixels, BLOCK))
     if not upright or _orientation(image) == 1:
-        return Picture(height, width, image, path)
+        return DecodedImage(height, width, image, path)
     try:
         ImageOps.exif_transpose(image, in_place=True)
     except Exception as error:  # each decoder fails in its own way
         raise _unreadable(image, path, error) from None
     width, height = image.size
-    return Picture(height, width, image, path, is_turned=True)
+    return DecodedImage(height, width, image, path, is_turned=True)
 
 
 def _orientation(image: Any) -> int:
-    """Return the EXIF orientation of an image, from 1 to 8; 1 where it is unknown."""
+    """Return the EXIF orientation of an image, from 1 to 8; 1 if it is unknown."""
     try:
-        found = image.getexif().get(ORIENTATION, 1)
-    except Exception:  # what it says may be anything
+        orientation = image.getexif().get(ORIENTATION, 1)
+    except Exception:  # EXIF data may be broken in any way
         return 1
-    return found if found in range(2, 9) else 1
+    return orientation if orientation in range(2, 9) else 1
 
 
 def _unreadable(image: Any, path: str | Path, error: Exception) -> MapError:
@@ -172,22 +171,22 @@ def read(
         Brightness, from 0 (black) to 1 (white), below which a pixel is an obstacle; colours are averaged,
         transparent pixels lie on white paper.
     smallest_obstacle : float, optional
-        Area, m², below which connected dark pixels are no obstacle: lettering, specks of a scan.
+        Connected dark pixels with less area, m², are no obstacle, such as lettering or specks of a scan.
     inside : (x, y), optional
-        A point of the free space, m: what cannot be reached from it is solid, such as the inside of walls that are
-        drawn as two lines, and all outside of the building.
+        A point in the free space, m. All that cannot be reached from it is solid, such as the inside of walls drawn as
+        two lines, and everything outside the building.
     origin : (x, y, yaw)
         World pose of the image's lower-left corner, m and rad.
     height : (z_min, z_max), optional
-        Heights of all obstacles, m; the whole height by default.
+        Heights of all obstacles, m; unlimited by default.
     outside_is_obstacle : bool
-        Whether the camera counts all beyond the image as obstacle.
+        Whether the area beyond the image obstructs the camera.
     thinnest_obstacle : float, optional
-        Thickness, m, below which lines are no obstacle: the swings of doors, where walls are thicker.
+        Thinner lines, m, are no obstacle, such as the swings of doors between thicker walls.
 
-    A photograph is turned as its EXIF orientation says. ``world.notes`` tell that, how many pixels are neither dark nor
-    light, which grey areas are free, which specks look like lettering and which thin lines close passages, each with
-    the option that makes it otherwise; and what these options left out or closed.
+    A photograph is rotated by its EXIF orientation. ``world.notes`` tell this, the number of grey pixels, which grey
+    areas are free, which specks look like lettering, and which thin lines close passages, each with the option that
+    changes it; and what these options left out or closed.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Reader for planning scenes in YAML, as MoveIt and MotionBenchMaker write them.
 
-Of ``moveit_msgs/PlanningScene`` the objects of the world are read: boxes, cylinders, spheres and convex meshes. Points
-are lists ``[x, y, z]`` or keys ``{x: ..}``, quaternions x, y, z, w. What ``ros2 topic echo`` prints is read as well:
-several messages, a byte as a character. The robot and its states belong to the model: a note says that they are there.
+The world's objects of ``moveit_msgs/PlanningScene`` are read: boxes, cylinders, spheres and convex meshes. Points are
+lists ``[x, y, z]`` or mappings ``{x: ..}``; quaternions are x, y, z, w. The output of ``ros2 topic echo`` is read too:
+several messages, with a byte as a character. The robot and its states are not read; a note says so.
 """
 
 from __future__ import annotations
@@ -49,23 +49,23 @@ CONVEX = 1e-4
 """Share of its hull's volume that a convex mesh may lack: rounding in files. The hull is what counts."""
 
 
-class Part(NamedTuple):
-    """Piece of a file, with its place in words."""
+class SceneEntry(NamedTuple):
+    """Value of a scene file, with its path in words."""
 
     what: str
     given: Any
 
     def fault(self, expected: str) -> MapError:
-        """Return the error for a piece, with the expected and the given value."""
+        """Return an error that states the expected and the actual value."""
         return MapError(f"{self.what} must be {expected}; got {shown(self.given)}.")
 
-    def get(self, key: str) -> Part:
-        """Return the value under a key of a mapping, or None."""
+    def get(self, key: str) -> SceneEntry:
+        """Return the value under a key of a mapping; its value is None if the key is missing."""
         if not isinstance(self.given, dict):
             raise self.fault("a yaml mapping")
-        return Part(f"{self.what}: {key}", self.given.get(key))
+        return SceneEntry(f"{self.what}: {key}", self.given.get(key))
 
-    def entries(self, most: int = MOST_SOLIDS) -> list[Part]:
+    def entries(self, most: int = MOST_SOLIDS) -> list[SceneEntry]:
         """Return the entries of a list; none for a missing one."""
         given = [] if self.given is None else self.given
         if isinstance(given, str) and given.startswith(NO_ARRAY):
@@ -78,7 +78,7 @@ class Part(NamedTuple):
             raise self.fault("a list")
         if len(given) > most:
             raise MapError(f"{self.what} has {len(given):,} entries; at most {most:,} are read.")
-        return [Part(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
+        return [SceneEntry(f"{self.what} {place}", entry) for place, entry in enumerate(given)]
 
     def numbers(self, keys: str) -> tuple[float, ...]:
         """Return numbers in a list, or by the names of axes."""
@@ -93,9 +93,7 @@ class Part(NamedTuple):
 class Object(NamedTuple):
     """Collision object.
 
-    frame   in which it is given
-    pose    (4, 4)  in that frame
-    shapes  with their poses (4, 4) in the object
+    frame frame of the pose pose (4, 4) in that frame shapes with their poses (4, 4) in the object
     """
 
     frame: str
@@ -104,13 +102,13 @@ class Object(NamedTuple):
 
 
 def read(path: str | Path) -> World:
-    """Read the collision objects of a scene's world as solids; a shape is named by the id of its object.
+    """Read the collision objects of a scene's world as solids, each named by the id of its object.
 
-    The extent is the bounding box of the solids and 1 m more on each side. There is no floor but what is an object. Of
-    several messages the later ones that are changes (``is_diff``) are applied. ``world.notes`` say what of the scene is
-    not read: padding and scale of links, the collision matrix, states of the robot, colours, subframes. Whatever would
-    be solid and is not read is refused: other shapes, meshes that are not convex or in other files, planes, octomaps,
-    and objects attached to the robot.
+    The extent is the bounding box of the solids, 1 m larger on each side. There is no floor unless it is an object. Of
+    several messages, later ones that are changes (``is_diff``) are applied. ``world.notes`` list ignored parts: padding
+    and scale of links, the collision matrix, states of the robot, colours, subframes. Solid parts that cannot be read
+    are refused: other shapes, meshes that are not convex or in other files, planes, octomaps, objects attached to the
+    robot.
 
     Raises
     ------
@@ -124,7 +122,7 @@ def read(path: str | Path) -> World:
     objects: dict[str, Object] = {}
     notes: list[str] = []
     for place, given in enumerate(documents or [None]):
-        scene = Part(f"{named(path)}, message {place}" if several else named(path), given)
+        scene = SceneEntry(f"{named(path)}, message {place}" if several else named(path), given)
         is_diff = scene.get("is_diff").given is True
         if place and not is_diff:
             objects.clear()
@@ -148,8 +146,8 @@ def read(path: str | Path) -> World:
     return World(world.ground, notes=(*dict.fromkeys(notes), *world.notes)).read_from(source)
 
 
-def _apply(scene: Part, objects: dict[str, Object], *, is_diff: bool) -> None:
-    """Add the objects of a message to the known ones; MapError for unreadable ones."""
+def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> None:
+    """Apply the objects of a message to the objects so far; MapError for unreadable objects."""
     world = scene.get("world")
     if not isinstance(world.given, dict) or "collision_objects" not in world.given:
         raise MapError(
@@ -164,7 +162,7 @@ def _apply(scene: Part, objects: dict[str, Object], *, is_diff: bool) -> None:
         name = entry.get("id").given
         if not isinstance(name, str) or not name:
             raise entry.get("id").fault("the name of an object")
-        thing = Part(f"{scene.what.partition(', message')[0]}: object {shown(name)}", entry.given)
+        thing = SceneEntry(f"{scene.what.partition(', message')[0]}: object {shown(name)}", entry.given)
         operation = _operation(thing, is_diff=is_diff)
         if name in objects and name not in named_before and operation == ADD:
             raise MapError(f"{thing.what} is there twice, the second time as number {place}; give each its own id.")
@@ -190,8 +188,8 @@ def _apply(scene: Part, objects: dict[str, Object], *, is_diff: bool) -> None:
             named_before.pop(name, None)
 
 
-def _unread(scene: Part) -> Iterator[str]:
-    """Return the parts of a message that are not read although they have a meaning, in words."""
+def _unread(scene: SceneEntry) -> Iterator[str]:
+    """Yield the names of parts of a message that have a meaning but are ignored."""
     paddings = [entry.get("padding") for entry in scene.get("link_padding").entries()]
     scales = [entry.get("scale") for entry in scene.get("link_scale").entries()]
     padded = [
@@ -227,8 +225,8 @@ def _unread(scene: Part) -> Iterator[str]:
             yield f"{scene.what}: {where} {', '.join(map(shown, keys))}, which is not read.{near}"
 
 
-def _transforms(scene: Part) -> dict[str, tuple[str, FloatArray]]:
-    """Return the parent frame of each frame of ``fixed_frame_transforms``, and its pose (4, 4) there."""
+def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
+    """Return the parent frame of each frame of ``fixed_frame_transforms``, and its pose (4, 4) in the parent."""
     found: dict[str, tuple[str, FloatArray]] = {}
     for entry in scene.get("fixed_frame_transforms").entries():
         child, moved = entry.get("child_frame_id"), entry.get("transform")
@@ -241,7 +239,7 @@ def _transforms(scene: Part) -> dict[str, tuple[str, FloatArray]]:
 
 
 def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
-    """Return the root frame of a frame, and its pose (4, 4) there."""
+    """Return the root frame of a frame, and the frame's pose (4, 4) in the root."""
     pose, passed = np.eye(4), set[str]()
     while frame in transforms and frame not in passed:
         passed.add(frame)
@@ -250,8 +248,8 @@ def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> t
     return frame, pose
 
 
-def _refuse_unread(scene: Part) -> None:
-    """Refuse solids beside the objects of the world."""
+def _refuse_unread(scene: SceneEntry) -> None:
+    """Raise MapError for solids that are not among the objects of the world."""
     octomap = scene.get("world").get("octomap")
     if isinstance(octomap.given, dict):
         inside = octomap.get("octomap")
@@ -263,7 +261,7 @@ def _refuse_unread(scene: Part) -> None:
         raise MapError(f"{attached.what} are not read: give what the robot holds as a part of the robot.")
 
 
-def _frame(thing: Part) -> str:
+def _frame(thing: SceneEntry) -> str:
     """Return the frame of an object."""
     header = thing.get("header")
     frame = None if header.given is None else header.get("frame_id").given
@@ -272,7 +270,7 @@ def _frame(thing: Part) -> str:
     return (frame or "").lstrip("/")
 
 
-def _operation(thing: Part, *, is_diff: bool) -> int:
+def _operation(thing: SceneEntry, *, is_diff: bool) -> int:
     """Return the operation of an object; ROS 2 prints the byte as a character."""
     operation = thing.get("operation")
     given = operation.given
@@ -283,7 +281,7 @@ def _operation(thing: Part, *, is_diff: bool) -> int:
 
 
 def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
-    """Check that all objects are given in one frame, the world's."""
+    """Raise MapError unless all objects are given in one frame, the world's."""
     known: dict[str, str] = {}
     for name, frame in frames.items():
         known.setdefault(frame, name)
@@ -295,8 +293,8 @@ def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
         )
 
 
-def _shapes(thing: Part) -> Iterator[tuple[Shape, FloatArray]]:
-    """Return the shapes of an object with their poses in it."""
+def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
+    """Yield the shapes of an object with their poses in it."""
     if thing.get("planes").given:
         raise MapError(
             f"{thing.get('planes').what} have no end and are not read; give a thin box in the place of each."
@@ -314,8 +312,8 @@ def _shapes(thing: Part) -> Iterator[tuple[Shape, FloatArray]]:
             yield make(shape), within
 
 
-def _pose(part: Part, place: str = "position", turned: str = "orientation") -> FloatArray:
-    """Return the pose of ``position`` and ``orientation``; missing ones are identities, as is a quaternion of zeros."""
+def _pose(part: SceneEntry, place: str = "position", turned: str = "orientation") -> FloatArray:
+    """Return the pose of ``position`` and ``orientation``; missing ones, and a quaternion of zeros, are identities."""
     if part.given is None:
         return np.eye(4)
     position, orientation = part.get(place), part.get(turned)
@@ -329,7 +327,7 @@ def _pose(part: Part, place: str = "position", turned: str = "orientation") -> F
         raise error if part.what in str(error) else MapError(f"{part.what}: {error}") from None
 
 
-def _primitive(part: Part) -> Shape:
+def _primitive(part: SceneEntry) -> Shape:
     given = part.get("type").given
     kind = NUMBERED.get(given) if type(given) is int else given
     if not isinstance(kind, str) or kind not in DIMENSIONS:
@@ -349,8 +347,8 @@ def _primitive(part: Part) -> Shape:
         raise MapError(f"{sizes.what}: {error}") from None
 
 
-def _mesh(part: Part) -> Hull:
-    """Return the hull of a convex mesh: all its corners lie on it."""
+def _mesh(part: SceneEntry) -> Hull:
+    """Return a convex mesh as a hull; MapError if it is not convex."""
     if part.get("resource").given is not None:
         raise part.get("resource").fault("left out, and the mesh's vertices and triangles be given: no file is read")
     vertices = np.array([v.numbers("xyz") for v in part.get("vertices").entries(MOST_POINTS)]).reshape(-1, 3)
@@ -368,7 +366,7 @@ def _mesh(part: Part) -> Hull:
     return hull
 
 
-def _triangle(part: Part, count: int) -> list[int]:
+def _triangle(part: SceneEntry, count: int) -> list[int]:
     """Return the three vertices of a triangle."""
     inner = part.get("vertex_indices") if isinstance(part.given, dict) else part
     if not isinstance(inner.given, list) or len(inner.given) != 3:
@@ -377,7 +375,7 @@ def _triangle(part: Part, count: int) -> list[int]:
 
 
 def _is_convex(hull: Hull, corners: FloatArray) -> bool:
-    """Return whether triangles (F, 3, 3) enclose the volume of their hull: closed, with one orientation."""
+    """Return whether triangles (F, 3, 3) enclose the volume of their hull: closed and consistently oriented."""
     a, b, c = (corners - hull.points.mean(axis=0)).transpose(1, 0, 2)
-    held = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
-    return held >= (1 - CONVEX) * hull.volume
+    volume = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
+    return volume >= (1 - CONVEX) * hull.volume

@@ -1,6 +1,6 @@
-"""Placement of a file's coordinates in the world: metres in a plane, degrees on the earth, or a crs by pyproj.
+"""Placement of a file's coordinates in the world: metres in a plane, degrees on the earth, or a crs.
 
-Degrees are put on a plane near by. A crs is a coordinate reference system.
+A crs is a coordinate reference system, which pyproj converts to degrees. Degrees are projected to a tangent plane.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ FLATTENING = 1 / 298.257223563
 
 
 def crs_of(name: Any) -> str:
-    """Return the code of a crs by its name, or `MapError`; degrees of any datum are `DEGREES`.
+    """Return the code of a crs from its name; `MapError` if unknown. Degrees of any datum are `DEGREES`.
 
     >>> crs_of("urn:ogc:def:crs:EPSG::3857"), crs_of("urn:ogc:def:crs:OGC:1.3:CRS84"), crs_of("EPSG:4326")
     ('EPSG:3857', 'EPSG:4326', 'EPSG:4326')
@@ -86,7 +86,7 @@ def declared(member: Any) -> str | None:
 
 
 def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
-    """Return points (n, 2) of a crs, in its units, as longitude and latitude (n, 2); `MapError` without pyproj."""
+    """Convert points (n, 2) of a crs to longitude and latitude (n, 2); `MapError` without pyproj."""
     if crs == DEGREES:
         return points
     try:  # here: an extra, and slow to import
@@ -113,13 +113,13 @@ def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:
 
 
 def on_earth(shapes: NDArray[np.object_], crs: str, what: Any) -> NDArray[np.object_]:
-    """Return geometries (n,) of a crs in longitude and latitude."""
+    """Convert geometries (n,) of a crs to longitude and latitude."""
     flat = shapely.force_2d(shapes)
     return np.asarray(shapely.transform(flat, lambda points: degrees_of(points, crs, what)), dtype=object)
 
 
 def _stretched(points: FloatArray, crs: str) -> str:
-    """Return advice on the scale that makes metres of a web map's coordinates."""
+    """Return advice on the scale that converts web-map coordinates to metres; "" for another crs."""
     if crs not in MERCATOR or not len(points):
         return ""
     return f", or give scale: {1 / math.cosh(float(points[:, 1].mean()) / RADIUS):.4g}"
@@ -129,9 +129,9 @@ def _stretched(points: FloatArray, crs: str) -> str:
 class Placement:
     """Map from a file's coordinates to metres.
 
-    scale   metres a unit of the file
-    origin  the file's point that becomes (0, 0); None is (0, 0), and the south-west corner of a plan in degrees
-    units   "m": a plane's, times the scale; "deg": longitude and latitude; None: what the coordinates look like
+    scale metres a unit of the file origin the file's point that becomes (0, 0); None is (0, 0), and the south-west
+    corner of a plan in degrees units "m": plane coordinates, times the scale; "deg": longitude and latitude; None:
+    guessed from the coordinates
     """
 
     scale: float = 1.0
@@ -149,10 +149,10 @@ class Placement:
             raise MapError(f"units deg are turned into metres as the earth is round; leave out scale {self.scale:g}.")
 
     def settled(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> Placement:
-        """Return the placement with units and origin known, from geometries of features in the file's units.
+        """Return the placement with units and origin determined from the geometries of features.
 
-        Degrees are recognised where all that is there lies within 180 and 90 and spans less than `WIDEST` each way, as
-        no plan in metres does. `MapError` where some features look like degrees and others do not.
+        Coordinates are degrees if they all lie within 180 and 90 and span less than `WIDEST` each way, as no plan in
+        metres does. `MapError` if some features look like degrees and others do not.
         """
         points, owner = shapely.get_coordinates(shapes, return_index=True)
         beyond = ~(np.abs(points) <= FARTHEST_UNIT).all(axis=1)
@@ -188,13 +188,13 @@ class Placement:
         return "m"
 
     def refuse_degrees(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> None:
-        """Raise `MapError` where a file that should be in metres, as its plan is, looks like degrees."""
+        """Raise `MapError` if a file that should be in metres, like its plan, looks like degrees."""
         small = _as_degrees(shapes)
         if self.units == "m" and self.scale == 1.0 and len(small) and small.all():
             raise MapError(f"{_spanned(of, shapes, small)}, but the plan is in metres. Give both in one of them.")
 
     def placed(self, points: FloatArray) -> FloatArray:
-        """Return points (n, 2) in metres; for a settled placement."""
+        """Convert points (n, 2) to metres; the placement must be settled."""
         origin = self.origin or (0.0, 0.0)
         if self.units != "deg":
             return np.asarray((points - origin) * self.scale)
@@ -207,13 +207,13 @@ class Placement:
         return metres
 
     def place(self, shapes: NDArray[np.object_]) -> NDArray[np.object_]:
-        """Return geometries in metres, in the plane; for a settled placement."""
+        """Convert geometries to metres in the plane; the placement must be settled."""
         placed = shapely.transform(shapely.force_2d(shapes), self.placed)
         check_coordinates(placed, "a geometry, less the origin and times the scale,")
         return np.asarray(placed, dtype=object)
 
     def note(self, path: Any, crs: str | None = None) -> tuple[str, ...]:
-        """Return a note on how degrees, or coordinates of a crs, became metres; for a settled placement."""
+        """Return a note on the conversion of degrees or a crs to metres; the placement must be settled."""
         if self.units != "deg" or self.origin is None:
             return ()
         what = "degrees" if crs is None else f"in {crs}"
@@ -224,7 +224,7 @@ class Placement:
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Return which geometries (n,) look like degrees: coordinates on the earth, as small as a building, not points."""
+    """Mark geometries (n,) that look like degrees: on the earth, smaller than a building, and no points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)
@@ -232,14 +232,14 @@ def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
 
 
 def _spanned(of: Sequence[Feature], shapes: NDArray[np.object_], small: BoolArray) -> str:
-    """Return the first feature that looks like degrees, and why it does."""
+    """Describe the first feature that looks like degrees."""
     first = int(small.argmax())
     x0, y0, x1, y1 = shapely.bounds(shapes[first])
     return f"{of[first]} spans {x1 - x0:.3g} x {y1 - y0:.3g} at ({x0:g}, {y0:g}), as degrees do"
 
 
 def check_origin(origin: Any) -> tuple[float, float]:
-    """Return the file's point that becomes (0, 0), as two finite floats, or raise `MapError`."""
+    """Return the file's point that becomes (0, 0), as two finite floats; `MapError` otherwise."""
     try:
         x, y = (float(value) for value in origin)
     except (TypeError, ValueError, OverflowError):
@@ -253,10 +253,10 @@ def check_origin(origin: Any) -> tuple[float, float]:
 
 
 def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
-    """Return points (n, 2), longitude and latitude, in the plane tangent to WGS 84 at the origin, m.
+    """Project points (n, 2), longitude and latitude, to the plane tangent to WGS 84 at the origin, m.
 
-    Seen along the vertical there, lengths shrink by half the square of their distance in radians, 2e-6 at 12 km; beyond
-    a quarter of the earth they are infinite.
+    The projection is along the vertical at the origin. Lengths shrink by half the square of their distance in radians,
+    2e-6 at 12 km; points beyond a quarter of the earth are infinite.
     """
     there, here = _on_earth(degrees), _on_earth(np.array([origin]))[0]
     longitude, latitude = np.radians(origin)
@@ -267,9 +267,9 @@ def _east_north(degrees: FloatArray, origin: tuple[float, float]) -> FloatArray:
 
 
 def _on_earth(degrees: FloatArray) -> FloatArray:
-    """Return points (n, 3) on the ellipsoid from its centre, m; z to the north pole, x to longitude 0."""
+    """Return points (n, 3) on the ellipsoid, m from its centre; z to the north pole, x to longitude 0."""
     longitude, latitude = np.radians(degrees).T
-    squared = FLATTENING * (2 - FLATTENING)  # of the eccentricity
+    squared = FLATTENING * (2 - FLATTENING)  # squared eccentricity
     normal = RADIUS / np.sqrt(1 - squared * np.sin(latitude) ** 2)
     across = normal * np.cos(latitude)
     return np.stack(

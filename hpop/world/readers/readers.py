@@ -1,4 +1,4 @@
-"""Readers of maps by name: those that come with hpop, and those of installed packages.
+"""Registry of the readers of maps by name: those of hpop, and those of installed packages.
 
 A reader is a function ``read(path, **options) -> World``. A package names its own in the entry-point group
 ``hpop.readers``::
@@ -58,7 +58,7 @@ OTHERS = {
 
 
 def reader_of(path: str | Path) -> str:
-    """Return the reader of a file by its ending; a folder is a bag. `MapError` for an unknown ending."""
+    """Return the name of a file's reader by its ending; a folder is a bag. `MapError` for an unknown ending."""
     try:
         ending = Path(path).suffix.lower()
         if os.path.isdir(path):
@@ -77,10 +77,10 @@ def reader_of(path: str | Path) -> str:
 
 
 def read_world(reader: str, path: str | Path, **options: Any) -> World:
-    """Read a world by the reader of that name.
+    """Read a world with the named reader.
 
-    Raises UnknownName that lists the known readers, and MapError where the options are not the reader's, it fails, or
-    what it returns is no World.
+    Raises UnknownName with a list of the readers, and MapError if the reader has no such option, fails, or returns no
+    World.
     """
     read = readers[reader]
     known = inspect.signature(read)

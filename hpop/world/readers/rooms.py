@@ -1,7 +1,7 @@
-"""Rooms, walls and doors of floor plans: walls along lines and round rooms, and doors that open them.
+"""Rooms, walls and doors of floor plans: walls along lines and around rooms, opened at doors.
 
-Indoor maps have rooms that share walls, and doors as points or lines. Drawings have the swings of doors as arcs, lines
-that close a passage although it is open.
+In indoor maps rooms share walls, and doors are points or lines. In drawings the swing of a door is an arc, which seems
+to close an open passage.
 """
 
 from __future__ import annotations
@@ -53,8 +53,8 @@ LINES_AT_ONCE = 1_000
 PLACES_TOLD = 3
 
 
-class Room(NamedTuple):
-    """Room of a plan: its feature and its area, m."""
+class PlanRoom(NamedTuple):
+    """Room of a floor plan: its feature and its area, m."""
 
     feature: Feature
     area: Polygon
@@ -68,25 +68,25 @@ class Door(NamedTuple):
 
 
 def kind_of(feature: Feature) -> str:
-    """Return the kind of a feature of a building: its property ``indoor``, or else ``type``."""
+    """Return the kind of a building's feature: its property ``indoor``, or else ``type``."""
     own = feature.properties
     return str(own.get("indoor", own.get("type", ""))).lower()
 
 
 def is_door(feature: Feature) -> bool:
-    """Return whether a feature is a door by OpenStreetMap's properties, or by its type."""
+    """Return whether a feature is a door by OpenStreetMap's properties or by its type."""
     own = feature.properties
     tagged = any(own.get(key) is not None and truth(own.get(key)) is not False for key in ("door", "entrance"))
     return tagged or kind_of(feature) == "door"
 
 
 def walled(
-    rooms: Sequence[Room], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
+    rooms: Sequence[PlanRoom], doors: Sequence[Door], lines: Sequence[BaseGeometry], width: float, notes: FeatureNotes
 ) -> tuple[BaseGeometry, list[Polygon]]:
-    """Return the free space of rooms without their walls, and other solid lines, both opened at doors; in m.
+    """Return the free space of rooms without their walls, and other solid lines, both opened at doors, m.
 
-    A wall stands along each outline of a room, half of its ``width`` on either side. Areas and corridors have none of
-    their own, so that they go over into each other. A door is open over its own width and through the wall.
+    A wall of thickness ``width`` is centred on each outline of a room. Areas and corridors have no walls, so that they
+    join each other. A door opens the wall over the door's width.
     """
     outlined = [room for room in rooms if kind_of(room.feature) not in UNWALLED]
     outlines = [room.area.boundary for room in outlined]
@@ -112,7 +112,7 @@ def walled(
 
 
 def _opening(door: Door, width: float, notes: FeatureNotes) -> BaseGeometry:
-    """Return the opening of a door in a wall of a width, m: a disc round a point, a strip along a line, or its area."""
+    """Return the opening of a door in a wall, m: a disc round a point, a strip along a line, or the door's area."""
     if isinstance(door.place, Polygon):
         return door.place
     if door.place.length > 0:
@@ -130,8 +130,8 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     return [part for part in shapely.get_parts(geometry).tolist() if isinstance(part, Polygon) and part.area > 0]
 
 
-def touching(rooms: Sequence[Room]) -> tuple[Room, Room] | None:
-    """Return the first two rooms that share a part of their outlines, of the first `MOST_PAIRS` that come near."""
+def touching(rooms: Sequence[PlanRoom]) -> tuple[PlanRoom, PlanRoom] | None:
+    """Return two rooms that share a part of their outlines, or None; at most `MOST_PAIRS` near pairs are tested."""
     areas = np.array([room.area for room in rooms], dtype=object)
     tree = shapely.STRtree(areas)
     looked = 0
@@ -149,12 +149,12 @@ def touching(rooms: Sequence[Room]) -> tuple[Room, Room] | None:
 
 
 def check_width(width: Any) -> float | None:
-    """Return the thickness of walls, m, or None for none; `MapError` for no length."""
+    """Return the thickness of walls, m, or None; `MapError` if it is no length."""
     return None if width is None else check_positive("wall_width", width)
 
 
 def walls(line: LineString, width: float, what: str) -> list[Polygon]:
-    """Return the area within half a width (m) of a line; ends reach as far beyond, so that walls meet without a notch.
+    """Return the area within half a width (m) of a line; square ends let walls meet without a notch.
 
     >>> [wall.bounds for wall in walls(LineString([(0, 0), (4, 0)]), 0.5, "the line")]
     [(-0.25, -0.25, 4.25, 0.25)]
@@ -166,19 +166,16 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
 
 
 def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
-    """Return `walls` of many lines (n,), none of which comes near to itself again and again."""
-    found = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
-    parts: NDArray[np.object_] = shapely.get_parts(found)
+    """Return `walls` of many lines (n,), which must have passed `check_widenable`."""
+    strips = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
+    parts: NDArray[np.object_] = shapely.get_parts(strips)
     return [part for part in parts.tolist() if isinstance(part, Polygon) and part.area > 0]
 
 
 class Arc(NamedTuple):
-    """Arc of a door in a line.
+    """Arc of a door's swing within a line.
 
-    line         which
-    first, last  its points in the line's array, both included
-    radius       m
-    middle       (x, y), m
+    line index of the line first, last its points in the line's array, both included radius m middle (x, y), m
     """
 
     line: int
@@ -189,7 +186,7 @@ class Arc(NamedTuple):
 
 
 def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator[Arc]:
-    """Yield the arcs of doors in lines of points (n, 2), m; a line may also hold the leaf, at an end of its arc."""
+    """Yield the swing arcs of doors in lines of points (n, 2), m; a line may end in the door's leaf."""
     sizes = starts[lines + 1] - starts[lines]
     for number, line in enumerate(lines[(sizes >= POINTS[0]) & (sizes <= POINTS[1])].tolist()):
         if number % LINES_AT_ONCE == 0:
@@ -204,7 +201,7 @@ def door_arcs(points: FloatArray, starts: IntArray, lines: IntArray) -> Iterator
 
 
 def _radius(arc: FloatArray) -> float | None:
-    """Return the radius, m, of points (n, 2) on the swing of a door, or None."""
+    """Return the radius, m, of points (n, 2) if they form the swing of a door, else None."""
     if len(arc) < POINTS[0]:
         return None
     a, b, c = arc[0], arc[len(arc) // 2], arc[-1]
@@ -224,11 +221,11 @@ def _radius(arc: FloatArray) -> float | None:
 
 
 def said_of_doors(arcs: list[Arc], treated: DoorArcs) -> str:
-    """Return a note on arcs of doors."""
-    places = ", ".join(f"({arc.middle[0]:.2f}, {arc.middle[1]:.2f})" for arc in arcs[:PLACES_TOLD])
+    """Return a note on the swing arcs of doors."""
+    examples = ", ".join(f"({arc.middle[0]:.2f}, {arc.middle[1]:.2f})" for arc in arcs[:PLACES_TOLD])
     radii = sorted(arc.radius for arc in arcs)
     size = f"{radii[0]:.2g}" if radii[-1] - radii[0] < 0.01 else f"{radii[0]:.2g} to {radii[-1]:.2g}"
-    what = f"{len(arcs):,} arcs look like the swing of a door, {size} m wide, such as at {places}"
+    what = f"{len(arcs):,} arcs look like the swing of a door, {size} m wide, such as at {examples}"
     if treated == "open":
         return f"{what}: they are left out"
     return f"{what}, and close passages; door_arcs: open leaves them out"

@@ -49,12 +49,9 @@ OCCUPIED, FREE = 65, 19
 class OccupancyMap:
     """Map of map_server: occupied, free and unknown cells.
 
-    occupied, free  (H, W) bool       row 0 at the bottom; a cell that is neither is unknown
-    resolution      float         m
-    origin          (x, y, yaw)   m, m, rad
-    contents        bytes of the yaml file and of the image
-    free_greys      cells that are free although map_saver writes their grey for unknown ones
-    notes           what was mended to read it
+    occupied, free (H, W) bool row 0 at the bottom; a cell that is neither is unknown resolution float m origin (x, y,
+    yaw) m, m, rad contents bytes of the yaml file and of the image free_greys free cells with the grey that map_saver
+    writes for unknown cells notes on repairs
     """
 
     occupied: BoolArray
@@ -80,22 +77,22 @@ def read(
 ) -> World:
     """Read a map_server yaml and its image as a `World` of cells.
 
-    Numbers and ``negate`` may stand in quotes. An image that is not where the yaml file says is looked for beside it:
-    by its name alone, in other letters (``Map.PGM``) or without its ending.
+    Numbers and ``negate`` may be quoted. A missing image is looked for beside the yaml file: by its name alone, in
+    upper or lower case (``Map.PGM``), or without its ending.
 
-    ``world.notes`` tell unknown cells, a ``free_thresh`` that makes free what map_saver wrote as unknown, an image that
-    was found elsewhere, and a mask that closes nothing or has cells that are neither closed nor free.
+    ``world.notes`` tell unknown cells, a ``free_thresh`` that makes cells free that map_saver wrote as unknown, an
+    image found elsewhere, and a mask that closes nothing or has unknown cells.
 
     Parameters
     ----------
     path : path of the yaml file
     unknown_is_free : bool
-        Unknown cells, and all beyond the image, are obstacles unless this is set.
+        Whether unknown cells, and everything beyond the image, are free rather than obstacles.
     keep_out : path of a second yaml file, optional
-        A mask, on any grid: its occupied cells are closed to the robot but invisible to the camera. Of ``mode: scale``
-        those are the cells that map_server publishes as 100, which Nav2's keep-out filter takes as lethal.
+        A mask, on any grid: its occupied cells are closed to the robot but invisible to the camera. With ``mode: scale``
+        these are the cells published as 100, which Nav2's keep-out filter treats as lethal.
     height : (z_min, z_max) in metres, optional
-        Heights of all obstacle cells; the whole height by default.
+        Heights of all obstacle cells; unlimited by default.
 
     Raises
     ------
@@ -141,7 +138,7 @@ def _on_unknown(grid: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 
 def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
-    """Return notes on a keep-out mask that closes nothing, or has cells that are neither closed nor free."""
+    """Return notes on a keep-out mask that closes nothing or has unknown cells."""
     closed = int(mask.occupied.sum())
     says = f"{path}: {closed:,} cells of the mask are closed" if closed else f"{path}: the mask closes nothing"
     if not mask.unknown:
@@ -153,7 +150,7 @@ def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 
 def load(path: str | Path) -> OccupancyMap:
-    """Read a yaml file and its image, and classify the cells; `MapError` for anything but a map."""
+    """Read a yaml file and its image, and classify the cells; `MapError` for other files."""
     content = read_bytes(path, "map file", limit=MAX_YAML)
     data = _mapping(read_text(content, path, "map file"), path)
     data = {key: _plain(value) for key, value in data.items()}
@@ -200,7 +197,7 @@ def load(path: str | Path) -> OccupancyMap:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value with texts of numbers read as numbers, as map_server's YAML does; lists item by item."""
+    """Convert quoted numbers to numbers, as map_server's YAML does; lists item by item."""
     if isinstance(value, list):
         return [_plain(item) for item in value]
     if isinstance(value, str) and NUMBER.fullmatch(value.strip()):
@@ -209,15 +206,15 @@ def _plain(value: Any) -> Any:
 
 
 def _image_beside(path: Path, name: str) -> tuple[Path, tuple[str, ...]]:
-    """Return the image that a yaml file names, and a note where it had to be looked for.
+    """Return the image that a yaml file names, and a note if it was found elsewhere.
 
-    Map files are copied from other machines, whose folders, letters and endings are not here. Only the yaml file's own
-    folder is looked through. What is found nowhere is the path as it was given.
+    Map files copied from other machines may name other folders, cases or endings. Only the yaml file's own folder is
+    searched. If no image is found, the named path is returned.
     """
     given = path.parent / name
     if "\0" in name or os.path.lexists(given):
         return given, ()
-    wanted = PureWindowsPath(name).name.casefold()  # it knows both kinds of slashes
+    wanted = PureWindowsPath(name).name.casefold()  # accepts both kinds of slashes
     matches = {wanted: 0, **{wanted + ending: 1 + i for i, ending in enumerate(ENDINGS)}}
     found: tuple[int, str] | None = None
     for folder in dict.fromkeys((given.parent, path.parent)):
@@ -251,9 +248,8 @@ def classify(
     averaged in with them. ``occ`` is 1 - brightness, or the brightness if negated.
 
     - trinary: occupied if occ > occupied_thresh, free if occ < free_thresh.
-    - scale: the same, but a pixel that is not opaque is unknown. map_server grades the pixels between the
-      thresholds from 0 to 100. Those of 100 are occupied and those of 0 free; the others are unknown, since a cell
-      is an obstacle or not.
+    - scale: as trinary, but a pixel that is not opaque is unknown. map_server grades pixels between the thresholds from
+      0 to 100; here 100 is occupied, 0 is free, and other grades are unknown.
     - raw: the byte itself is the occupancy in percent and above 100 unknown, whatever `negate` says;
       occupied if at least 100 occupied_thresh, free if at most 100 free_thresh.
     """
@@ -308,19 +304,19 @@ def read_bag(
     ----------
     path : path of a ``.bag`` (ROS 1), or of a folder with ``metadata.yaml``, a ``.mcap`` or a ``.db3`` (ROS 2)
     topic : str, optional
-        Where the grid was sent; without it ``/map``, or the only one.
+        Topic of the grid; default: ``/map``, or the only topic with a grid.
     unknown_is_free : bool
-        Cells that are neither occupied (65 % or more) nor free (19 % or less), and all beyond the grid, are obstacles
-        unless this is set: the cells are those of the map that map_saver would save.
+        Whether cells that are neither occupied (65 % or more) nor free (19 % or less), and everything beyond the grid,
+        are free rather than obstacles. These thresholds are map_saver's.
     height : (z_min, z_max) in metres, optional
-        Heights of all obstacle cells; the whole height by default.
+        Heights of all obstacle cells; unlimited by default.
 
     Saved fronts keep the SHA-256 of the message, not of the bag. Message definitions in the bag are not used.
 
     Raises
     ------
     MapError
-        If there is no bag, no map in it (with the topics that it has), or several and none is chosen.
+        If there is no bag, or no map in it, or several maps and no topic is chosen.
     """
     if topic is not None and not isinstance(topic, str):
         raise MapError(f"topic must be the name of a topic, such as /map; got {shown(topic)}.")
@@ -353,7 +349,7 @@ def read_bag(
 
 
 def _checked(path: str | Path) -> str:
-    """Return the whole path of a file or folder; `MapError` for a missing path or one that is no regular file."""
+    """Return the absolute path of a file or folder; `MapError` if it is missing or no regular file."""
     try:
         whole = os.path.abspath(path)
         within = [entry.path for entry in os.scandir(whole)] if os.path.isdir(whole) else [whole]

@@ -9,13 +9,13 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel
 
-PAD = 2  # places of a field's spline are counted from so many nodes before the first
+PAD = 2  # nodes of padding before the first sample of a field
 TOUCHING = 1e-9  # m: an edge nearer than this blocks as if it were this far away
 
 
 @kernel
 def _hit(x: float, y: float, cos: float, sin: float, edges: FloatArray, e: int) -> float:
-    """Return the distance from a point along a direction to an edge, m; inf if the ray misses it or runs along it."""
+    """Return the distance from a point along a direction to an edge, m; inf if the ray misses or is parallel."""
     dx, dy = edges[e, 2] - edges[e, 0], edges[e, 3] - edges[e, 1]
     across = cos * dy - sin * dx
     if across == 0.0:
@@ -42,9 +42,9 @@ def cast(
     reach: float,
     out: FloatArray,
 ) -> None:
-    """Write to out (M, B) the distance of each point, along each direction (B, 2), to the first edge; at most reach.
+    """Write to out (M, B) the distance from each point along each direction (B, 2) to the first edge; at most reach.
 
-    The ray visits the buckets of an `EdgeGrid` in order; a hit counts once it lies in the buckets visited.
+    The ray visits the buckets of an `EdgeGrid` in order, and ends at a hit within the buckets visited so far.
     """
     rows, columns = shape
     right, top = corner[0] + columns * side, corner[1] + rows * side
@@ -104,8 +104,8 @@ def flow(
     """Write to out (M,) the mean, or the largest, angular speed over the bearings; see `Bearings`.
 
     layers (H, W, 3 B): `Bearings.layers`, or the distances (H, W, B) alone; (u, v): positions in grid steps, clamped as
-    in `Field`. tilt (3, M): the velocity upwards and the rotation about x and y, or (3, 0) where all are zero. yaw (M,)
-    is the middle of the bearings seen, and width their angle; or (0,) where all are seen.
+    in `Field`. tilt (3, M): the upward velocity and the rotation about x and y, or (3, 0) if all are zero. yaw (M,) is
+    the middle of the visible bearings and width their angle; yaw is (0,) if all are visible.
     """
     rows, columns, splines = layers.shape
     count = directions.shape[0]
@@ -155,7 +155,7 @@ def flow(
 
 @kernel
 def _weights(s: float, out: FloatArray) -> None:
-    """Return the cubic B-spline weights of four neighbours."""
+    """Write to out the cubic B-spline weights of four neighbours."""
     r = 1.0 - s
     out[0] = r * r * r / 6.0
     out[1] = (4.0 - 6.0 * s * s + 3.0 * s * s * s) / 6.0
@@ -165,10 +165,10 @@ def _weights(s: float, out: FloatArray) -> None:
 
 @kernel
 def _line(turns: IntArray, low: int, left: int, ax: float, ay: float, bx: float, by: float) -> None:
-    """Count one directed line of an outline: nodes to its right gain a turn if it goes down, lose one if it goes up.
+    """Add a directed line of an outline: nodes to its right gain a turn if it goes down, and lose one if it goes up.
 
-    Rows are half open and x is computed from the lower end, so two lines that run to and fro cancel exactly. Row
-    ``low`` and column ``left`` are the first of turns.
+    Rows are half open and x is computed from the lower end, so that opposite lines cancel exactly. ``turns`` begins at
+    row ``low`` and column ``left``.
     """
     high, right = low + turns.shape[0], left + turns.shape[1] - 1
     sign = 1
@@ -197,9 +197,9 @@ def shadows(
 ) -> None:
     """Add to turns (H, W + 1) the outlines of all shadows; sums along a row count the shadows on each node.
 
-    edges (E, 4) grid steps: x0, y0, x1, y1, the solid on the left; u, v grid steps: the light
-    near, far (E,): an edge's shadow goes from ``near`` to ``far`` times its distance; inf is without end
-    shape: rows and columns of the grid; low, left: the first row and column of the part of it that turns are of
+    edges (E, 4) grid steps: x0, y0, x1, y1, the solid on the left; u, v grid steps: the light near, far (E,): an edge's
+    shadow extends from ``near`` to ``far`` times its distance; inf: without end shape: rows and columns of the grid;
+    low, left: the first row and column of ``turns`` in it
     """
     reach = 0.0
     for x in (-u, shape[1] + 1 - u):
@@ -211,7 +211,7 @@ def shadows(
         enters = ax * by - ay * bx < 0.0
         endless = math.isinf(far[e])
         if not enters:
-            if not endless:  # where the light meets the top or bottom face of the prism
+            if not endless:  # the far end: the light passes the top or bottom of the prism
                 _line(turns, low, left, far[e] * ax + u, far[e] * ay + v, far[e] * bx + u, far[e] * by + v)
             continue
         if endless:
@@ -231,7 +231,7 @@ def shadows(
 
 @kernel
 def lit(turns: IntArray, split: int, out: FloatArray) -> None:
-    """Write to out (H, W) the share of the split x split nodes round each sample on which no shadow lies."""
+    """Write to out (H, W) the fraction of the split x split nodes round each sample on which no shadow lies."""
     for row in range(turns.shape[0]):
         count = 0
         for column in range(turns.shape[1] - 1):
@@ -244,7 +244,7 @@ def lit(turns: IntArray, split: int, out: FloatArray) -> None:
 def isovists(
     edges: FloatArray, x: FloatArray, y: FloatArray, radius: float, cos: FloatArray, sin: FloatArray, out: FloatArray
 ) -> None:
-    """Write to out (M,) the share seen from each point of the disc with the radius (m) round it.
+    """Write to out (M,) the visible fraction of the disc with the radius (m) round each point.
 
     edges (E, 4) m: x0, y0, x1, y1, the solid on the left; cos, sin (K,): directions of the rays, the middles of K
     equal sectors from angle 0. Each ray ends where it first enters the solid.
@@ -264,7 +264,7 @@ def isovists(
                 continue
             apart = min(ax * ax + ay * ay, bx * bx + by * by) >= radius * radius
             if apart and (ax * (bx - ax) + ay * (by - ay)) * (bx * (bx - ax) + by * (by - ay)) >= 0.0:
-                continue  # both ends out of reach, on one side of the foot
+                continue  # both ends are out of reach, on one side of the perpendicular
             # A ray in direction u ends at d / (n u): d is the distance of the edge's line, n its normal.
             scale = radius / (length * max(-cross / length, TOUCHING))
             nx, ny = scale * (ay - by), scale * (bx - ax)
@@ -272,7 +272,7 @@ def isovists(
             span = math.atan2(ay, ax) - low
             if span < 0.0:
                 span += 2.0 * math.pi
-            if span > math.pi + 1e-6:  # seen end on: no angle at all
+            if span > math.pi + 1e-6:  # seen end on, so it spans no angle
                 continue
             first = math.ceil(low / sector - 0.5)
             last = math.floor((low + span) / sector - 0.5)
@@ -287,7 +287,7 @@ def isovists(
 
 @kernel
 def _share(s: float, place: int) -> float:
-    """Return the weight of a cubic B-spline's coefficient at one of four places round a point, s past the second."""
+    """Return the cubic B-spline weight of one of the four coefficients round a point, s past the second."""
     r = 1.0 - s
     if place == 0:
         return r * r * r / 6.0
@@ -317,24 +317,23 @@ def unseen(
 ) -> None:
     """Write to out (M,) 1 - the sum, in [0, 1], of the fields whose landmark is within the angle of view.
 
-    values (N,): of all windows one after the other, row by row; a field is 0 beyond its window
-    windows (L, 5): where the values of a field begin, first row, rows, first column, columns on a grid of this shape,
-    of which corner, m, is the first node, spacing, m, apart; the border's values hold beyond the grid
-    marks (L, 3) m: x, y, and by how much they are above the camera; x, y, yaw (M,) m, rad: camera
-    cos_half: cosine of half the angle of view; half_height: half the vertical one, rad, about the camera's pitch (M,),
-    or (0,) where all elevations are in view
+    values (N,): of all windows in turn, row by row; a field is 0 beyond its window windows (L, 5): index of a field's
+    first value, first row, rows, first column, columns, on a grid of this shape; corner, m: the grid's first node;
+    spacing, m; beyond the grid the border's values hold marks (L, 3) m: x, y, and the height above the camera; x, y,
+    yaw (M,) m, rad: camera cos_half: cosine of half the angle of view; half_height: half the vertical one, rad, about
+    the camera's pitch (M,), or (0,) where all elevations are in view
     """
     rows, columns = shape[0] + 2 * PAD, shape[1] + 2 * PAD
     count = len(windows)
     weight = [0.0] * 16
-    value = [math.nan] * count  # of each field at the point, once it was asked for
+    value = [math.nan] * count  # of each field at the point, computed on first use
     px = py = math.nan
     i = j = 0
     for k in range(x.size):
         if math.isnan(x[k]) or math.isnan(y[k]) or math.isnan(yaw[k]):
             out[k] = math.nan
             continue
-        if x[k] != px or y[k] != py:  # turns in place ask many times at one point
+        if x[k] != px or y[k] != py:  # turns in place evaluate one point many times
             px, py = x[k], y[k]
             a = min(max((px - corner_x) / spacing, 1.0), columns - 2.0)
             b = min(max((py - corner_y) / spacing, 1.0), rows - 2.0)

@@ -1,7 +1,7 @@
-"""Camera surroundings: distances to the nearest surface along bearings, optic flow, and bearings of things in view.
+"""Camera surroundings: distances to surfaces along bearings, optic flow, and landmarks in view.
 
-Surfaces are the outlines of obstacles that overlap a height range, and the border of the extent where the outside
-counts as obstacle. Keep-out zones, other borders and people are no surfaces: the camera sees through them.
+Surfaces are the outlines of obstacles that overlap a height range, and the extent's border if the outside counts as
+obstacle. Keep-out zones, other borders and people are invisible.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ UP_AND_DOWN = math.pi - 1e-3
 """Vertical angles of view from here on, rad, hold all from straight down to straight up."""
 
 
-class Seen(NamedTuple):
-    """Bearings in a camera's view: ``width`` rad about its yaw (M,), rad."""
+class ViewAngles(NamedTuple):
+    """Bearings within a camera's view: ``width`` rad about its yaw (M,), rad."""
 
     yaw: Column
     width: float
@@ -68,12 +68,11 @@ class Bearings:
     spacing     float      m
     origin      (x, y)     m   where distances[PAD, PAD] was sampled
 
-    Beside a straight wall the distance along a bearing is linear in the position, so its spline is exact, from two
-    steps off the wall and its ends on. Where one surface hides another the distance jumps, and flow needs its inverse:
-    a spline that blurs the jump first and is inverted then is far too small on average. There the inverse itself is
-    blurred, over four steps. What remains, against exact rays among 70 small boxes in a hall of 16 x 12 m: mean flow
-    along a move .6 % too large on average, at most 2.1 % off (mean over bearings; inverting last it was 6 % too small,
-    at worst 16 %).
+    Near a straight wall the distance along a bearing is linear in the position, so its spline is exact more than two
+    steps from the wall and its ends. Where one surface hides another the distance jumps. Flow needs the inverse, and
+    inverting a blurred jump gives far too small values, so near jumps the inverse itself is sampled. Compared with
+    exact rays among 70 small boxes in a hall of 16 x 12 m, mean flow along a move is .6 % too large on average, and at
+    most 2.1 % off.
     """
 
     directions: FloatArray
@@ -88,10 +87,10 @@ class Bearings:
         return self._distances(bearing)(x, y)
 
     def layers(self, nearest: float) -> FloatArray:
-        """Return the coefficients (H, W, 3 B) of three splines a bearing, computed once for each ``nearest``, m.
+        """Return the coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
 
-        The distance; its inverse, 1/m, of at least ``nearest``; and the share, 1 wherever a jump is among the sixteen
-        nodes of a spline, of the spline of the inverse against the inverse of the spline.
+        They are the distance; the inverse, 1/m, of the distance or ``nearest``; and the weight of that inverse, which
+        is 1 where a jump is among a spline's sixteen nodes, and else 0, so that the distance is inverted.
         """
         if nearest not in self._layers:
             sampled = self.distances[PAD:-PAD, PAD:-PAD]
@@ -101,7 +100,7 @@ class Bearings:
         return self._layers[nearest]
 
     def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
-        """Return the inverse (M,), 1/m, of the distance along a bearing, with the distance at least ``nearest`` m."""
+        """Return the inverse (M,), 1/m, of the distance along a bearing, at least ``nearest`` m."""
         layers, count = self.layers(nearest), len(self.directions)
         plain = 1.0 / np.maximum(read(self._distances(bearing)), nearest)
         if not layers[..., 2 * count + bearing].any():
@@ -113,9 +112,9 @@ class Bearings:
         return plain + share * (blurred - plain)
 
     def _reader(self, x: Column, y: Column) -> Callable[[Field], Column]:
-        """Return a function that reads fields on this grid at points; for MX it converts the points once.
+        """Return a function that evaluates fields on this grid at points; MX points are converted once.
 
-        For SX each field converts them: programs are known to converge with derivatives that add up in that order.
+        SX points are converted for each field, because programs are tested with derivatives summed in that order.
         """
         if is_symbolic(x) or is_symbolic(y):
             places = self._distances(0).places(x, y)
@@ -132,14 +131,14 @@ class Bearings:
         return self._fields[key]
 
     def mean_flow(
-        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
+        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: ViewAngles | None = None
     ) -> Column:
-        """Return the mean (M,), rad/s, over the bearings of the speed at which surfaces move on the view sphere.
+        """Return the mean (M,), rad/s, over bearings, of the speed at which surfaces move on the view sphere.
 
         A camera that moves with ``velocity`` m/s and turns at ``rotation`` rad/s, world frame, sees a surface at
-        distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by
-        v_z / d + w_x sin b - w_y cos b down. Distances below ``nearest`` m count as that. Where not all bearings are
-        ``seen``, each counts by the share of the 2 pi / B about it that is.
+        distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by v_z
+        / d + w_x sin b - w_y cos b down. Distances below ``nearest`` m count as ``nearest``. With a limited view, each
+        bearing is weighted by the visible fraction of its sector of 2 pi / B.
         """
         if not self._on_symbols(x, y, velocity, rotation, seen):
             return self._kernel(x, y, velocity, rotation, nearest, seen, largest=False)
@@ -152,12 +151,12 @@ class Bearings:
         return sum(share * shift for share, shift in zip(shares, shifts, strict=True)) / sum(shares)
 
     def peak_flow(
-        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: Seen | None = None
+        self, x: Column, y: Column, velocity: Vector, rotation: Vector, nearest: float, seen: ViewAngles | None = None
     ) -> Column:
-        """Return the largest (M,), rad/s, of the speeds of which `mean_flow` returns the mean.
+        """Return the maximum (M,), rad/s, over bearings, of the speeds averaged by `mean_flow`.
 
-        Of the splines of the distances: what a jump blurs lasts too short for either to show its peak. Of bearings any
-        part of which is seen; on symbols a bearing at the edge of the view comes in within SMOOTHING.
+        It inverts the splines of distances, also near jumps, which pass too quickly to show a peak. A bearing counts if
+        any part of its sector is visible; on symbols it fades in at the edge of the view within SMOOTHING.
         """
         if not self._on_symbols(x, y, velocity, rotation, seen):
             return self._kernel(x, y, velocity, rotation, nearest, seen, largest=True)
@@ -177,14 +176,14 @@ class Bearings:
         """Return the angle between two bearings, rad."""
         return 2.0 * math.pi / len(self.directions)
 
-    def _share(self, bearing: int, seen: Seen) -> Column:
-        """Return the seen share (M,) of the sector about a bearing."""
+    def _share(self, bearing: int, seen: ViewAngles) -> Column:
+        """Return the visible fraction (M,) of the sector about a bearing."""
         angle = bearing * self.sector - seen.yaw
         off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
         inside = (0.5 * seen.width - off) / self.sector + 0.5
         return np.maximum(np.minimum(inside, min(1.0, seen.width / self.sector)), 0.0)
 
-    def _on_symbols(self, x: Column, y: Column, velocity: Vector, rotation: Vector, seen: Seen | None) -> bool:
+    def _on_symbols(self, x: Column, y: Column, velocity: Vector, rotation: Vector, seen: ViewAngles | None) -> bool:
         return any(map(is_symbolic, (x, y, *velocity, *rotation, None if seen is None else seen.yaw)))
 
     def _shifts(self, velocity: Vector, rotation: Vector, inverses: Iterator[Column]) -> Iterator[Column]:
@@ -201,7 +200,7 @@ class Bearings:
         velocity: Vector,
         rotation: Vector,
         nearest: float,
-        seen: Seen | None,
+        seen: ViewAngles | None,
         *,
         largest: bool,
     ) -> FloatArray:
@@ -220,10 +219,10 @@ class Bearings:
 
 
 def as_seen(world: World, heights: Heights) -> World:
-    """Return the world as a camera sees it within a range of heights, m: its `clearance` is the distance to surfaces.
+    """Return the world as a camera sees it within a range of heights, m; its `clearance` is the distance to surfaces.
 
-    That is exact up to `MARGIN` beyond the extent, where this world ends. It is computed once for each ground, range
-    and class of world.
+    Distances are exact up to `MARGIN` beyond the extent, where this world ends. The result is cached for each ground,
+    range and class of world.
     """
     ground = world.ground
 
@@ -236,7 +235,7 @@ def as_seen(world: World, heights: Heights) -> World:
 
 
 def bearings(world: World, z: float, count: int = 16) -> Bearings:
-    """Return the distances along ``count`` bearings at height z, m; computed once for each ground and height."""
+    """Return the distances along ``count`` bearings at height z, m, cached for each ground and height."""
     z = real("the height of bearings", z, -MOST, MOST, "a length in m")
     count = whole("the number of bearings", count, 4)
 
@@ -260,7 +259,7 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
-    """Return where a distance (H, W, B) is not linear within two nodes, except inside obstacles."""
+    """Mark nodes and bearings (H, W, B) where the distance is not linear within two nodes, except inside obstacles."""
     rows, columns, count = distances.shape
     bends = np.zeros((rows + 4, columns + 4, count), dtype=bool)
     inside = bends[2:-2, 2:-2]
@@ -290,7 +289,7 @@ def _cast(edges: FloatArray, x: FloatArray, y: FloatArray, directions: FloatArra
 
 
 def _is_walled(ground: Ground, heights: Heights) -> bool:
-    """Return whether the outside of the extent is obstacle at these heights: it is as high as the raster's cells."""
+    """Return whether the outside of the extent is obstacle at these heights, where it has the raster's height."""
     return ground.outside_is_obstacle and (ground.raster is None or ground.layer(heights).cells)
 
 

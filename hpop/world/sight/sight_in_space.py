@@ -1,8 +1,8 @@
 """Visibility and openness for a camera whose height changes, by rays against solids in space.
 
-The counterpart of :mod:`hpop.world.sight.visibility`, which samples fields at one height, for places anywhere: line by
-line, so the borders of shadows and of the view are sharp. The view is the camera's own, tilted and rolled as it is. As
-there, the body that contains a landmark does not hide it, and floor and ceiling hide nothing.
+It complements :mod:`hpop.world.sight.visibility`, which samples fields at one height. Each line of sight is tested, so
+the borders of shadows and of the view are sharp. The view tilts and rolls with the camera. In both modules the body
+that contains a landmark does not hide it, and floor and ceiling hide nothing.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def landmarks_unseen(
     world: World, pose: Pose, size: int, *, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """Return 1 - the weighted mean (N,) of how well landmarks are seen, as `.visibility.landmarks_unseen`."""
+    """Return 1 - the weighted mean visibility (N,) of the landmarks, as `.visibility.landmarks_unseen` does."""
     landmarks = world.content.landmarks
     seen, total = np.zeros(size), 0.0
     for landmark in landmarks:
@@ -41,7 +41,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float) -> FloatArray:
-    """Return 1 (N,) where a camera in front of a landmark, at most ``far`` m off, has a free line to it, else 0."""
+    """Return 1 (N,) where a camera in front of a landmark, within ``far`` m, has a free line to it, else 0."""
     offset = _from_landmark(pose, landmark, size)
     close = (np.linalg.norm(offset, axis=1) <= far) & (_in_front(offset, landmark) > 0.0)
     seen = np.zeros(size)
@@ -62,7 +62,7 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: flo
 
 
 def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
-    """Return the open share (N,), in [0, 1], of the level disc of ``radius`` m round the camera."""
+    """Return the open fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m round the camera."""
     directions = over_sphere(RAYS, height=0.0)
     place = rows((pose.x, pose.y, pose.z), size)
     distances = surfaces_of(world).first_hits(place, np.broadcast_to(directions, (size, *directions.shape)), radius)
@@ -75,7 +75,7 @@ def _from_landmark(pose: Pose, landmark: Landmark, size: int) -> FloatArray:
 
 
 def _in_front(offset: FloatArray, landmark: Landmark) -> FloatArray:
-    """Return the cosine (N,), at least 0, between a landmark's front and the camera in the plane; 1 without front."""
+    """Return the cosine (N,), at least 0, between a landmark's front and the camera in the plane; 1 without a front."""
     if landmark.facing is None:
         return np.ones(len(offset))
     flat = np.hypot(offset[:, 0], offset[:, 1])

@@ -1,13 +1,13 @@
 """Visibility of landmarks behind obstacles, and openness of the space round a camera, as fields over the plane.
 
-Both are sampled once per ground and camera height and kept by the ground. A line of sight runs in three dimensions: an
-obstacle hides a landmark where the line passes over the obstacle's outline between its bottom and its top.
+Both are sampled once per ground and camera height, and cached by the ground. Lines of sight are three-dimensional: an
+obstacle hides a landmark if the line crosses its outline between its bottom and its top.
 
-An obstacle begins to hide where a line from the landmark *enters* it. So the body that contains a landmark (a display
-case, the cell of a map in which a picture hangs) does not hide it, unless the line has left it and enters it again. A
-picture on a wall needs a ``facing``, or it is seen from behind the wall as well.
+An obstacle hides a landmark only if a line from the landmark *enters* it. So a body that contains the landmark (a
+display case, or the map cell of a picture) does not hide it, unless the line leaves and re-enters the body. A picture
+on a wall needs a ``facing``, or it is also seen from behind the wall.
 
-Obstacles are those of the world, each with its heights, and all beyond the extent if `World.outside_is_obstacle`.
+Obstacles are those of the world, with their heights, and the area beyond the extent if `World.outside_is_obstacle`.
 Keep-out zones and people hide nothing.
 """
 
@@ -72,11 +72,11 @@ class Window(NamedTuple):
 
 
 def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float = math.inf) -> Field:
-    """Return whether a camera at height ``camera_z``, m, has a free line to a landmark, 1 or 0, as a `Field`.
+    """Return a `Field` that is 1 where a camera at height ``camera_z``, m, has a free line to a landmark, else 0.
 
-    Nothing is said of cameras more than ``far`` m from it, in x or in y. Each sample is the share of nine exact lines
-    spread over its cell, so values between are met within two and a half cells of the border of a shadow, and nowhere
-    else.
+    It is undefined for cameras more than ``far`` m from the landmark, in x or in y. Each sample is the mean of nine
+    exact lines spread over its cell, so values between 0 and 1 occur only within two and a half cells of a shadow's
+    border.
 
     >>> from hpop.world import World
     >>> room = World.from_polygons([shapely.box(4, 2, 5, 3)], extent=shapely.box(0, 0, 10, 5))
@@ -89,11 +89,10 @@ def line_of_sight(world: World, landmark: Landmark, camera_z: float, far: float 
 
 
 def landmark_field(world: World, index: int, camera_z: float, near: float, far: float) -> Field:
-    """Return how well a landmark, by place in ``world.content.landmarks``, is seen, in [0, 1], at any yaw.
+    """Return the visibility, in [0, 1], of the landmark ``world.content.landmarks[index]``, for any yaw.
 
-    Line of sight, times the cosine between the landmark's front and the direction to the camera in the plane, 0 from
-    behind (1 from all sides if it has no front), times 1 up to ``near`` m, falling linearly to 0 at ``far`` m from the
-    camera.
+    It is the line of sight, times the cosine, at least 0, between the landmark's front and the direction to the camera
+    in the plane (1 without a front), times a factor of distance: 1 up to ``near`` m, then linear to 0 at ``far`` m.
     """
     ground, landmark = world.ground, world.content.landmarks[index]
     key = ("landmark", landmark, float(camera_z), float(near), float(far))
@@ -117,10 +116,10 @@ def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far:
 def landmarks_unseen(
     world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi, vertical: float = math.pi
 ) -> Column:
-    """Return 1 - the weighted mean (M,), over all landmarks, of how well each is seen; in [0, 1].
+    """Return 1 - the weighted mean visibility (M,) of all landmarks; in [0, 1].
 
-    A landmark counts when its bearing is at most ``fov`` / 2 off the camera's yaw and its elevation at most
-    ``vertical`` / 2 off the camera's pitch, rad; on symbols these edges are smoothed. Roll is not applied.
+    A landmark is in view if its bearing is within ``fov`` / 2 of the camera's yaw and its elevation within ``vertical``
+    / 2 of its pitch, rad; on symbols these edges are smoothed. Roll is ignored.
     """
     if fov >= ALL_ROUND and vertical >= UP_AND_DOWN:
         return _by_height(pose, lambda z: _unseen_all_round(world, z, near, far)(pose.x, pose.y))
@@ -131,7 +130,7 @@ def landmarks_unseen(
 
 
 def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
-    """Return whether (M,) a camera in front of a landmark, within ``far`` m, has a free line to it; numbers only."""
+    """Mark poses (M,) of a camera in front of a landmark, within ``far`` m, with a free line to it; numbers only."""
     dx, dy = pose.x - landmark.x, pose.y - landmark.y
     free = _by_height(pose, lambda z: line_of_sight(world, landmark, z, far)(pose.x, pose.y)) > 0.5
     close = dx * dx + dy * dy + (pose.z - landmark.z) ** 2 <= far * far
@@ -141,15 +140,15 @@ def sees(world: World, pose: Pose, landmark: Landmark, *, far: float) -> Column:
 
 
 def openness(world: World, pose: Pose, radius: float) -> Column:
-    """Return the open share (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
+    """Return the open fraction (M,), in [0, 1], of the disc of ``radius`` m round the camera; see `openness_field`."""
     return _by_height(pose, lambda z: openness_field(world, z, radius)(pose.x, pose.y))
 
 
 def openness_field(world: World, camera_z: float, radius: float) -> Field:
     """Return the area of the isovist, ½ ∫ R(θ)² dθ with R up to ``radius`` m, over pi radius², as a `Field`.
 
-    R is the distance to the first obstacle that reaches the camera's height, along 360 rays; 0 within obstacles. One
-    ray more or less at the edge of a gap changes the share by at most 1/360.
+    R is the distance, along 360 rays, to the first obstacle that reaches the camera's height; 0 within obstacles. A ray
+    at the edge of a gap changes the result by at most 1/360.
     """
     radius = real("the radius of an isovist", radius, LEAST, MOST, "a length in m")
     ground = world.ground
@@ -158,7 +157,7 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
 
 
 def _by_height(pose: Pose, evaluate: Callable[[float], Column]) -> Column:
-    """Return the values (M,) of ``evaluate`` at each camera's height."""
+    """Evaluate a function for each distinct camera height, and return the values (M,)."""
     if is_symbolic(pose.z):
         raise OptionError("visibility needs camera heights as numbers; here they are variables.")
     heights = np.asarray(pose.z, dtype=np.float64)
@@ -214,7 +213,7 @@ def _unseen_on_symbols(
 def _unseen_in_view(
     world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """Return `landmarks_unseen` on numbers: spline weights are computed once a point for all landmarks."""
+    """Return `landmarks_unseen` on numbers; spline weights are computed once per point for all landmarks."""
     from hpop.world.sight._kernels import unseen  # numba is slow to import
 
     ground, landmarks = world.ground, world.content.landmarks
@@ -256,7 +255,7 @@ def _unseen_in_view(
 
 
 def _lit(ground: Ground, landmark: Landmark, camera_z: float, far: float) -> Window:
-    """Return the share of free lines of sight round each sample up to ``far`` m away in x and y, with a margin."""
+    """Return the fraction of free lines of sight round each sample, up to ``far`` m away in x and y, with a margin."""
     from hpop.world.sight._kernels import lit, shadows  # numba is slow to import
 
     limits.check(SIGHT)
@@ -294,10 +293,10 @@ def _within(places: FloatArray, centre: float, far: float) -> slice:
 
 
 def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: float) -> tuple[FloatArray, FloatArray]:
-    """Return where the shadow of each prism begins and ends, in multiples (E,) of the distance of its outline.
+    """Return the begin and end of each prism's shadow, in multiples (E,) of the distance of its outline.
 
-    At a share t of the way to the camera the line of sight has the height z(t); it is between bottom and top for t in
-    (low, high), whatever the camera's place. An outline at distance d hides the cameras at d / t, from d / high to d /
+    At a fraction t of the way to the camera the line of sight has height z(t), which is between bottom and top for t in
+    (low, high), independent of the camera's position. So an outline at distance d hides cameras from d / high to d /
     low.
     """
     rise = camera_z - landmark_z
@@ -307,7 +306,7 @@ def _hiding(bottom: FloatArray, top: FloatArray, landmark_z: float, camera_z: fl
     ends = np.sort(np.stack([bottom - landmark_z, top - landmark_z]) / rise, axis=0)
     low, high = np.clip(ends, 0.0, 1.0)
     hides = high > low
-    touches = low < 1e-9  # the landmark's own height: without end
+    touches = low < 1e-9  # the prism reaches the landmark's height: endless shadow
     far = np.where(touches, np.inf, 1.0 / np.where(touches, 1.0, low))
     return np.where(hides, 1.0 / np.where(hides, high, 1.0), np.inf), far
 
@@ -344,7 +343,7 @@ def _sample_openness(ground: Ground, camera_z: float, radius: float) -> Field:
 
 
 def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
-    """Return the places of the points in each square of a side, m."""
+    """Return the indices of the points in each square of a given side, m."""
     column, row = np.floor((x - x.min()) / side), np.floor((y - y.min()) / side)
     number = (row * (column.max() + 1) + column).astype(np.int64)
     order = np.argsort(number, kind="stable")
@@ -355,7 +354,7 @@ def _tiles(x: FloatArray, y: FloatArray, side: float) -> list[Any]:
 
 
 def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, float]:
-    """Return positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
+    """Return the positions (xs, ys) of the samples, and their spacing, m, at least ``least``."""
     x0, y0, x1, y1 = ground.bounds
     spacing = max(ground.cell, least, math.sqrt((x1 - x0) * (y1 - y0) / MAX_NODES))
     xs, ys = grid_points(ground.bounds, spacing)
@@ -390,7 +389,7 @@ def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _edges(geometry: BaseGeometry) -> FloatArray:
-    """Return edges (E, 4) of a geometry's polygons, m, each with the inside on its left."""
+    """Return the edges (E, 4) of a geometry's polygons, m, each with the inside on its left."""
     parts = [part for part in shapely.get_parts(geometry) if part.area > 0]
     rings = shapely.get_rings(shapely.orient_polygons(np.array(parts, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)

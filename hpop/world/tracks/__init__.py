@@ -1,4 +1,4 @@
-"""Tracks: recorded or predicted places of people at times, and their files."""
+"""Tracks: recorded or predicted positions of people over time, and their files."""
 
 from hpop.world.tracks.reading import read_tracks
 from hpop.world.tracks.track import Track

@@ -1,10 +1,10 @@
-"""Tracks as a table in text: a row for each person and time, with or without a header.
+"""Tracks as a text table: a row for each person and time, with or without a header.
 
-With a header, which may be a comment, the columns may be in any order: an id (id, person, track, agent, ...), a time
-(t, time) or a frame (frame), x and y; units may stand in it (``x/cm``, ``x [cm]``, ``time/ms``). Without a header they
-are id, t, x, y, t being a frame where a frame rate is given; or frame, id, x, y, as the tracks of ETH and UCY are
-mostly passed on, where people then walk in shorter steps. Ids may be words; commas, semicolons, tabs or blanks
-separate. Numbers may have decimal commas where another character separates.
+A header, which may be a comment, names the columns in any order: an id (id, person, track, agent, ...), a time (t,
+time) or a frame (frame), x and y; it may state units (``x/cm``, ``x [cm]``, ``time/ms``). Without a header the columns
+are id, t, x, y, where t is a frame if a frame rate is given; or frame, id, x, y, as in common copies of the ETH and UCY
+data, if people then walk in shorter steps. Ids may be words. Columns are separated by commas, semicolons, tabs or
+blanks; decimal commas are allowed unless commas separate.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
-from hpop.world.tracks.table import MOST_ROWS, UNITS, Asked, Tracks, identity, tracks_of
+from hpop.world.tracks.table import MOST_ROWS, UNITS, TrackFile, Tracks, identity, tracks_of
 
 NAMES = {
     "id": ("id", "person", "person_id", "personid", "persid", "pers_id", "track", "track_id", "trackid", "agent",
@@ -54,12 +54,10 @@ CLOSER = 0.7
 
 
 class Columns(NamedTuple):
-    """Columns of a table by their titles.
+    """Columns of a table of tracks, by their titles.
 
-    places  of "id", "t" or "frame", "x" and "y"
-    unit    of places, as the titles say it, or None
-    second  the unit of times, s, as the titles say it, or None
-    unread  titles of all other columns
+    places index of "id", "t" or "frame", "x" and "y" unit of positions, as stated in the titles, or None second the
+    unit of times, s, as stated in the titles, or None unread titles of all other columns
     """
 
     places: dict[str, int]
@@ -68,15 +66,15 @@ class Columns(NamedTuple):
     unread: tuple[str, ...]
 
 
-def titled(titles: Sequence[str], asked: Asked) -> Columns:
-    """Return the columns of titles; MapError where one is missing, named twice or in an unknown unit."""
+def titled(titles: Sequence[str], source: TrackFile) -> Columns:
+    """Return the columns of titles; MapError if one is missing, repeated or in an unknown unit."""
     places, units = dict[str, int](), {"t": set[str](), "x": set[str]()}
     for place, title in enumerate(titles):
         kind, unit = _kind(title)
         if kind is None:
             continue
         if kind in places:
-            raise asked.error(f"has two columns for {kind}: {shown(titles[places[kind]])} and {shown(title)}.")
+            raise source.error(f"has two columns for {kind}: {shown(titles[places[kind]])} and {shown(title)}.")
         places[kind] = place
         if unit is not None and kind != "id":
             units["t" if kind in ("t", "frame") else "x"].add(unit)
@@ -84,14 +82,14 @@ def titled(titles: Sequence[str], asked: Asked) -> Columns:
     if not {"t", "frame"} & set(places):
         lacking.insert(1, "t or frame")
     if lacking:
-        raise asked.error(f"lacks a column for {', '.join(lacking)}; its header is {shown(list(titles))}.")
+        raise source.error(f"lacks a column for {', '.join(lacking)}; its header is {shown(list(titles))}.")
     if {"t", "frame"} <= set(places):
-        del places["frame"]  # both say the same; times need no rate
+        del places["frame"]  # both are equivalent; times need no rate
     for what, known, given in (("places", UNITS, units["x"]), ("times", SECONDS, units["t"])):
         if what == "times" and "frame" in places:
             continue  # a frame has no unit
         if len(given) > 1 or given - set(known):
-            raise asked.error(f"has {what} in {', '.join(sorted(given))}; expected one of {', '.join(known)}.")
+            raise source.error(f"has {what} in {', '.join(sorted(given))}; expected one of {', '.join(known)}.")
     unread = tuple(
         title.strip()
         for place, title in enumerate(titles)
@@ -102,7 +100,7 @@ def titled(titles: Sequence[str], asked: Asked) -> Columns:
 
 
 def are_titles(words: Sequence[str]) -> bool:
-    """Return whether words name the columns of a table of tracks."""
+    """Return whether words are the titles of a table of tracks."""
     kinds = {_kind(word)[0] for word in words}
     return {"id", "x", "y"} <= kinds and bool({"t", "frame"} & kinds)
 
@@ -120,46 +118,45 @@ def _named(name: str) -> str | None:
 
 
 class Comments(NamedTuple):
-    """Contents of the comments (lines that begin with #) above the first row of a track file.
+    """Comments (lines that begin with #) above the first row of a track file.
 
-    rate    frames a second, or None
-    titles  of the columns, or none
+    rate frames a second, or None titles of the columns, or ()
     """
 
     rate: float | None
     titles: tuple[str, ...]
 
 
-def comments_of(text: str, asked: Asked) -> Comments:
-    """Return the contents of the comments above the rows; MapError for a frame rate that is no number."""
+def comments_of(text: str, source: TrackFile) -> Comments:
+    """Return the comments above the rows; MapError for a frame rate that is no number."""
     lines = [line for line in text[:HEAD].splitlines() if line.lstrip().startswith("#")]
     rate = next((found for line in lines if (found := RATE.match(line.strip()))), None)
     split = [re.split(r"[\s,;]+", UNITED.sub(r"/\1\2", line.strip().lstrip("#").strip())) for line in lines]
     titles = next((words for words in reversed(split) if are_titles(words)), [])
-    return Comments(_rate(rate.group(1), asked) if rate else None, tuple(titles))
+    return Comments(_rate(rate.group(1), source) if rate else None, tuple(titles))
 
 
-def _rate(text: str, asked: Asked) -> float:
+def _rate(text: str, source: TrackFile) -> float:
     try:
         return float(text)
     except ValueError:
-        raise asked.error(
+        raise source.error(
             f"says that there are {shown(text)} frames a second; expected a number, such as 12.5."
         ) from None
 
 
-def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
-    """Return tracks by id; MapError for a file of another form."""
-    said, rows = comments_of(text, asked), _rows(text, asked)
+def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
+    """Return tracks by id; MapError for a file of another format."""
+    said, rows = comments_of(text, source), _rows(text, source)
     first = next(rows, None)
     if first is None:
-        raise asked.error("has no rows: expected id, t, x, y.")
+        raise source.error("has no rows: expected id, t, x, y.")
     header = not said.titles and not _is_number(first[-1])
     titles = first if header else said.titles
-    columns = titled(titles, asked) if titles else None
-    places = _without_titles(first, asked) if columns is None else columns.places
+    columns = titled(titles, source) if titles else None
+    places = _without_titles(first, source) if columns is None else columns.places
     lines = _Lines(text, header)
-    table = _Table.of(rows if header else chain([first], rows), places, lines, asked)
+    table = _Table.of(rows if header else chain([first], rows), places, lines, source)
     unit: str | None = None
     second: float | None = None
     notes: tuple[str, ...] = ()
@@ -167,24 +164,24 @@ def tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) ->
         table = table.ordered(frames=said.rate is not None)
         order = ",".join(table.cells)
         notes = (f"has no header, so its columns are taken as {order}; name them in a first line if they are others",)
-        asked = replace(asked, hint=f" It {notes[0]}.")
+        source = replace(source, hint=f" It {notes[0]}.")
     else:
         unit, second = columns.unit, columns.second
         notes = (f"has columns that are not read: {', '.join(columns.unread)}",) if columns.unread else ()
     if "frame" in table.cells:
-        times = table.numbers("frame") / asked.rate(said.rate)
+        times = table.numbers("frame") / source.rate(said.rate)
         second = 1.0
-    elif asked.frame_rate is not None:
-        raise asked.error("has times in s; leave frame_rate out, which is for frames.")
+    elif source.frame_rate is not None:
+        raise source.error("has times in s; leave frame_rate out, which is for frames.")
     else:
         times, second = table.times(second)
-    x, y = (table.numbers(name) / asked.a_metre(unit) for name in ("x", "y"))
-    return tracks_of(asked, table.ids(), times, x, y, wanted, second=second, notes=notes)
+    x, y = (table.numbers(name) / source.a_metre(unit) for name in ("x", "y"))
+    return tracks_of(source, table.ids(), times, x, y, wanted, second=second, notes=notes)
 
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines of a file, counted only to say where a faulty row is."""
+    """Lines of a file, numbered only to report a faulty row."""
 
     text: str
     header: bool
@@ -197,29 +194,29 @@ class _Lines:
 
 @dataclass(frozen=True)
 class _Table:
-    """Cells of some columns by name, and their lines."""
+    """Cells of columns by name, and their lines."""
 
     cells: dict[str, list[str]]
     lines: _Lines
-    asked: Asked
+    source: TrackFile
 
     @classmethod
-    def of(cls, rows: Iterable[Sequence[str]], places: dict[str, int], lines: _Lines, asked: Asked) -> _Table:
-        """Return the columns at some places; MapError for a row that lacks one."""
+    def of(cls, rows: Iterable[Sequence[str]], places: dict[str, int], lines: _Lines, source: TrackFile) -> _Table:
+        """Return the columns with the given indices; MapError for a row that lacks one."""
         cells: dict[str, list[str]] = {name: [] for name in places}
         columns = list(zip(cells.values(), places.values(), strict=True))
         for number, row in enumerate(islice(rows, MOST_ROWS + 1)):
             if len(row) <= max(places.values()):
-                raise asked.error(
+                raise source.error(
                     f"has a row with too few columns in line {lines.of(number)}: {shown(list(row))}; expected at least "
                     f"{max(places.values()) + 1}."
                 )
             for column, place in columns:
                 column.append(row[place])
-        return cls(cells, lines, asked)
+        return cls(cells, lines, source)
 
     def numbers(self, name: str) -> FloatArray:
-        """Return a column of finite numbers; MapError for anything else."""
+        """Return a column of finite numbers; MapError otherwise."""
         column = self.cells[name]
         try:
             numbers = np.array(column, dtype=np.float64)
@@ -230,14 +227,14 @@ class _Table:
             if wrong < 0:
                 return replace(self, cells={name: pointed}).numbers(name)
         if wrong >= 0:
-            raise self.asked.error(
+            raise self.source.error(
                 f"has {shown(column[wrong])} in the column {name} of line {self.lines.of(wrong)}; expected a finite "
                 "number."
             )
         return numbers
 
     def times(self, second: float | None) -> tuple[FloatArray, float | None]:
-        """Return the times and their unit, s; dates with times of day (ISO 8601) become seconds since 1970."""
+        """Return the times and their unit, s; dates with times (ISO 8601) become seconds since 1970."""
         first = next(iter(self.cells["t"]), "")
         if second is not None or _is_number(first) or not first[:4].isdecimal():
             return self.numbers("t"), second
@@ -246,17 +243,17 @@ class _Table:
             try:
                 moment = datetime.fromisoformat(text.strip())
             except ValueError:
-                raise self.asked.error(
+                raise self.source.error(
                     f"has {shown(text)} in the column t of line {self.lines.of(number)}; expected a date and time."
                 ) from None
             seconds.append((moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp())
         return np.array(seconds), 1.0
 
     def ids(self) -> list[Hashable]:
-        """Return the ids, whole numbers where they are; MapError where one is missing."""
+        """Return the ids, as whole numbers if possible; MapError if one is missing."""
         ids = [_identity(text) for text in self.cells["id"]]
         if "" in ids:
-            raise self.asked.error(f"has no id in line {self.lines.of(ids.index(''))}; expected a number or a name.")
+            raise self.source.error(f"has no id in line {self.lines.of(ids.index(''))}; expected a number or a name.")
         return ids
 
     def ordered(self, *, frames: bool) -> _Table:
@@ -264,9 +261,9 @@ class _Table:
         columns = list(self.cells.values())
         numbers = [_finite(column) for column in columns]
         if len(columns) == 5 and numbers[0] is not None and np.array_equal(numbers[0], np.arange(len(columns[0]))):
-            columns, numbers = columns[1:], numbers[1:]  # rows counted, as pandas does
+            columns, numbers = columns[1:], numbers[1:]  # a column of row numbers, as pandas writes it
         one, other, x, y = numbers[:4]
-        clock = "frame" if frames or self.asked.frame_rate is not None else "t"
+        clock = "frame" if frames or self.source.frame_rate is not None else "t"
         names = ("id", clock, "x", "y")
         if one is not None and other is not None and x is not None and y is not None and _are_whole(other):
             if not _are_whole(one):
@@ -276,7 +273,7 @@ class _Table:
         return replace(self, cells=dict(zip(names, columns[:4], strict=True)))
 
 
-def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
+def _rows(text: str, source: TrackFile) -> Iterator[list[str]]:
     """Yield rows that are neither comments nor empty."""
     lines = (line for line in text.splitlines() if _has_a_row(line))
     sample = next(lines, "")
@@ -290,7 +287,7 @@ def _rows(text: str, asked: Asked) -> Iterator[list[str]]:
     try:
         yield from csv.reader(lines, delimiter=delimiter, strict=True)
     except csv.Error as error:
-        raise asked.error(f"cannot be read as CSV: {error}.") from None
+        raise source.error(f"cannot be read as CSV: {error}.") from None
 
 
 def _has_a_row(line: str) -> bool:
@@ -307,10 +304,10 @@ def _delimiter(line: str) -> str:
     return most if most in line else ""
 
 
-def _without_titles(first: Sequence[str], asked: Asked) -> dict[str, int]:
-    """Return places of all columns; MapError for fewer or more than tracks have without a header."""
+def _without_titles(first: Sequence[str], source: TrackFile) -> dict[str, int]:
+    """Return the index of each column; MapError unless there are four or five."""
     if len(first) not in (4, 5):
-        raise asked.error(
+        raise source.error(
             f"has no header, and {len(first)} columns; expected id, t, x, y, or a header that names them."
         )
     return {str(place): place for place in range(len(first))}
@@ -330,7 +327,7 @@ def _are_whole(numbers: FloatArray) -> bool:
 
 
 def _step(who: FloatArray, when: FloatArray, x: FloatArray, y: FloatArray) -> float:
-    """Return the median distance between successive places of a person, infinite if each has one place."""
+    """Return the median distance between successive positions of a person; infinite if each person has only one."""
     order = np.lexsort((when, who))
     goes_on = np.diff(who[order]) == 0
     steps = np.hypot(np.diff(x[order]), np.diff(y[order]))[goes_on]

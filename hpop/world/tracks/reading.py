@@ -1,4 +1,4 @@
-"""Tracks from files: formats of PeTrack, the ETH data set and JuPedSim, and the choice of a file's format."""
+"""Read tracks from files of PeTrack, the ETH data set, JuPedSim, or CSV, and recognise a file's format."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from hpop.errors import MapError
 from hpop.world.files import read_bytes, read_text
 from hpop.world.tracks import csv
 from hpop.world.tracks.csv import HEAD, comments_of, titled
-from hpop.world.tracks.table import MOST_ROWS, Asked, PathLike, Tracks, identity, tracks_of
+from hpop.world.tracks.table import MOST_ROWS, PathLike, TrackFile, Tracks, identity, tracks_of
 
 ANNOTATED = 2.5
 """Annotations a second."""
@@ -37,24 +37,24 @@ MAX_BYTES = 200_000_000
 """Largest file of tracks that is read."""
 
 
-def read_numbers(text: str, asked: Asked, widths: Sequence[int], columns: str) -> FloatArray:
-    """Return finite numbers (N, one of ``widths``); MapError names the columns and the line of anything else."""
+def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: str) -> FloatArray:
+    """Return finite numbers (N, one of ``widths``); MapError names the columns and the faulty line otherwise."""
     expected = f"expected rows of {' or '.join(map(str, widths))} numbers ({columns})"
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of a file without rows
+            warnings.simplefilter("ignore", UserWarning)  # about a file without rows
             rows = np.loadtxt(StringIO(text), ndmin=2, max_rows=MOST_ROWS + 1)
     except (ValueError, OverflowError):
-        raise asked.error(f"cannot be read: {expected}{_wrong_line(text, widths)}.") from None
+        raise source.error(f"cannot be read: {expected}{_wrong_line(text, widths)}.") from None
     if not rows.shape[0]:
-        raise asked.error(f"has no rows: {expected}.")
+        raise source.error(f"has no rows: {expected}.")
     if rows.shape[1] not in widths or not np.isfinite(rows).all():
-        raise asked.error(f"cannot be read: {expected}{_wrong_line(text, widths)}.")
+        raise source.error(f"cannot be read: {expected}{_wrong_line(text, widths)}.")
     return rows
 
 
 def _wrong_line(text: str, widths: Sequence[int]) -> str:
-    """Return the first line, in words, that is no row of finite numbers, as many as in the first."""
+    """Describe the first line that is no row of finite numbers, as many as in the first row."""
     width = None
     for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
@@ -77,43 +77,43 @@ def is_obsmat(text: str) -> bool:
     return len(first) == OBSMAT_COLUMNS and not first[0].startswith("#") and "," not in first[0]
 
 
-def obsmat_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+def obsmat_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of the ETH data set (Pellegrini et al., ICCV 2009), obsmat.txt; MapError for another file.
 
-    Rows of eight numbers separated by blanks: frame, id, x, z, y and the velocity in the same order; metres, y being
-    the second axis of the ground. People were annotated 2.5 times a second, so that the video's frame rate follows from
-    the step between annotated frames where it is not given.
+    Each row has eight numbers separated by blanks: frame, id, x, z, y and the velocity in the order x, z, y; metres,
+    where y is the second axis of the ground. People were annotated 2.5 times a second, so the step between annotated
+    frames gives the video's frame rate unless it is given.
     """
-    rows = read_numbers(text, asked, (OBSMAT_COLUMNS,), "frame id x z y vx vz vy")
+    rows = read_numbers(text, source, (OBSMAT_COLUMNS,), "frame id x z y vx vz vy")
     steps = np.diff(distinct(rows[:, 0]))
-    rate = asked.frame_rate if asked.frame_rate is not None or not steps.size else ANNOTATED * float(steps.min())
-    times = rows[:, 0] / asked.rate(rate)
-    a_metre = asked.a_metre(None)
+    rate = source.frame_rate if source.frame_rate is not None or not steps.size else ANNOTATED * float(steps.min())
+    times = rows[:, 0] / source.rate(rate)
+    a_metre = source.a_metre(None)
     ids = [identity(one) for one in rows[:, 1].tolist()]
-    return tracks_of(asked, ids, times, rows[:, 2] / a_metre, rows[:, 4] / a_metre, wanted)
+    return tracks_of(source, ids, times, rows[:, 2] / a_metre, rows[:, 4] / a_metre, wanted)
 
 
-def is_petrack(text: str, asked: Asked) -> bool:
-    """Return whether a file begins as PeTrack's do: with comments and a row of numbers separated by blanks."""
+def is_petrack(text: str, source: TrackFile) -> bool:
+    """Return whether a file begins like those of PeTrack: comments, then numbers separated by blanks."""
     rows = [line for line in text[:HEAD].splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not text.lstrip().startswith("#") or not rows or "," in rows[0] or len(rows[0].split()) not in (4, 5):
         return False
-    titles = comments_of(text, asked).titles
-    return not titles or tuple(titled(titles, asked).places) == ORDER
+    titles = comments_of(text, source).titles
+    return not titles or tuple(titled(titles, source).places) == ORDER
 
 
-def petrack_tracks(text: str, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+def petrack_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of PeTrack (Boltes and Seyfried, Neurocomputing 100, 2013); MapError for another file.
 
-    A text file: comments with the frame rate, such as ``# framerate: 25 fps``, then a row a person and frame, ``id
-    frame x y z``, separated by blanks. The unit stands in the comment with the names of the columns (``x/cm``); without
-    one it is m. The pedestrian data archive has files of this form.
+    The text file has comments with the frame rate, such as ``# framerate: 25 fps``, then a row per person and frame,
+    ``id frame x y z``, separated by blanks. The unit is in the comment that names the columns (``x/cm``); the default
+    is m. The pedestrian data archive has such files.
     """
-    unit, rate = UNIT_OF_X.search(text[:HEAD]), comments_of(text, asked).rate
-    rows = read_numbers(text, asked, (4, 5), "id frame x y z")
-    x, y = rows[:, 2:4].T / asked.a_metre(unit.group(1).lower() if unit else None)
-    times = rows[:, 1] / asked.rate(rate)
-    return tracks_of(asked, [identity(one) for one in rows[:, 0].tolist()], times, x, y, wanted)
+    unit, rate = UNIT_OF_X.search(text[:HEAD]), comments_of(text, source).rate
+    rows = read_numbers(text, source, (4, 5), "id frame x y z")
+    x, y = rows[:, 2:4].T / source.a_metre(unit.group(1).lower() if unit else None)
+    times = rows[:, 1] / source.rate(rate)
+    return tracks_of(source, [identity(one) for one in rows[:, 0].tolist()], times, x, y, wanted)
 
 
 def is_jupedsim(data: bytes) -> bool:
@@ -121,12 +121,11 @@ def is_jupedsim(data: bytes) -> bool:
     return data.startswith(MAGIC)
 
 
-def jupedsim_tracks(data: bytes, asked: Asked, wanted: Sequence[Hashable] | None = None) -> Tracks:
+def jupedsim_tracks(data: bytes, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of JuPedSim from version 1.0 on, an SQLite database; MapError for another file.
 
-    Table ``trajectory_data`` has a row an agent and frame (frame, id, pos_x m, pos_y m), table ``metadata`` the frames
-    a second under the key ``fps`` (https://www.jupedsim.org). Nothing of the database is run: triggers and views stay
-    unread.
+    Table ``trajectory_data`` has a row per agent and frame (frame, id, pos_x m, pos_y m); table ``metadata`` has the
+    frame rate under the key ``fps`` (https://www.jupedsim.org). Triggers and views of the database are never run.
     """
     try:
         with closing(sqlite3.connect(":memory:")) as base:
@@ -135,25 +134,25 @@ def jupedsim_tracks(data: bytes, asked: Asked, wanted: Sequence[Hashable] | None
             base.execute("PRAGMA trusted_schema = OFF")
             known = {name for (name,) in base.execute("SELECT name FROM sqlite_schema WHERE type = 'table'")}
             if lacking := {"trajectory_data", "metadata"} - known:
-                raise asked.error(f"lacks the table {', '.join(sorted(lacking))}: {EXPECTED}.")
+                raise source.error(f"lacks the table {', '.join(sorted(lacking))}: {EXPECTED}.")
             said = base.execute("SELECT value FROM metadata WHERE key = 'fps'").fetchone()
             found = base.execute("SELECT id, frame, pos_x, pos_y FROM trajectory_data").fetchmany(MOST_ROWS + 1)
     except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
-        raise asked.error(f"cannot be read as SQLite ({error}): {EXPECTED}.") from None
+        raise source.error(f"cannot be read as SQLite ({error}): {EXPECTED}.") from None
     if not found:
-        raise asked.error("has no rows: expected one a person and time.")
+        raise source.error("has no rows: expected one a person and time.")
     try:
         rate = None if said is None else float(said[0])
         rows = np.array(found, dtype=np.float64)
     except (TypeError, ValueError):
-        raise asked.error(f"has cells that are no numbers: {EXPECTED}.") from None
+        raise source.error(f"has cells that are no numbers: {EXPECTED}.") from None
     if not np.isfinite(rows).all():
-        raise asked.error(
+        raise source.error(
             f"has cells that are no numbers, such as {shown(found[int(np.argmin(np.isfinite(rows).all(1)))])}."
         )
-    a_metre = asked.a_metre("m")
+    a_metre = source.a_metre("m")
     ids = [identity(one) for one in rows[:, 0].tolist()]
-    return tracks_of(asked, ids, rows[:, 1] / asked.rate(rate), rows[:, 2] / a_metre, rows[:, 3] / a_metre, wanted)
+    return tracks_of(source, ids, rows[:, 1] / source.rate(rate), rows[:, 2] / a_metre, rows[:, 3] / a_metre, wanted)
 
 
 @checked_arguments
@@ -164,25 +163,25 @@ def read_tracks(
     format: TrackFormat | None = None,
     ids: Sequence[Hashable] | None = None,
 ) -> Tracks:
-    """Return recorded tracks of people from a file, by their ids, in the file's order.
+    """Return recorded tracks of people from a file, by id, in the file's order.
 
     Parameters
     ----------
-    path : CSV (id, t or frame, x, y), a PeTrack text file (id frame x y z), an ``obsmat.txt`` of the ETH data set, or
-        what JuPedSim writes (SQLite, or text of versions before 1.0)
-    frame_rate : frames a second, where the file counts frames and does not say it
-    unit : of places, "m", "cm" or "mm", where the file does not say it; m by default
-    format : "csv", "petrack", "obsmat" or "jupedsim" (SQLite); by default as the file looks
-    ids : whose tracks are read; all by default
+    path : CSV (id, t or frame, x, y), a PeTrack text file (id frame x y z), an ``obsmat.txt`` of the ETH data set, or a
+        file of JuPedSim (SQLite, or text of versions before 1.0)
+    frame_rate : frames per second, if the file has frames and does not state the rate
+    unit : of positions, "m", "cm" or "mm", if the file does not state it; m by default
+    format : "csv", "petrack", "obsmat" or "jupedsim" (SQLite); recognised by default
+    ids : people to read; all by default
 
-    Times are those of the file: frame 0 is 0 s; times since 1970 begin at 0 s. :meth:`Track.later` makes another moment
-    0. The result's ``notes`` say what was left out, mended or taken for granted: people at one time only, points that
-    nobody can reach, gaps, rows out of order, the order of columns without a header.
+    Times are those of the file: frame 0 is 0 s; times since 1970 begin at 0 s. :meth:`Track.later` shifts time 0. The
+    result's ``notes`` tell what was left out, repaired or assumed: people with one point, unreachable points, gaps,
+    unsorted rows, the order of columns without a header.
 
-    Raises MapError for a file that cannot be read, is too large, says two things, or has no tracks: two places at one
-    time, numbers that are none, and speeds that tell of a wrong unit.
+    Raises MapError for a file that is unreadable, too large or contradictory, or that has no valid tracks: two
+    positions at one time, invalid numbers, or speeds that suggest a wrong unit.
     """
-    asked = Asked(path, frame_rate, unit)
+    source = TrackFile(path, frame_rate, unit)
     if ids is not None:
         several = isinstance(ids, list | tuple) or (isinstance(ids, np.ndarray) and ids.ndim == 1)
         chosen = [python_value(one) for one in ids] if several else []
@@ -193,12 +192,14 @@ def read_tracks(
         one_of("the format of a track file", format, get_args(TrackFormat), error=MapError)
     data = read_bytes(path, "the track file", limit=MAX_BYTES)  # type: ignore[arg-type]  # checked there
     if format == "jupedsim" or (format is None and is_jupedsim(data)):
-        return jupedsim_tracks(data, asked, ids)
+        return jupedsim_tracks(data, source, ids)
     text = read_text(data, path, "the track file")  # type: ignore[arg-type]  # checked there
     if text.lstrip()[:1] in ("{", "["):
-        raise asked.error("is JSON, which is not read; write it as CSV: a line id,t,x,y, then a row a person and time.")
+        raise source.error(
+            "is JSON, which is not read; write it as CSV: a line id,t,x,y, then a row per person and time"
+        )
     if format == "obsmat" or (format is None and is_obsmat(text)):
-        return obsmat_tracks(text, asked, ids)
-    if format == "petrack" or (format is None and is_petrack(text, asked)):
-        return petrack_tracks(text, asked, ids)
-    return csv.tracks(text, asked, ids)
+        return obsmat_tracks(text, source, ids)
+    if format == "petrack" or (format is None and is_petrack(text, source)):
+        return petrack_tracks(text, source, ids)
+    return csv.tracks(text, source, ids)

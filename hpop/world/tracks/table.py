@@ -1,4 +1,4 @@
-"""Tables of tracks: rows of a person, a time and a place, in units of their own, which become tracks."""
+"""Convert tables of a person, a time and a position per row, in given units, to tracks."""
 
 from __future__ import annotations
 
@@ -41,12 +41,11 @@ PathLike = str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Options of reading a file of tracks.
+class TrackFile:
+    """File of tracks, with the options for reading it.
 
-    frame_rate  pictures a second; None: as the file says
-    unit        of places, "m", "cm" or "mm"; None: as the file says, else m
-    hint        what follows each message about the file
+    frame_rate frames per second; None: as stated in the file unit of positions, "m", "cm" or "mm"; None: as stated in
+    the file, else m hint text appended to each error
     """
 
     path: PathLike
@@ -61,11 +60,11 @@ class Asked:
             one_of("the unit of a track", self.unit, UNITS, error=MapError)
 
     def error(self, fault: str) -> MapError:
-        """Return the error for a fault of the file."""
+        """Return an error about a fault of the file."""
         return MapError(f"the track file {named(str(self.path))} {fault}{self.hint}")
 
     def rate(self, said: float | None) -> float:
-        """Return the frames a second, from the file or the options; MapError where both are missing or differ."""
+        """Return the frames per second, from the file or the options; MapError if both are missing or they differ."""
         if said is None and self.frame_rate is None:
             raise self.error(
                 "counts frames and does not say how many there are a second; give frame_rate=, such as 25."
@@ -81,16 +80,16 @@ class Asked:
         return float(said if self.frame_rate is None else self.frame_rate)  # type: ignore[arg-type]  # one is there
 
     def a_metre(self, said: str | None) -> float:
-        """Return how many units make a metre; MapError where file and options differ."""
+        """Return the number of units per metre; MapError if file and options differ."""
         if said is not None and self.unit is not None and said != self.unit:
             raise self.error(f"says that places are in {said}, and unit {self.unit}; leave unit out.")
         return UNITS[self.unit or said or "m"]
 
 
 class Tracks(dict[Hashable, Track]):
-    """Tracks by id, in the order in which a file has them.
+    """Tracks by id, in the file's order.
 
-    notes  what was left out, mended or taken for granted, in words
+    notes on everything left out, repaired or assumed
     """
 
     notes: tuple[str, ...] = ()
@@ -99,10 +98,7 @@ class Tracks(dict[Hashable, Track]):
 class _Points(NamedTuple):
     """Points (N,) of all people, sorted by person and time.
 
-    who  whose, by number
-    t    s
-    x    m
-    y    m
+    who index of the person t s x m y m
     """
 
     who: IntArray
@@ -111,24 +107,24 @@ class _Points(NamedTuple):
     y: FloatArray
 
     def take(self, kept: BoolArray | IntArray) -> _Points:
-        """Return some of the points."""
+        """Return a subset of the points."""
         return _Points(self.who[kept], self.t[kept], self.x[kept], self.y[kept])
 
     @property
     def goes_on(self) -> BoolArray:
-        """Return whether each point but the last is followed by another of the same person (N - 1,)."""
+        """Mark points (N - 1,) that are followed by another point of the same person."""
         return np.asarray(np.diff(self.who) == 0)
 
     @property
     def speeds(self) -> FloatArray:
-        """Return the speed (N - 1,), m/s, from each point to the next; 0 to that of another person."""
+        """Return the speed (N - 1,), m/s, from each point to the next; 0 between different people."""
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             speeds = np.hypot(np.diff(self.x), np.diff(self.y)) / np.diff(self.t)
         return np.where(self.goes_on, speeds, 0.0)
 
 
 def tracks_of(
-    asked: Asked,
+    source: TrackFile,
     ids: Sequence[Hashable],
     times: FloatArray,
     x: FloatArray,
@@ -140,22 +136,20 @@ def tracks_of(
 ) -> Tracks:
     """Return recorded tracks by id, in the order in which ids first appear; each row is a point (N,).
 
-    times  (N,)  in units of ``second`` s; where that is None in s, or what times since 1970 are counted in
-    x, y   (N,)  m
+    times (N,) in units of ``second`` s; None: in s, or in the unit guessed for times since 1970 x, y (N,) m
 
-    Rows are sorted by time, a row that is there twice counts once, single points that nobody can reach are left out,
-    and so is who is there at one time only. Who jumps, or is missing for more than ``LEAVES`` s, goes on as another,
-    called "7 (2)". All that is noted. Raises MapError with the file and the id for what is no track, and for ids that
-    are wanted and not there.
+    Rows are sorted by time, and repeated rows count once. Single unreachable points, and people with one point, are
+    left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)". Notes
+    tell all this. Raises MapError with the file and the id for an invalid track or a missing id.
     """
     if not len(ids):
-        raise asked.error("has no rows: expected one a person and time.")
+        raise source.error("has no rows: expected one a person and time.")
     if len(ids) > MOST_ROWS:
-        raise asked.error(f"has {len(ids):,} rows; expected at most {MOST_ROWS:,}.")
+        raise source.error(f"has {len(ids):,} rows; expected at most {MOST_ROWS:,}.")
     first = dict[Hashable, int]()
     number = np.fromiter((first.setdefault(one, len(first)) for one in ids), dtype=np.int64, count=len(ids))
     names = list(first)
-    chosen = list(range(len(names))) if wanted is None else _numbers(asked, wanted, first)
+    chosen = list(range(len(names))) if wanted is None else _numbers(source, wanted, first)
     told = [*notes]
     times, since = _seconds(times, second)
     told += since
@@ -174,28 +168,28 @@ def tracks_of(
             try:
                 tracks[name] = Track(points.t[rows], points.x[rows], points.y[rows], recorded=True)
             except MapError as error:
-                raise asked.error(f"has a fault at the id {shown(name)}: {error}") from None
+                raise source.error(f"has a fault at the id {shown(name)}: {error}") from None
     if not tracks:
-        raise asked.error(f"has nobody who is there at two times: {counted(len(names), 'id')}, each in one row.")
+        raise source.error(f"has nobody who is there at two times: {counted(len(names), 'id')}, each in one row.")
     if alone:
         told.append(f"has people at one time only, who are left out: {some(alone, MOST_NAMED)}")
-    tracks.notes = tuple(f"the track file {named(str(asked.path))} {note}" for note in told)
+    tracks.notes = tuple(f"the track file {named(str(source.path))} {note}" for note in told)
     return tracks
 
 
-def _numbers(asked: Asked, wanted: Sequence[Hashable], first: Mapping[Hashable, int]) -> list[int]:
-    """Return the numbers of wanted ids; MapError for an id that is missing or wanted twice."""
+def _numbers(source: TrackFile, wanted: Sequence[Hashable], first: Mapping[Hashable, int]) -> list[int]:
+    """Return the indices of wanted ids; MapError if an id is missing or wanted twice."""
     if absent := [one for one in wanted if one not in first]:
         known = ", ".join(map(str, list(first)[:8])) + (", ..." if len(first) > 8 else "")
-        raise asked.error(f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
+        raise source.error(f"has nobody with the id {shown(absent[0])}; it has {counted(len(first), 'id')}: {known}.")
     doubled = [one for place, one in enumerate(wanted) if one in wanted[:place]]
     if doubled:
-        raise asked.error(f"is asked for the id {shown(doubled[0])} twice; give each once.")
+        raise source.error(f"is asked for the id {shown(doubled[0])} twice; give each once.")
     return [first[one] for one in wanted]
 
 
 def _seconds(times: FloatArray, second: float | None) -> tuple[FloatArray, list[str]]:
-    """Return times in s, those since 1970 from the first on, with notes."""
+    """Convert times to s, with times since 1970 shifted to begin at 0, and return them with notes."""
     begin = float(times.min())
     if second is None:
         second = next((unit for least, unit in EPOCHS.items() if least <= begin < 5 * least), 1.0)
@@ -221,7 +215,7 @@ def _sorted(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[s
 
 
 def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_Points, list[str]]:
-    """Return the points without single ones that are too far from their neighbours, and notes."""
+    """Return the points except single ones too far from both neighbours, and notes."""
     fast = _few(points.speeds > FASTEST)
     wrong = np.concatenate([[False], fast[:-1] & fast[1:], [False]]) if fast.size else np.zeros(points.t.size, bool)
     if not wrong.any():
@@ -233,7 +227,7 @@ def _without_wrong_points(points: _Points, names: Sequence[Hashable]) -> tuple[_
 
 
 def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]], list[str]]:
-    """Return the points of each person, in parts where the person is away for long or jumps, and notes."""
+    """Split each person's points at jumps and long absences, and return the parts and notes."""
     steps, goes_on = np.diff(points.t), points.goes_on
     usual = float(np.median(steps[goes_on])) if goes_on.any() else np.inf
     watched = usual <= MISSING and (steps[goes_on] <= 2 * usual).mean() >= MOSTLY
@@ -261,7 +255,7 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
 
 
 def _few(marked: BoolArray) -> BoolArray:
-    """Return the marks if they are few: many tell of a wrong unit, which is told elsewhere."""
+    """Return the marks if they are few, else none: many faults mean a wrong unit, which is reported elsewhere."""
     return marked if marked.size and marked.mean() <= 1 - MOSTLY else np.zeros_like(marked)
 
 
@@ -270,5 +264,5 @@ def _named(names: Sequence[Hashable], numbers: IntArray) -> str:
 
 
 def identity(number: float) -> Hashable:
-    """Return an id as people write it: a whole number if it is one."""
+    """Return a whole number as int, and other ids unchanged."""
     return int(number) if number == int(number) else number

@@ -1,4 +1,4 @@
-"""Track of a person: waypoints with times, or a camera's record; straight between them."""
+"""Track of a person: recorded or predicted positions at times, with straight lines between them."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ MOST_POINTS = 100_000
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Track:
-    """Track: places at times, with straight lines at constant speed between them.
+    """Track of a person: positions at times, joined by straight lines at constant speed.
 
-    times     (N,)  s  rising, two at least; 0 is now, and what was before it does no harm
-    x, y      (N,)  m
-    recorded  it is what somebody did, not a prediction: walls and horizons do not change it
+    times (N,) s rising, at least two; 0 is now, and earlier times are allowed x, y (N,) m recorded whether it is a
+    recording rather than a prediction; then walls and horizons do not cut it
 
-    Raises MapError for what is no track: times that do not rise, numbers that are none, fewer than two points, or a
-    speed above ``FASTEST`` (of what is recorded, on the whole way: single points may be wrong).
+    Raises MapError for times that do not rise, invalid numbers, fewer than two points, or a speed above ``FASTEST``
+    (for a recording its mean speed, because single points may be wrong).
 
     >>> track = Track.through([(0, 0.0, 0.0), (2, 2.0, 0.0), (3, 2.0, 1.0)])
     >>> [float(column) for column in track.at(2.5)], [float(column) for column in track.velocity(2.5)]
@@ -65,7 +64,7 @@ class Track:
                 "are counted from 0). Sort the points by time, and leave repeated ones out."
             )
         ways = np.hypot(np.diff(self.x), np.diff(self.y))
-        with np.errstate(over="ignore"):  # of times 1e-320 s apart, which is refused
+        with np.errstate(over="ignore"):  # for times 1e-320 s apart, which are refused
             legs, whole = ways / steps, ways.sum() / np.float64(self.end - self.begin)
         speed = whole if self.recorded and np.isfinite(legs).all() else legs.max()
         if speed > FASTEST:
@@ -76,7 +75,7 @@ class Track:
 
     @classmethod
     def through(cls, waypoints: Sequence[Sequence[float]]) -> Track:
-        """Return a predicted track through waypoints (t s, x m, y m); MapError for anything else."""
+        """Return a predicted track through waypoints (t s, x m, y m); MapError if they are no track."""
         wrong = f"waypoints are a list of (t, x, y), s and m; got {shown(waypoints)}."
         try:
             rows = [tuple(point) for point in waypoints]
@@ -103,7 +102,7 @@ class Track:
         return float(np.hypot(*self._velocities).max())
 
     def at(self, t: Column) -> tuple[Column, Column]:
-        """Return the place (x, y), m, at times t, s; beyond the ends the first or last place."""
+        """Return the position (x, y), m, at times t, s; beyond the ends the first or last position."""
         if not is_symbolic(t):
             return np.interp(t, self.times, self.x), np.interp(t, self.times, self.y)
         within = np.minimum(np.maximum(t, self.begin), self.end)
@@ -113,12 +112,15 @@ class Track:
         return legs(self.x[:-1]) + legs(vx) * since, legs(self.y[:-1]) + legs(vy) * since
 
     def velocity(self, t: Column) -> tuple[Column, Column]:
-        """Return the velocity (x, y), m/s, at times t, s: of the leg that begins there; 0 beyond the ends."""
+        """Return the velocity (x, y), m/s, at times t, s: that of the leg which begins there; 0 beyond the ends."""
         vx, vy = (np.concatenate([[0.0], part, [0.0]]) for part in self._velocities)
         return self._of_leg(t, vx), self._of_leg(t, vy)
 
     def ahead(self, t: Column) -> tuple[Column, Column] | None:
-        """Return the unit vector (x, y) of walking at times t, s; at rest the last one. None if nobody walks."""
+        """Return the unit vector (x, y) of walking at times t, s; at rest the last one.
+
+        None if the person never walks.
+        """
         if self._ahead is None:
             return None
         ux, uy = self._ahead
@@ -130,7 +132,7 @@ class Track:
         return replace(self, times=self.times[first:] - t, x=self.x[first:], y=self.y[first:])
 
     def until(self, t: float) -> Track:
-        """Return the track up to a time after its first one, s."""
+        """Return the track up to time t, s, which must be after its begin."""
         kept = int(np.searchsorted(self.times, t, side="left"))
         if kept == 0 or t <= self.begin:
             raise MapError(f"a track that begins at {self.begin:g} s has no part until {t:g} s.")
@@ -142,7 +144,7 @@ class Track:
         return replace(self, times=times, x=x, y=y)
 
     def describe(self) -> dict[str, Any]:
-        """Return a JSON-able description: the arguments of a track."""
+        """Return a JSON-able description: the constructor's arguments."""
         columns = {"times": self.times.tolist(), "x": self.x.tolist(), "y": self.y.tolist()}
         return {**columns, **({"recorded": True} if self.recorded else {})}
 
@@ -154,7 +156,7 @@ class Track:
 
     @cached_property
     def _ahead(self) -> tuple[FloatArray, FloatArray] | None:
-        """Return unit vectors (N+1,): before the track, on its legs, after it; at rest the last ones."""
+        """Return unit vectors (N+1,): before the track, on its legs, after it; at rest the last one."""
         vx, vy = self._velocities
         speed = np.hypot(vx, vy)
         walks = np.flatnonzero(speed > 0)
@@ -185,14 +187,14 @@ class Track:
         return f"<Track: {kind}, {self.times.size} points, {self.begin:g} to {self.end:g} s>"
 
 
-def _column(name: str, given: Any, most: float) -> FloatArray:
+def _column(name: str, values: Any, most: float) -> FloatArray:
     """Return a frozen column of finite numbers."""
     try:
-        array = np.array(given)
+        array = np.array(values)
     except (TypeError, ValueError, OverflowError):
         array = np.empty(0, dtype=object)
     if array.ndim != 1 or array.dtype.kind not in "iuf":
-        raise MapError(f"{name} of a track must be a list of numbers; got {shown(given)}.")
+        raise MapError(f"{name} of a track must be a list of numbers; got {shown(values)}.")
     column = array.astype(np.float64)
     if not (np.abs(column) <= most).all():
         place = int(np.argmin(np.abs(column) <= most))
@@ -204,7 +206,7 @@ def _column(name: str, given: Any, most: float) -> FloatArray:
 
 
 def _symbolic_legs(begins: FloatArray, t: Column) -> Any:
-    """Return a function from values of the legs to the value of the leg in which symbols t lie."""
+    """Return a function that maps values of the legs to the value of the leg at symbolic times t."""
     import casadi  # slow to import
 
     expression = t.to_casadi()

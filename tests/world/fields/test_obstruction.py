@@ -16,7 +16,7 @@ from shapely.geometry import Polygon
 from hpop.world import Obstacle, Raster, World
 from hpop.world.fields import obstruction
 from hpop.world.fields import obstruction as module
-from hpop.world.fields.obstruction import Filled, disjoint_prisms, filled, polygon_obstruction, raster_obstruction
+from hpop.world.fields.obstruction import SolidBalls, disjoint_prisms, filled, polygon_obstruction, raster_obstruction
 from hpop.world.geometry.rays_in_space import Surfaces
 from hpop.world.geometry.solids import Box, Cylinder, Solid, Sphere, pose_at
 
@@ -181,7 +181,7 @@ def test_beside_a_wall_it_is_that_of_the_cap(seed, off, radius):
     normal = wall[:3, 0].copy()
     wall[:3, 3] = 50.0 * radius * normal
     place = (-off * radius) * normal + wall[:3, 1:3] @ rng.uniform(-radius, radius, 2)
-    share = Filled(Surfaces.of([Solid(Box(tuple(radius * np.array([100.0, 999.0, 999.0]))), wall)]), radius)(
+    share = SolidBalls(Surfaces.of([Solid(Box(tuple(radius * np.array([100.0, 999.0, 999.0]))), wall)]), radius)(
         place[None]
     )
     u = min(1.0, max(-1.0, off))
@@ -190,16 +190,16 @@ def test_beside_a_wall_it_is_that_of_the_cap(seed, off, radius):
 
 @pytest.mark.parametrize("radius", [0.2, 1.0])
 def test_it_is_what_many_rays_find(radius):
-    np.testing.assert_allclose(Filled(SOME, radius)(PLACES), SOME.filled(PLACES, radius, 20_000), atol=5e-3)
+    np.testing.assert_allclose(SolidBalls(SOME, radius)(PLACES), SOME.filled(PLACES, radius, 20_000), atol=5e-3)
 
 
 def test_a_place_has_one_share_whoever_asks_and_whatever_is_forgotten(monkeypatch):
     """Bit for bit: costs of edges and of trajectories are of different batches."""
-    together = Filled(SOME, 0.5)(PLACES)
-    alone = Filled(SOME, 0.5)
+    together = SolidBalls(SOME, 0.5)(PLACES)
+    alone = SolidBalls(SOME, 0.5)
     assert [float(alone(place[None])[0]) for place in PLACES[::-1]] == together[::-1].tolist()
     monkeypatch.setattr(module, "MOST", 200)
-    forgets = Filled(SOME, 0.5)
+    forgets = SolidBalls(SOME, 0.5)
     assert [float(forgets(place[None])[0]) for place in PLACES] == together.tolist()
     assert forgets.nbytes <= 200 * 16 < alone.nbytes
 
@@ -211,5 +211,5 @@ def test_it_is_kept_with_the_ground():
 
 
 def test_nothing_is_filled_where_nothing_is():
-    assert Filled(Surfaces.of([]), 1.0)(PLACES).tolist() == [0.0] * len(PLACES)
-    assert Filled(SOME, 0.1)(np.array([[1e9, 0.0, 0.0], [0.0, -1e12, 0.0]])).tolist() == [0.0, 0.0]
+    assert SolidBalls(Surfaces.of([]), 1.0)(PLACES).tolist() == [0.0] * len(PLACES)
+    assert SolidBalls(SOME, 0.1)(np.array([[1e9, 0.0, 0.0], [0.0, -1e12, 0.0]])).tolist() == [0.0, 0.0]

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from hpop.errors import OptionError
 from hpop.motions.symbolic import lift
 from hpop.world import World
-from hpop.world.sight.bearings import MARGIN, REACH, Seen, as_seen, bearings
+from hpop.world.sight.bearings import MARGIN, REACH, ViewAngles, as_seen, bearings
 
 ANGLES = 2 * np.pi * np.arange(16) / 16
 
@@ -191,7 +191,7 @@ def test_symbols_get_the_same_flow_as_numbers(flow, view):
     around = bearings(world, 1.0)
 
     def evaluate(tilts, x, y, vx, vy, vz, wx, wy, wz, yaw):
-        seen = None if view is None else Seen(yaw, view)
+        seen = None if view is None else ViewAngles(yaw, view)
         velocity, rotation = (vx, vy, vz if tilts else 0.0), ((wx, wy, wz) if tilts else (0.0, 0.0, wz))
         return getattr(around, flow)(x, y, velocity, rotation, 0.3, seen)
 
@@ -237,7 +237,7 @@ def test_bearings_in_view_count_by_the_share_of_their_sectors():
         (2 * np.pi + 4 * sector, 0.1, {4: 1}),
         (-np.pi, 2 * sector, {7: 0.5, 8: 1, 9: 0.5}),
     ):
-        seen = Seen(np.array([yaw]), width)
+        seen = ViewAngles(np.array([yaw]), width)
         expected = sum(share * flow[b] for b, share in shares.items()) / sum(shares.values())
         assert around.mean_flow(*place, *tilt, 0.1, seen) == pytest.approx([expected])
         assert around.peak_flow(*place, *tilt, 0.1, seen) == pytest.approx([max(flow[b] for b in shares)])
