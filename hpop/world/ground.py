@@ -157,7 +157,8 @@ def check_size(extent: BaseGeometry) -> None:
 class Layer(NamedTuple):
     """Obstacles within a range of heights; ranges that meet the same obstacles share one geometry.
 
-    prisms indices of the obstacles cells whether the raster's cells are within the range
+    prisms  indices of the obstacles
+    cells   whether the raster's cells are within the range
     """
 
     prisms: tuple[int, ...]

@@ -43,9 +43,11 @@ W = TypeVar("W", bound="World")
 class World(FromFiles):
     """Workspace: a ground and its content, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
-    ground obstacles, and the extent where the robot must stay keep_out shapely geometry, m: closed to the robot,
-    invisible to the camera notes on parts that a reader left out or mended, and on solids that are not upright content
-    people, landmarks and zones; see `with_content` source description of the world's files, see `describe`
+    ground    obstacles, and the extent where the robot must stay
+    keep_out  shapely geometry, m: closed to the robot, invisible to the camera
+    notes     on parts that a reader left out or mended, and on solids that are not upright
+    content   people, landmarks and zones; see `with_content`
+    source    description of the world's files, see `describe`
 
     Derived values are computed on first use, cached (:mod:`hpop.world.ground`), and not pickled. Values of the ground
     alone are cached with the ground, so worlds with other people in the same building share them.
@@ -91,8 +93,6 @@ class World(FromFiles):
         """Return the value of ``make``, cached with this world; values without content belong to `Ground.derived`.
 
         The key must state all other inputs. One thread makes the value while others wait.
-
-        The key says all on which it depends besides. One thread makes it while others wait.
         """
         return self.cache.get(key, make)  # type: ignore[no-any-return]
 

@@ -108,9 +108,12 @@ class Zone:
 class Content:
     """All people, conversations, landmarks and zones of a world.
 
-    people in order groups conversations: indices into ``people``, at least two each landmarks zones left set by a
-    problem: indices of people whom the robot touches at the start and may move away from kept set by a problem: m of
-    clearance that the robot keeps from standing people
+    people     in order
+    groups     conversations: indices into ``people``, at least two each
+    landmarks
+    zones
+    left       set by a problem: indices of people that the robot touches at the start and may move away from
+    kept       set by a problem: m of clearance that the robot keeps from standing people
     """
 
     people: tuple[Person, ...] = ()

@@ -65,9 +65,12 @@ def check_radians(what: str, name: str, angle: float) -> None:
 class Future:
     """Possible future of a person, with a weight.
 
-    weight above 0; the weights of a person's futures are normalised to sum 1 velocity (x, y) m/s track instead of a
-    velocity until s when this future ends; None: when the person's prediction ends x, y m where a future without a
-    track begins; None: at the person yaw, afterwards, spread, growth None: as the person's
+    weight      above 0; the weights of a person's futures are normalised to sum 1
+    velocity    (x, y) m/s
+    track       instead of a velocity
+    until       s   when this future ends; None: when the person's prediction ends
+    x, y        m   where a future without a track begins; None: at the person
+    yaw, afterwards, spread, growth  None: as the person's
     """
 
     weight: float

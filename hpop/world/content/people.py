@@ -45,12 +45,18 @@ WIDEST = 2.0
 class Person:
     """Person with a position, a heading and a prediction; by default a constant velocity without end.
 
-    x, y m now yaw rad heading of the body; default: along the velocity, 0 for a standing person velocity (x, y) m/s
-    radius m of the body name track waypoints or a recorded track, instead of a velocity; at time 0 it is at (x, y)
-    futures several possible futures, instead of a velocity or a track spread m standard deviation of the position now,
-    along each axis growth m/s growth of the standard deviation: σ(t)² = spread² + (growth (t + age))², up to ``until``
-    until s when the prediction ends, None: never; a track ends it too afterwards "gone": the person is absent after
-    ``until``; "stays": stands where the prediction ends age s age of the prediction now
+    x, y        m     now
+    yaw         rad   heading of the body; default: along the velocity, 0 for a standing person
+    velocity    (x, y) m/s
+    radius      m     of the body
+    name
+    track       waypoints or a recorded track, instead of a velocity; at time 0 it is at (x, y)
+    futures     several possible futures, instead of a velocity or a track
+    spread      m     standard deviation of the position now, along each axis
+    growth      m/s   growth of the standard deviation: σ(t)² = spread² + (growth (t + age))², up to ``until``
+    until       s     when the prediction ends, None: never; a track ends it too
+    afterwards  "gone": the person is absent after ``until``; "stays": stands where the prediction ends
+    age         s     age of the prediction now
 
     Raises MapError for contradictory or impossible values.
     """
@@ -183,9 +189,6 @@ class Person:
         The person moves straight and at constant speed between corners, and stands or is gone after the last. Raises
         MapError for several futures or a prediction without end; the people of a :class:`hpop.Problem` always have an
         end.
-
-        The path is straight between them, at constant speed; after the last corner the person stands there, or is gone.
-        Of a person with one future that ends, as those of a :class:`hpop.Problem` do.
         """
         self._check_one("way")
         end = self.settled

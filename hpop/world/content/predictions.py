@@ -1,7 +1,7 @@
 """Cut predictions at walls, at the edge of the map, at a horizon, and before a standing robot.
 
 A recorded track stays as it is. A prediction is cut where it becomes impossible, so that from some time on nothing
-changes any more. Notes say where it was cut, and what is assumed afterwards.
+changes any more. Notes say where it was cut, and the state afterwards.
 
 A prediction ignores the robot, so a person who slowly approaches would walk through it, and a robot that must turn
 before it can leave would have no path. Such a person is therefore assumed to stop before the robot.
@@ -177,13 +177,11 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
     """Cut the predictions of a world's people, and return the people with notes on each end. Idempotent.
 
     - A person predicted to walk into an obstacle stops a body's radius before it, and stays there.
-
-    - Who is predicted to walk into an obstacle stops a body's radius of way before it, and stays there.
     - A person who leaves the map is gone from then on.
-    - No prediction goes beyond a horizon, s, if there is one; afterwards the person is as ``afterwards`` says. A standing
-     person stays, and its uncertainty grows no further.
+    - No prediction goes beyond a horizon, s, if there is one; then the person is as ``afterwards`` says. A standing
+      person stays, and its uncertainty grows no further.
     - A walking person who begins within an obstacle is shifted out of it by up to half a metre, or left out if deeper
-     inside. A standing person stays.
+      inside. A standing person stays.
 
     Raises MapError if all walking people begin deep within obstacles, or if a standing person grows uncertain for ever.
     """

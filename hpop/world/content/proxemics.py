@@ -147,9 +147,10 @@ class Blurred:
     The table's axes are h = sqrt(ν² + (2σ)²), mapped to a finite range, and the share ν/(ν + 2σ). Near the person a
     function of the direction depends on the share alone, and the table covers all distances and deviations.
 
-    function >= 0 of distances (N,), m, a NumPy array; continuous end m beyond which it is 0 detail m length over which
-    it changes; much less than a twentieth of the end is not resolved harmonic 0; or 1 for F₁, the mean of the function
-    times a cosine, relative to the cosine at the predicted position
+    function  >= 0 of distances (N,), m, a NumPy array; continuous
+    end       m      beyond which it is 0
+    detail    m      length over which it changes; much less than a twentieth of the end is not resolved
+    harmonic  0; or 1 for F₁, the mean of the function times a cosine, relative to the cosine at the predicted position
 
     If the function is smooth on the scale of the detail, and the detail is at least a twentieth of the end, the error
     is below 1e-4 of the function's change; with a fiftieth, 2e-3. (Within 2 cm of a person of certain position the mean

@@ -35,7 +35,9 @@ AT_ONCE = 256  # blocks that are sampled together
 class GridPoints(NamedTuple):
     """Symbolic points in grid steps, clamped to the grid.
 
-    u, v (M, 1) each points (2, M) u and v, for MX; None for SX shape of the input columns
+    u, v    (M, 1) each
+    points  (2, M)  u and v, for MX; None for SX
+    shape   of the input columns
     """
 
     u: Any
@@ -49,8 +51,9 @@ class GridPoints(NamedTuple):
 class Field:
     """Scalar field: samples on a uniform grid, as a cubic B-spline.
 
-    values (H, W) samples; row 0 has the lowest y of the field's frame spacing float m distance of neighbouring samples
-    origin (x, y, yaw) m, m, rad where values[0, 0] was sampled, and the direction of the rows
+    values   (H, W)        samples; row 0 has the lowest y of the field's frame
+    spacing  float         m     distance of neighbouring samples
+    origin   (x, y, yaw)   m, m, rad   where values[0, 0] was sampled, and the direction of the rows
 
     >>> field = Field(np.full((4, 5), 7.0), spacing=0.1)
     >>> field(np.array([0.0, 0.15, 99.0]), np.array([0.0, 0.2, 0.0])).round(12)
@@ -149,7 +152,7 @@ class Field:
         u, v = casadi.vec(u.to_casadi()), casadi.vec(v.to_casadi())
         return GridPoints(u, v, None if isinstance(u, casadi.SX) else casadi.horzcat(u, v).T, size)
 
-    def at(self, places: Places) -> Any:
+    def at(self, places: GridPoints) -> Any:
         """Return the values at points in grid steps, as CasADi symbols."""
         u, v, points, size = places
         if points is None:
@@ -223,8 +226,6 @@ class LazyField(Field):
         """Set up an empty field; (ys, xs) are node positions, m, and ``sample`` returns the values (N,) at nodes.
 
         ``within`` is a lower and an upper bound of all values.
-
-        ``within`` are a lower and an upper bound of all values.
         """
         origin = float(xs[0]), float(ys[0]), 0.0
         shape = ys.size, xs.size

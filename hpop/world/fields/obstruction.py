@@ -49,9 +49,11 @@ class RasterBalls:
     occupied squares at any resolution. Tiles overlap by the kernel's width. NumPy's transforms are used because
     importing scipy.signal takes longer than convolving a building.
 
-    raster occupied cells, with their heights radius m, of the ball camera_z m, height of the ball's centre; without
-    effect if the cells have unlimited height outside_is_obstacle whether the plane beyond the image counts as occupied
-    pad cells to add on every side of the image
+    raster               occupied cells, with their heights
+    radius               m, of the ball
+    camera_z             m, height of the ball's centre; without effect if the cells have unlimited height
+    outside_is_obstacle  whether the plane beyond the image counts as occupied
+    pad                  cells to add on every side of the image
     """
 
     def __init__(

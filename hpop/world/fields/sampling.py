@@ -45,11 +45,8 @@ OBSTRUCTION = "the obstruction was sampled"
 def sample_clearance(ground: Ground, free: FreeSpace, last: tuple[FreeSpace, Field] | None) -> Field:
     """Sample the signed clearance, to some cells beyond the extent; see `World.clearance_field`.
 
-    ``last`` is a free space of this ground and its samples. Samples whose nearest edge has not changed are copied from
+    ``last`` is a free space of this ground and its samples. Samples with an unchanged nearest edge are copied from
     there, bit by bit equal; the others are computed again, in blocks.
-
-    ``last`` is a free space on this ground with its samples. Those whose nearest edge both free spaces have are taken
-    from there, to the last bit what they would be; the others are taken anew, in whole blocks.
     """
     spacing = _spacing(ground, math.inf)
     border = max(4 * spacing, 0.5)

@@ -30,7 +30,9 @@ NUMBERS = 8  # of a quadratic: point (2), value, gradient (2), curvature (3)
 class Looks:
     """Readings of fields by one formula, in order.
 
-    fields K places K points (2,) of SX, grid steps numbers K columns (NUMBERS,) of SX
+    fields   K
+    places   K points (2,) of SX, grid steps
+    numbers  K columns (NUMBERS,) of SX
     """
 
     fields: list[Field] = field(default_factory=list)

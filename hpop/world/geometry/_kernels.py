@@ -152,7 +152,7 @@ def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
 
 @lean
 def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...], found: IntArray, count: int) -> int:
-    """Keep in ``found`` the bodies whose bounding balls meet a cone, and return their number."""
+    """Keep in ``found`` the bodies with bounding balls that meet a cone, and return their number."""
     if cone[3] > math.pi:
         return count
     kept = 0

@@ -38,9 +38,6 @@ def _faced(
 
     The last column becomes the distance of the point behind each plane. No planes are written for a body that no ray
     can enter: one that contains the point, or that the cone of rays leads away from.
-
-    Their last column is by how much the place is behind each. None are written of a body that no ray enters: one that
-    contains the place, or lies all behind a plane from which a cone from the place leads away.
     """
     front, back = room, room + last - first
     for k in range(first, last):

@@ -35,8 +35,9 @@ class EdgeTree:
     The time for a point is mostly logarithmic in the number of edges. The worst case is the square root: at the centre
     of a circle of many edges, all are about equally near.
 
-    edges (E, 4) m x0, y0, x1, y1; at least one members (L, LEAF) the edges in each leaf, filled up with repetitions; L
-    is a power of two boxes (2 L - 1, 4) m x_min, y_min, x_max, y_max of each node; the last L are the leaves
+    edges    (E, 4)     m   x0, y0, x1, y1; at least one
+    members  (L, LEAF)      the edges in each leaf, filled up with repetitions; L is a power of two
+    boxes    (2 L - 1, 4)   m   x_min, y_min, x_max, y_max of each node; the last L are the leaves
     """
 
     edges: FloatArray
@@ -130,9 +131,7 @@ class FreeSpace:
         edges = np.stack([points[:-1][same], points[1:][same]], axis=1)
         shapely.prepare(self.region)
         x_min, y_min, x_max, y_max = shapely.bounds(self.region)
-        shapely.contains_xy(
-            self.region, (x_min + x_max) / 2, (y_min + y_max) / 2
-        )  # builds its index before threads use it
+        shapely.contains_xy(self.region, (x_min + x_max) / 2, (y_min + y_max) / 2)  # builds its index before threads do
         object.__setattr__(self, "edges", edges)
         if len(edges):
             object.__setattr__(self, "_nearest", EdgeTree.build(edges.reshape(-1, 4)))

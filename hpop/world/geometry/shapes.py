@@ -70,7 +70,7 @@ def check_pose(origin: Any) -> tuple[float, float, float]:
 
 
 def check_coordinates(geometry: BaseGeometry | NDArray[np.object_], what: str) -> None:
-    """Raise MapError for geometries larger than any building, or with coordinates whose products underflow."""
+    """Raise MapError for geometries larger than any building, or with products of coordinates that underflow."""
     away = np.abs(shapely.get_coordinates(geometry))
     if not (away <= FARTHEST).all():
         raise MapError(f"{what} must have finite coordinates, within {FARTHEST:,.0f} m of the origin; shift it there.")
@@ -136,9 +136,10 @@ def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
 class Obstacle:
     """Upright prism: a polygon between two heights.
 
-    polygon shapely Polygon m outline in the world frame, holes allowed z_min, z_max float m -inf and inf: unlimited
-    height solid Solid or None the solid that this prism encloses; None for a prism of its own name str shown in
-    messages
+    polygon       shapely Polygon   m   outline in the world frame, holes allowed
+    z_min, z_max  float             m   -inf and inf: unlimited height
+    solid         Solid or None     the solid that this prism encloses; None for a prism of its own
+    name          str               shown in messages
     """
 
     polygon: Polygon

@@ -181,7 +181,9 @@ Shape = Box | Cylinder | Sphere | Hull
 class Solid:
     """Shape with a pose.
 
-    shape pose (4, 4) homogeneous, m: from the shape's frame to the world's, or to that of the link that carries it name
+    shape
+    pose   (4, 4)  homogeneous, m: from the shape's frame to the world's, or to that of the link that carries it
+    name
 
     >>> can = Solid(Cylinder(radius=0.03, length=0.14), pose_at((1.0, 2.0, 0.07)), "can")
     >>> can.heights, can.is_upright, can.outline.area > np.pi * 0.03**2

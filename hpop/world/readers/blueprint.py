@@ -53,7 +53,8 @@ MOST = 1_000
 class Specks(NamedTuple):
     """Groups of connected pixels, one row each.
 
-    area (n,) int pixels boxes (n, 4) int first row, first column, and the row and column after the last
+    area    (n,)    int     pixels
+    boxes   (n, 4)  int     first row, first column, and the row and column after the last
     """
 
     area: IntArray
@@ -253,7 +254,7 @@ def without_lines(raster: Raster, thinnest: float) -> tuple[BoolArray, str]:
     square = raster.resolution**2
     return (
         thick,
-        f"lines thinner than {thinnest:g} m are left out, {removed:,} pixels, {removed * square:.3g} m² in all",
+        f"lines thinner than {thinnest:g} m are left out: {removed:,} pixels, {removed * square:.3g} m²",
     )
 
 

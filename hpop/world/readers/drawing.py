@@ -58,8 +58,10 @@ BLOCK = 2_000
 class DrawingOptions(NamedTuple):
     """Options shared by the readers of drawings.
 
-    wall_width m layers names, or None for all visible layers inside a point of the free space, m, or None door_arcs
-    whether the swing arcs of doors are walls, or left out
+    wall_width  m
+    layers      names, or None for all visible layers
+    inside      a point of the free space, m, or None
+    door_arcs   whether the swing arcs of doors are walls, or left out
     """
 
     wall_width: float
@@ -83,10 +85,10 @@ def _names(layers: Any) -> list[str] | None:
     return list(names)
 
 
-def build(path: str | Path, found: Answer, placement: Placement, options: Options, *, nothing: str) -> World:
+def build(path: str | Path, found: Answer, placement: Placement, options: DrawingOptions, *, nothing: str) -> World:
     """Build the world of a drawing's lines, with notes on everything left out.
 
-    found      ``points`` (n, 2) of all lines, the first point of each in ``starts`` (m + 1,), its ``layer`` (m,), and its
+    found      ``points`` (n, 2) of all lines, their first points ``starts`` (m + 1,), their ``layer`` (m,), and their
                ``area`` (m,): lines with an equal number above 0 bound an area
     placement  from the drawing's units to metres
     nothing    advice for a drawing without lines
@@ -326,8 +328,8 @@ def read_pdf(
     Raises
     ------
     MapError
-        If the file is missing or no PDF, lacks the page, lines or the requested layers, or takes more time or memory than
-        `hpop.world.files` allows.
+        If the file is missing or no PDF, lacks the page, lines or the requested layers, or takes more time or memory
+        than `hpop.world.files` allows.
     """
     asked = checked_options(wall_width, layers, inside, door_arcs)
     page = whole("page", page, 1, MOST_PAGES, error=MapError)

@@ -239,7 +239,7 @@ def chosen_features(
 ) -> tuple[list[Feature], tuple[str, ...]]:
     """Return the features that pass a filter, and a note; MapError if there are none.
 
-    by_level tells whether a feature, such as a door, is chosen by its level alone
+    by_level  tells whether a feature, such as a door, is chosen by its level alone
     """
     if not choice:
         return list(features), ()

@@ -35,7 +35,7 @@ from hpop.world.readers.rooms import (
     SOLID,
     WALL_WIDTH,
     Door,
-    Room,
+    PlanRoom,
     check_width,
     is_door,
     kind_of,
@@ -99,8 +99,8 @@ def read(
     Raises
     ------
     MapError
-        If the file is missing or no GeoJSON, has no polygons, mixes degrees with metres, is in an unknown crs, or has an
-        invalid polygon or pair of heights.
+        If the file is missing or no GeoJSON, has no polygons, mixes degrees with metres, is in an unknown crs, or has
+        an invalid polygon or pair of heights.
     """
     one_of("polygons", polygons, get_args(Meaning), error=MapError)
     given = Placement(scale, origin, units)
@@ -148,7 +148,7 @@ def _ground(
         return Ground(tuple(part.obstacle for part in areas + lines)), notes
     if polygons == "rooms":
         check_joinable([part.area for part in areas], str(path))
-        rooms = [Room(part.feature, part.area) for part in areas if kind_of(part.feature) not in SOLID]
+        rooms = [PlanRoom(part.feature, part.area) for part in areas if kind_of(part.feature) not in SOLID]
         if not rooms:
             raise MapError(f"{path} has no room: its polygons are walls or columns. Say polygons: obstacles.")
         walls_of = [part.area for part in (*lines, *(each for each in areas if kind_of(each.feature) in SOLID))]
@@ -160,7 +160,7 @@ def _ground(
         return Ground(tuple(Obstacle(part) for part in solid), extent=free, outside_is_obstacle=True), notes
     free_parts = areas if polygons == "free" else [max(areas, key=lambda part: part.area.area)]
     check_joinable([part.area for part in free_parts], str(path))
-    joined = touching([Room(part.feature, part.area) for part in free_parts]) if polygons == "free" else None
+    joined = touching([PlanRoom(part.feature, part.area) for part in free_parts]) if polygons == "free" else None
     notes = []
     if joined is not None:
         first, second = (each.feature.called for each in joined)
@@ -274,9 +274,9 @@ class _Plan(NamedTuple):
         heights = _heights(feature, notes)
         for part in parts:
             if isinstance(part, Polygon):
-                self.areas.append(_Part(feature, part, heights))
+                self.areas.append(_FeaturePolygon(feature, part, heights))
             else:
-                self.lines.extend(_Part(feature, wall, heights) for wall in walls(part, width, str(feature)))
+                self.lines.extend(_FeaturePolygon(feature, wall, heights) for wall in walls(part, width, str(feature)))
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:

@@ -71,19 +71,20 @@ def read(
         number other than 0) a keep-out zone; ``kind`` (speed or keep-out) comes first.
     scale, origin, units, crs
         As for the plan of the world, see `hpop.world.readers.geojson.read`; ``world.source["options"]`` has the values
-        that were used there. For a plan in degrees or a crs, a file may be in degrees or in the crs of its member ``crs``.
+        that were used there. If the plan is in degrees or a crs, a file may be in degrees or in its own ``crs``.
     width : float
         Width of the lane along a flow, m.
 
     Returns
     -------
-    The content, and notes: on features left out or mended (no geometry, properties or rule, or another geometry than expected), on the number of chosen features, and on several levels read as one.
+    The content, and notes: on features left out or mended (no geometry, properties or rule, or another
+    geometry than expected), on the number of chosen features, and on several levels read as one.
 
     Raises
     ------
     MapError
-        If a file is missing or no GeoJSON, lacks the expected geometry, has no feature with the properties of ``where``,
-        or has an invalid property.
+        If a file is missing or no GeoJSON, lacks the expected geometry, has no feature with the properties of
+        ``where``, or has an invalid property.
     """
     width = check_positive("width", width)
     plan = systems.DEGREES if crs is None else systems.crs_of(crs)

@@ -75,7 +75,9 @@ MOST_DEEP = 20
 class GeoJsonDocument(NamedTuple):
     """Contents of a GeoJSON file.
 
-    features in the file's order crs declared coordinate system, or None notes on unusual contents
+    features  in the file's order
+    crs       declared coordinate system, or None
+    notes     on unusual contents
     """
 
     features: list[Feature]

@@ -54,7 +54,8 @@ DECODED, SHADES = 8, 80
 class DecodedImage:
     """Decoded image, row 0 at the top.
 
-    height, width pixels is_turned whether it was rotated or mirrored by its EXIF orientation
+    height, width  pixels
+    is_turned      whether it was rotated or mirrored by its EXIF orientation
     """
 
     height: int

@@ -93,7 +93,9 @@ class SceneEntry(NamedTuple):
 class Object(NamedTuple):
     """Collision object.
 
-    frame frame of the pose pose (4, 4) in that frame shapes with their poses (4, 4) in the object
+    frame   frame of the pose
+    pose    (4, 4)  in that frame
+    shapes  with their poses (4, 4) in the object
     """
 
     frame: str

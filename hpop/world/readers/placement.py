@@ -129,9 +129,9 @@ def _stretched(points: FloatArray, crs: str) -> str:
 class Placement:
     """Map from a file's coordinates to metres.
 
-    scale metres a unit of the file origin the file's point that becomes (0, 0); None is (0, 0), and the south-west
-    corner of a plan in degrees units "m": plane coordinates, times the scale; "deg": longitude and latitude; None:
-    guessed from the coordinates
+    scale   metres a unit of the file
+    origin  the file's point that becomes (0, 0); None is (0, 0), and the south-west corner of a plan in degrees
+    units   "m": plane coordinates, times the scale; "deg": longitude and latitude; None: guessed from the coordinates
     """
 
     scale: float = 1.0

@@ -175,7 +175,10 @@ def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "fl
 class Arc(NamedTuple):
     """Arc of a door's swing within a line.
 
-    line index of the line first, last its points in the line's array, both included radius m middle (x, y), m
+    line         index of the line
+    first, last  its points in the line's array, both included
+    radius       m
+    middle       (x, y), m
     """
 
     line: int

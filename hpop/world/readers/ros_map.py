@@ -49,9 +49,12 @@ OCCUPIED, FREE = 65, 19
 class OccupancyMap:
     """Map of map_server: occupied, free and unknown cells.
 
-    occupied, free (H, W) bool row 0 at the bottom; a cell that is neither is unknown resolution float m origin (x, y,
-    yaw) m, m, rad contents bytes of the yaml file and of the image free_greys free cells with the grey that map_saver
-    writes for unknown cells notes on repairs
+    occupied, free  (H, W) bool       row 0 at the bottom; a cell that is neither is unknown
+    resolution      float         m
+    origin          (x, y, yaw)   m, m, rad
+    contents        bytes of the yaml file and of the image
+    free_greys      free cells with the grey that map_saver writes for unknown cells
+    notes           on repairs
     """
 
     occupied: BoolArray
@@ -89,8 +92,8 @@ def read(
     unknown_is_free : bool
         Whether unknown cells, and everything beyond the image, are free rather than obstacles.
     keep_out : path of a second yaml file, optional
-        A mask, on any grid: its occupied cells are closed to the robot but invisible to the camera. With ``mode: scale``
-        these are the cells published as 100, which Nav2's keep-out filter treats as lethal.
+        A mask, on any grid: its occupied cells are closed to the robot but invisible to the camera. With ``mode:
+        scale`` these are the cells published as 100, which Nav2's keep-out filter treats as lethal.
     height : (z_min, z_max) in metres, optional
         Heights of all obstacle cells; unlimited by default.
 

@@ -315,7 +315,7 @@ def unseen(
     pitch: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write to out (M,) 1 - the sum, in [0, 1], of the fields whose landmark is within the angle of view.
+    """Write to out (M,) 1 - the sum, in [0, 1], of the fields of landmarks within the angle of view.
 
     values (N,): of all windows in turn, row by row; a field is 0 beyond its window windows (L, 5): index of a field's
     first value, first row, rows, first column, columns, on a grid of this shape; corner, m: the grid's first node;

@@ -1,4 +1,4 @@
-"""Visibility and openness for a camera whose height changes, by rays against solids in space.
+"""Visibility and openness for a camera of changing height, by rays against solids in space.
 
 It complements :mod:`hpop.world.sight.visibility`, which samples fields at one height. Each line of sight is tested, so
 the borders of shadows and of the view are sharp. The view tilts and rolls with the camera. In both modules the body

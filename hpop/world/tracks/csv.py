@@ -56,8 +56,10 @@ CLOSER = 0.7
 class Columns(NamedTuple):
     """Columns of a table of tracks, by their titles.
 
-    places index of "id", "t" or "frame", "x" and "y" unit of positions, as stated in the titles, or None second the
-    unit of times, s, as stated in the titles, or None unread titles of all other columns
+    places  index of "id", "t" or "frame", "x" and "y"
+    unit    of positions, as stated in the titles, or None
+    second  the unit of times, s, as stated in the titles, or None
+    unread  titles of all other columns
     """
 
     places: dict[str, int]
@@ -120,7 +122,8 @@ def _named(name: str) -> str | None:
 class Comments(NamedTuple):
     """Comments (lines that begin with #) above the first row of a track file.
 
-    rate frames a second, or None titles of the columns, or ()
+    rate    frames a second, or None
+    titles  of the columns, or ()
     """
 
     rate: float | None

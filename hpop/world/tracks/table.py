@@ -44,8 +44,9 @@ PathLike = str | os.PathLike[str]
 class TrackFile:
     """File of tracks, with the options for reading it.
 
-    frame_rate frames per second; None: as stated in the file unit of positions, "m", "cm" or "mm"; None: as stated in
-    the file, else m hint text appended to each error
+    frame_rate  frames per second; None: as stated in the file
+    unit        of positions, "m", "cm" or "mm"; None: as stated in the file, else m
+    hint        text appended to each error
     """
 
     path: PathLike
@@ -89,7 +90,7 @@ class TrackFile:
 class Tracks(dict[Hashable, Track]):
     """Tracks by id, in the file's order.
 
-    notes on everything left out, repaired or assumed
+    notes  on everything left out, repaired or assumed
     """
 
     notes: tuple[str, ...] = ()
@@ -98,7 +99,10 @@ class Tracks(dict[Hashable, Track]):
 class _Points(NamedTuple):
     """Points (N,) of all people, sorted by person and time.
 
-    who index of the person t s x m y m
+    who  index of the person
+    t    s
+    x    m
+    y    m
     """
 
     who: IntArray
@@ -136,7 +140,8 @@ def tracks_of(
 ) -> Tracks:
     """Return recorded tracks by id, in the order in which ids first appear; each row is a point (N,).
 
-    times (N,) in units of ``second`` s; None: in s, or in the unit guessed for times since 1970 x, y (N,) m
+    times  (N,)  in units of ``second`` s; None: in s, or in the unit guessed for times since 1970
+    x, y   (N,)  m
 
     Rows are sorted by time, and repeated rows count once. Single unreachable points, and people with one point, are
     left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)". Notes

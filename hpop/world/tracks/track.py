@@ -28,8 +28,9 @@ MOST_POINTS = 100_000
 class Track:
     """Track of a person: positions at times, joined by straight lines at constant speed.
 
-    times (N,) s rising, at least two; 0 is now, and earlier times are allowed x, y (N,) m recorded whether it is a
-    recording rather than a prediction; then walls and horizons do not cut it
+    times     (N,)  s  rising, at least two; 0 is now, and earlier times are allowed
+    x, y      (N,)  m
+    recorded  whether it is a recording rather than a prediction; then walls and horizons do not cut it
 
     Raises MapError for times that do not rise, invalid numbers, fewer than two points, or a speed above ``FASTEST``
     (for a recording its mean speed, because single points may be wrong).
