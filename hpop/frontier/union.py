@@ -112,7 +112,7 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
     """
     if reference is None:
         reference = default_reference(Y)
-    matrix = filter(finite_costs(Y))  # dominated rows would change the last digits
+    matrix = filter(finite_costs(Y)).astype(np.float64)  # dominated rows would change the last digits
     corner = finite_costs(np.atleast_2d(np.asarray(reference)))
     _same_columns(matrix, corner)
     import moocore  # slow to import
