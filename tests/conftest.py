@@ -28,7 +28,7 @@ UNHURRIED = {
     "deadline": None,
     "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 }
-settings.register_profile("test", derandomize=True, max_examples=25, **UNHURRIED)
+settings.register_profile("test", derandomize=True, max_examples=15, **UNHURRIED)
 settings.register_profile("proof", max_examples=500, **UNHURRIED)
 settings.load_profile("test")
 

@@ -54,7 +54,7 @@ def ends(paths: ParetoPaths) -> list[tuple[int, int]]:
     return list(zip(paths.lengths.tolist(), np.cumsum(paths.lengths).tolist(), strict=True))
 
 
-@pytest.mark.seeds(5, of=200)
+@pytest.mark.seeds(3, of=200)
 def test_the_front_is_that_of_the_free_arcs_vector_for_vector(seed: int) -> None:
     graph, doors = blocked_by_chance(seed)
     found = lazy(graph, doors)
@@ -64,7 +64,7 @@ def test_the_front_is_that_of_the_free_arcs_vector_for_vector(seed: int) -> None
     assert doors.is_free[found.all_arcs].all()
 
 
-@pytest.mark.seeds(4, of=40)
+@pytest.mark.seeds(2, of=40)
 def test_each_arc_is_asked_about_once_and_the_counts_are_true(seed: int) -> None:
     graph, doors = blocked_by_chance(seed)
     stats = lazy(graph, doors).stats

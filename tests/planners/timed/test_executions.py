@@ -49,7 +49,7 @@ def random_plan(rng, robot):
     return Trajectory(robot, States(**columns), tuple(kinds), punctual=True)
 
 
-@pytest.mark.seeds(12, of=2000)
+@pytest.mark.seeds(6, of=2000)
 def test_an_execution_is_never_off_its_plan_by_more_than_is_said(seed):
     """v²/8a along the way at any time, v/2a at any state; in the middle of each turn nothing at all."""
     rng = np.random.default_rng(seed)

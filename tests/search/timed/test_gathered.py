@@ -53,7 +53,7 @@ def gated(seed: int) -> TimedGraph:
     return TimedGraph(graph, rng.integers(1, 3, graph.arcs), horizon, timed=every, blocked=blocked, rate=rate, hold=1)
 
 
-@pytest.mark.seeds(8, of=30)
+@pytest.mark.seeds(4, of=30)
 def test_no_two_holds_of_a_path_could_be_one_at_the_same_cost(seed: int) -> None:
     graph = gated(seed)
     paths = timed_paths(graph, 0, 6)
