@@ -255,14 +255,20 @@ def usable(right: Right) -> Iterator[tuple[Door, dict[str, Any]]]:
             yield door, given
 
 
-def tried(right: Right, most: int) -> tuple[int, list[str]]:
-    """Try each argument with some of the wrong values; the number of doors, and what is wrong with their errors."""
+def tried(right: Right, most: int, every: int = 1) -> tuple[int, list[str]]:
+    """Return the number of functions, and the faults of their errors on some wrong values of every so many arguments.
+
+    most   wrong values for each argument
+    every  1 tries all arguments, 3 each third one: another one first from function to function
+    """
     faults, count = [], 0
     for door, given in usable(right):
         count += 1
         if door.name == "hpop.motions.States.take":  # takes what NumPy takes, whose error says what
             continue
         for place, each in enumerate(door.parameters):
+            if (place + count) % every:
+                continue
             if is_long(door) and each.default is not each.empty:
                 continue
             for kind in (list(WRONG) * 2)[place % len(WRONG) :][:most]:
@@ -276,8 +282,8 @@ def tried(right: Right, most: int) -> tuple[int, list[str]]:
     return count, faults
 
 
-def test_some_wrong_values_in_the_place_of_each_argument_are_answered_by_its_name(right: Right) -> None:
-    count, faults = tried(right, 1)
+def test_some_wrong_values_in_the_place_of_arguments_are_answered_by_their_names(right: Right) -> None:
+    count, faults = tried(right, 1, every=3)
     assert faults == []
     assert count > 480
 

@@ -70,7 +70,7 @@ def test_what_is_named_instead_is_a_criterion_that_the_model_can_have():
 # Against differences of the camera's places and axes, sampled finely
 
 
-def steps(trajectory, count=20_000):
+def steps(trajectory, count=8_000):
     """Rotation vectors (3, N) between neighbouring moments, world frame, the step, s, and places (3, N + 1)."""
     times = np.linspace(0.0, trajectory.duration, count + 1)
     place, axes = camera_at(trajectory, times)

@@ -58,7 +58,7 @@ def lattice(world: World, robot: Any, **options: Any) -> tuple[Any, Any]:
     return graph, graph.graph(asked)
 
 
-@pytest.mark.seeds(6, of=120)
+@pytest.mark.seeds(5, of=120)
 def test_an_updated_lattice_equals_one_that_is_built_anew(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shapes, people = pieces(rng, 5), (Person(*rng.uniform((1, 1), (8, 5)), 0.3),)
@@ -84,7 +84,7 @@ def test_an_updated_lattice_equals_one_that_is_built_anew(seed: int) -> None:
 
 
 @pytest.mark.parametrize("planner", [{"lattice": {"step": 0.5}}, {"roadmap": {"samples": 60}}], ids=str)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.seeds(1, of=3)
 def test_fronts_in_a_changed_world_are_those_of_a_fresh_plan(planner: Any, seed: int) -> None:
     rng = np.random.default_rng(seed)
     shapes = pieces(rng, 4)

@@ -105,7 +105,7 @@ def test_without_those_of_no_difference_the_interval_spans_the_shifts_that_the_t
 def test_p_and_interval_of_simulator_sickness_scores_agree(options):
     """Totals are multiples of 3.74: many are equal, and many do not change."""
     rng = np.random.default_rng(0)
-    for _ in range(30):
+    for _ in range(10):
         people = int(rng.integers(8, 37))
         first = np.round(rng.exponential(6, people) / 3.74) * 3.74
         second = np.maximum(0, first * rng.integers(0, 2, people) + rng.exponential(5, people))
