@@ -17,7 +17,13 @@ from playwright.sync_api import Browser, Page, expect, sync_playwright
 QUIET = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking"]
 QUIET += ["--disable-component-update", "--disable-sync"]
 # Views in three dimensions are drawn by the processor: the same picture on every machine.
-DRAWING = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing", "--disable-gpu-rasterization", "--disable-accelerated-2d-canvas"]
+DRAWING = [
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
+    "--disable-gpu-rasterization",
+    "--disable-accelerated-2d-canvas",
+]
 
 
 @pytest.fixture(scope="session")
