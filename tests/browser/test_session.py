@@ -239,9 +239,15 @@ def test_opened_as_a_file_it_says_what_a_reload_loses_and_hands_all_over_at_the_
     assert [url for url in someone.asked if not url.startswith(("file:", "data:", "blob:"))] == []
 
 
-def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(enter: Enter, tmp_path: Path) -> None:
-    """Every kind of screen, without a pointer."""
-    design = small_study(tmp_path, "mssq", "ssq", "comfort", "naturalness")
+EVERY_FORM = pytest.param(("mssq", "ssq", "comfort", "naturalness"), 2, 3, marks=pytest.mark.proof)
+
+
+@pytest.mark.parametrize(("forms", "before", "after"), [(("fms", "comfort"), 1, 2), EVERY_FORM])
+def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(
+    enter: Enter, tmp_path: Path, forms: tuple[str, ...], before: int, after: int
+) -> None:
+    """Forms, ride and rest, without a pointer."""
+    design = small_study(tmp_path, *forms)
     page = tmp_path / "p01.html"
     page.write_text(study.session_page(design.public("p01"), tmp_path))
     someone = enter(page.as_uri(), size=(390, 844))
@@ -250,7 +256,7 @@ def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(
     keys.press("Space")
     keys.press("Tab")
     keys.press("Enter")
-    for _ in range(2):  # mssq, ssq
+    for _ in range(before):
         check_phone(someone)
         answer_by_keys(someone)
     check_phone(someone)
@@ -269,7 +275,7 @@ def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(
         someone.let_pass(part)
     someone.page.wait_for_function("document.activeElement.textContent === 'Continue'")
     keys.press("Enter")
-    for _ in range(3):
+    for _ in range(after):
         check_phone(someone)
         answer_by_keys(someone)
     assert someone.heading() == "Rest"
