@@ -21,6 +21,7 @@ criteria: [turns, length]
 planner:
   - lattice: {step: 0.5}
   - smoothing: {}
+  - epsilon-constraint: {step: 0.5, max_points: 3}
 """
 NOT_UTF8 = b"caf\xe9"
 MODULES = ("shapely", "numpy", "struct", "socket", "selectors", "signal", "yaml", "numba", "matplotlib", "hpop")
