@@ -226,7 +226,7 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     from hpop.base.registry import criteria
     from hpop.criteria.base import make_criterion
     from hpop.errors import CriterionError
-    from hpop.planners.programs.spline.knots import Pieces
+    from hpop.planners.programs.spline.knots import PieceCosts
     from hpop.scenario import load_scenario
     from hpop.world.content.content import Landmark
 
@@ -247,7 +247,7 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     for criterion in (*improved, *rough, *remembering):
         replace(shelf, world=world, criteria=(criterion,))
     assert all(criterion.smooth for criterion in improved)
-    assert all(Pieces.with_gradients(world, shelf.model, rough)[1].values())
+    assert all(PieceCosts.with_gradients(world, shelf.model, rough)[1].values())
     assert {criterion.aggregate for criterion in remembering} == {"trajectory"}
     for criterion in refused:
         with pytest.raises(CriterionError, match=criterion.name):

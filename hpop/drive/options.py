@@ -17,7 +17,7 @@ from hpop.drive.closings import Closing
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
 from hpop.motions import HOLD, States, laws_of
-from hpop.planners.programs.polyline import holes, word
+from hpop.planners.programs.polyline import crossing_word, holes
 from hpop.problems.front import Front, Point
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
@@ -90,7 +90,7 @@ def same_side(way: Trajectory, other: Trajectory, world: World, closings: Sequen
     # A point too many is harmless: two in one obstacle, or one that no free loop goes about.
     areas = [part for closing in closings for part in shapely.get_parts(closing.area)]
     points.append(shapely.get_coordinates(shapely.point_on_surface(areas)).reshape(-1, 2))
-    return not word(loop, np.concatenate(points))
+    return not crossing_word(loop, np.concatenate(points))
 
 
 class Later(NamedTuple):

@@ -1,6 +1,6 @@
 """Planners: problem in, candidate trajectories out.
 
-Each is imported when it is first used, and then registered: a plan with one of them need not wait for all.
+Each planner is imported and registered on first use, so that a plan does not import the other planners.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What every planner takes and gives."""
+"""The contract of a planner, and the candidate trajectories that it returns."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Deferred(Sequence[Trajectory]):
-    """Trajectories of which all are made together once one is read, or some alone.
+    """Trajectories that are built on first use: all at once, or only selected rows.
 
-    number  of them
-    make    the trajectories of some rows
+    number  of trajectories
+    make    builds the trajectories of given rows
     """
 
     number: int
@@ -49,7 +49,7 @@ class Deferred(Sequence[Trajectory]):
         return self._all[index]
 
     def take(self, rows: IntArray) -> tuple[Trajectory, ...]:
-        """Those of some rows, made without the others."""
+        """Return the trajectories of some rows without building the others."""
         if "_all" in vars(self):  # made already
             return tuple(self._all[i] for i in rows.tolist())
         return self.make(rows)
@@ -65,17 +65,17 @@ T = TypeVar("T", bound=type)
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Candidates:
-    """What a planner found.
+    """Candidate trajectories of a planner, with their costs and its claim.
 
     objectives    the criteria that it optimised, in the order of the columns of ``planned``
-    filters       further criteria that it could not optimise, but by which the front shall be filtered
-    trajectories  n of them; a sequence may make them when they are asked for
+    filters       further criteria that it could not optimise, but by which the front is filtered
+    trajectories  n of them; the sequence may build them on first use
     planned       (n, k) costs as the planner added them up, in the criteria's units
     tolerance     (n, k) by how much a re-evaluated cost may differ from the planned one
     status        how the planner ended
-    certificate   what is claimed, in words
+    certificate   the claim, in words
     provenance    one JSON-able dict a trajectory
-    notes         what the user should know: an objective that stands in for another, what blocks the way
+    notes         for the user: an objective that stands in for another, a door that blocks the path
     stats         counts and seconds by name, JSON-able, which `hpop plan` prints
     """
 
@@ -91,28 +91,28 @@ class Candidates:
     filters: tuple[Criterion, ...] = ()
 
     def unfinished(self) -> Candidates:
-        """The same as a stage after which the search goes on, unless it was interrupted."""
+        """Return these candidates with the status UNFINISHED, or INTERRUPTED if they were interrupted."""
         status = self.status if self.status is Status.INTERRUPTED else Status.UNFINISHED
         return replace(self, status=status, certificate=f"{self.certificate}; the exact search is not done")
 
     def spread(self, number: int) -> Candidates:
-        """Return the best candidate in each planned cost, and others at equal intervals in the order of the costs.
+        """Return the best candidate of each planned cost, and more at equal intervals in the order of the costs.
 
-        ``number`` is how many are returned at most; where there are fewer, all are.
+        ``number`` bounds how many are returned.
         """
         order = np.lexsort(self.planned.T[::-1])
-        others = min(max(0, number - self.planned.shape[1]), order.size)
-        every = order[np.linspace(0, order.size - 1, others).astype(np.int64)]
-        return self.some(np.unique(np.concatenate([self.planned.argmin(axis=0), every])))
+        count = min(max(0, number - self.planned.shape[1]), order.size)
+        spaced = order[np.linspace(0, order.size - 1, count).astype(np.int64)]
+        return self.subset(np.unique(np.concatenate([self.planned.argmin(axis=0), spaced])))
 
-    def some(self, places: Sequence[int] | IntArray) -> Candidates:
-        """Those at some places, in the order given; what is claimed and noted of all stays."""
-        rows, several = [int(i) for i in places], self.trajectories
+    def subset(self, indices: Sequence[int] | IntArray) -> Candidates:
+        """Return the candidates of some rows, in that order; claim, notes and stats stay."""
+        rows, trajectories = [int(i) for i in indices], self.trajectories
         return replace(
             self,
-            trajectories=several.take(np.array(rows, dtype=np.int64))
-            if isinstance(several, Deferred)
-            else tuple(several[i] for i in rows),
+            trajectories=trajectories.take(np.array(rows, dtype=np.int64))
+            if isinstance(trajectories, Deferred)
+            else tuple(trajectories[i] for i in rows),
             planned=self.planned[rows],
             tolerance=self.tolerance[rows],
             provenance=tuple(self.provenance[i] for i in rows),
@@ -124,49 +124,49 @@ class Candidates:
 
 
 UNDECLARED = frozenset({"plane", "turn-move", "rigid", "wheels"})
-"""What a planner that does not declare its needs is taken to need: it was written when all robots had these."""
+"""Needs of a planner that declares none: planners of earlier versions could rely on these."""
 
 
 class Planner(Protocol):
-    """Problem in, candidate trajectories out. A frozen dataclass; its fields are its options.
+    """Planner: a frozen dataclass with options as fields, and a method ``solve`` that returns candidate trajectories.
 
-    Only ``name`` and ``solve`` must be there: :func:`planner` sets the name, and the rest have these defaults.
+    Only ``solve`` is required. :func:`planner` sets ``name``; the other attributes have defaults.
 
-    needs              what it needs of a model, of what :attr:`hpop.motions.Model.provides` lists; an empty set for any
-                       model (:mod:`hpop.planners.needs`)
-    goal_sets          whether the goal may be a list of states, of which any will do
+    needs              capabilities that the model must provide (:attr:`hpop.motions.Model.provides`); an empty set for
+                       any model (:mod:`hpop.planners.needs`)
+    goal_sets          whether the goal may be a list of states, to reach any of them
     any_goal           whether the goal may be of any kind (:class:`hpop.goals.Goal`)
-    margin             m  that it keeps from people
-    max_detour         not None where it minimises a time-mean itself, so that its front joins no other
-    time_limit         s  after which it returns what it has, or None
-    checkpoint         file in which its search is kept, or None
-    warm_start         planner whose trajectories it starts from, as ``{name: options}``, or None
-    answers_in_stages  whether a first answer may come before the last one, from ``stages``
-    needs_kernels      whether it takes the kernels of the exact search, which are compiled beside a first answer
-    graph_options      options that make its graph, where fronts may be driven on; () for a planner without a graph
-    graph_of_drives    the graph family on which a drive looks for other paths, or None
-    time_options       options of planning among people who move, where it has some, or None
+    margin             m  of distance kept from people
+    max_detour         not None if it minimises a time-mean itself; its front then cannot be merged with others
+    time_limit         s  after which it returns the candidates found so far, or None
+    checkpoint         file that saves its search, or None
+    warm_start         planner that gives the trajectories it starts from, as ``{name: options}``, or None
+    answers_in_stages  whether ``stages`` may yield a first answer before the final one
+    needs_kernels      whether it uses the kernels of the exact search, which are compiled during a first answer
+    graph_options      options that define its graph, if its fronts can be driven on; () for a planner without a graph
+    graph_of_drives    graph family on which a drive looks for other paths, or None
+    time_options       options of planning among moving people, or None
     """
 
     @property
     def name(self) -> str: ...
 
     def solve(self, problem: Problem, progress: ProgressCallback | None = None) -> Candidates:
-        """Plan; raises QueryError, UnsupportedCriterion or OptionError where the question is wrong."""
+        """Plan; raises QueryError, UnsupportedCriterion or OptionError for a problem that it cannot take."""
 
     def stages(
         self, problem: Problem, progress: ProgressCallback | None = None, **on_executor: Any
     ) -> Iterator[Candidates]:
-        """Yield a first answer soon and better ones later; by default the only one.
+        """Yield a first answer soon and better ones later; by default only the result of ``solve``.
 
-        Those before the last are UNFINISHED. The last one is what ``solve`` finds; it may keep the ones before where it
-        did not find all. After Ctrl-C in a stage its candidates are INTERRUPTED and no other stage follows. A planner
-        that sweeps takes its executor here as well.
+        Answers before the last are UNFINISHED. The last one is the result of ``solve``; it may include earlier
+        candidates that ``solve`` did not find. After Ctrl-C in a stage its candidates are INTERRUPTED and no other
+        stage follows. A planner that sweeps takes its executor here as well.
         """
         return _solved(self, problem, progress, **on_executor)
 
     def anchored(self) -> Planner:
-        """Return a planner with the same options whose graph does not depend on the start; itself by default."""
+        """Return a planner with these options on a graph that does not depend on the start; itself by default."""
         return self
 
     if TYPE_CHECKING:  # the defaults are set by `_completed`, so that a dataclass may have a field of each name
@@ -215,7 +215,7 @@ PlannerSpec = str | Planner | Mapping[str, Mapping[str, Any] | None]
 
 
 class SweepingPlanner(Planner, Protocol):
-    """A planner of many independent jobs: they run on any executor, with the same results; None runs them here."""
+    """Planner of independent jobs, with the same result on any executor; without one, jobs run in this process."""
 
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
@@ -226,10 +226,10 @@ def stages_of(
     planner: Planner, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
     """Yield the stages of a planner, on an executor if it takes one."""
-    taken = inspect.signature(planner.stages).parameters.values()
-    takes_executor = any(one.name == "executor" or one.kind is one.VAR_KEYWORD for one in taken) and (
-        sweeps(planner) or planner.answers_in_stages
-    )
+    parameters = inspect.signature(planner.stages).parameters.values()
+    takes_executor = any(
+        parameter.name == "executor" or parameter.kind is parameter.VAR_KEYWORD for parameter in parameters
+    ) and (sweeps(planner) or planner.answers_in_stages)
     on_executor = {"executor": executor} if executor is not None and takes_executor else {}
     yield from planner.stages(problem, progress, **on_executor)
 
@@ -237,7 +237,7 @@ def stages_of(
 def _solved(
     self: Planner, problem: Problem, progress: ProgressCallback | None = None, **on_executor: Any
 ) -> Iterator[Candidates]:
-    """What a planner without stages has as its only one."""
+    """Yield the result of ``solve`` as the only stage."""
     yield self.solve(problem, progress, **on_executor)
 
 
@@ -258,27 +258,27 @@ _DEFAULTS: dict[str, Any] = {
     "stages": _solved,
     "anchored": lambda planner: planner,
 }
-"""What a planner's class has of the contract without saying so."""
+"""Defaults of the attributes that a planner class does not define."""
 
 
 def joined(before: Candidates | None, now: Candidates) -> Candidates:
-    """What is found once a stage is done: its candidates and those of the stages before.
+    """Return the candidates of a stage with those of earlier stages.
 
-    With a final answer only those that it does not cover: where it is within a precision, or where criteria filter, in
-    which an earlier path may be better.
+    A final answer is joined only with earlier candidates that it does not cover: if it is approximate, or if criteria
+    filter the front, in which an earlier path may be better.
     """
     if before is None or not before.trajectories:
         return now
     final = now.status.is_final
-    known = {driven(trajectory) for trajectory in now.trajectories}
-    new = [i for i, trajectory in enumerate(before.trajectories) if driven(trajectory) not in known]
+    motions = {motions_key(trajectory) for trajectory in now.trajectories}
+    new = [i for i, trajectory in enumerate(before.trajectories) if motions_key(trajectory) not in motions]
     if final and not now.filters:
         new = [i for i in new if not (now.planned <= before.planned[i]).all(axis=1).any()]
     if not new:
         return now
     stages = {str(origin["stage"]): None for origin in before.provenance if "stage" in origin}
-    earlier = before.some(new)
-    what = f" ({', '.join(stages)})" if stages else ""
+    earlier = before.subset(new)
+    names = f" ({', '.join(stages)})" if stages else ""
     better = f", which may be better in {', '.join(c.name for c in now.filters)}" if final and now.filters else ""
     return replace(
         now,
@@ -286,12 +286,12 @@ def joined(before: Candidates | None, now: Candidates) -> Candidates:
         planned=np.concatenate([now.planned, earlier.planned]),
         tolerance=np.concatenate([now.tolerance, earlier.tolerance]),
         provenance=now.provenance + earlier.provenance,
-        certificate=f"{now.certificate}; with the points of earlier stages{what}{better}",
+        certificate=f"{now.certificate}; with the points of earlier stages{names}{better}",
     )
 
 
-def driven(trajectory: Trajectory) -> tuple[Any, ...]:
-    """What tells a trajectory from others: its motions and states."""
+def motions_key(trajectory: Trajectory) -> tuple[Any, ...]:
+    """Return a hashable key of a trajectory: its motions and states."""
     states = trajectory.states
     return (trajectory.kinds, *(getattr(states, name).tobytes() for name in states.names))
 
@@ -316,7 +316,7 @@ def planner(name: str) -> Callable[[T], T]:
 
 
 def _completed(cls: Any) -> Any:
-    """Give a class of planners the defaults of the contract that it does not have."""
+    """Add the defaults of the contract to a planner class."""
     completed(cls, _DEFAULTS)
     if not isinstance(cls.needs, frozenset | property):
         cls.needs = frozenset(cls.needs)
@@ -325,9 +325,9 @@ def _completed(cls: Any) -> Any:
 
 @checked_arguments
 def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) -> Planner:
-    """A planner from its name and options, from ``{name: {option: value}}`` as in a scenario, or itself.
+    """Return a planner from its name and options, from ``{name: {option: value}}`` as in a scenario, or itself.
 
-    Raises UnknownName for a name nobody registered and OptionError for options it does not have.
+    Raises UnknownName for a name that is not registered and OptionError for unknown options.
     """
     if isinstance(spec, str):
         return cast(Planner, made(planners, {spec: options}))

@@ -1,7 +1,7 @@
-"""Judgement of what a continuous solver returns: re-evaluated, exact ends, free of collisions between all samples.
+"""Checks of the trajectories of a continuous solver: costs re-evaluated, ends exact, no collision between samples.
 
-A nonlinear program knows fields, samples and smoothed corners; what it calls feasible need not be. So every candidate
-is judged on its trajectory alone: by the criteria as fronts report them, and on the exact geometry.
+A nonlinear program sees fields, samples and smoothed corners, so its feasible solutions need not be feasible. Every
+candidate is therefore judged by its trajectory alone: by the criteria that fronts report, on the exact geometry.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ EPSILON_TOLERANCE = 1e-3  # relative: a re-evaluated cost may exceed its bound b
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What was found wrong with each candidate.
+    """Faults of candidates.
 
-    costs    (n, k) re-evaluated; NaN where the trajectory does not even lie on the map
-    reasons  n, "" for those to be trusted
+    costs    (n, k) re-evaluated; NaN for trajectories that miss an end or leave the map
+    reasons  n, why each is rejected; "" for accepted ones
     """
 
     costs: FloatArray
@@ -44,16 +44,16 @@ class Judgement:
 
     @property
     def kept(self) -> IntArray:
-        """Places of the candidates to be trusted."""
+        """Indices of the accepted candidates."""
         return np.flatnonzero([not reason for reason in self.reasons])
 
     @property
     def dropped(self) -> dict[str, int]:
-        """How many were dropped, by reason."""
+        """Numbers of rejected candidates, by reason."""
         return dict(Counter(reason for reason in self.reasons if reason))
 
     def notes(self, planner: str) -> tuple[str, ...]:
-        """One line that says how many were dropped and why; none if all are kept."""
+        """Return a line with the number of rejected candidates and the reasons, or nothing if all are accepted."""
         if not self.dropped:
             return ()
         why = ", ".join(f"{reason} ({count})" for reason, count in sorted(self.dropped.items()))
@@ -70,14 +70,14 @@ def judge(
     planned: FloatArray | None = None,
     tolerance: FloatArray | None = None,
 ) -> Judgement:
-    """Re-evaluate candidates and name what is wrong with each, the gravest first.
+    """Re-evaluate candidates and return the gravest fault of each.
 
-    Collisions are looked for on the geometry that the model plans by, which is never too kind.
+    Collisions are checked on the model's planning geometry, which never misses one.
 
     Parameters
     ----------
     epsilon : (n, k) bounds that the costs had to keep, within EPSILON_TOLERANCE or half a quantum; inf bounds nothing
-    planned, tolerance : (n, k) costs as the planner added them up, and by how much they may be off
+    planned, tolerance : (n, k) costs as the planner added them up, and their tolerance
     """
     count = len(trajectories)
     costs = np.full((count, len(objectives)), np.nan)
@@ -116,40 +116,40 @@ def trusted(
     *,
     epsilon: FloatArray | None = None,
 ) -> Candidates:
-    """Those candidates of a planner that are to be trusted; a note and the stats say what was dropped, and why.
+    """Return the accepted candidates of a planner; a note and the stats give the rejected ones and the reasons.
 
-    Ctrl-C while they are judged is told by the status: what was found is worth the time. A second one is obeyed.
+    After a Ctrl-C here, judging begins again and the status becomes INTERRUPTED; a second Ctrl-C is raised.
 
     Parameters
     ----------
     epsilon : (n, k) bounds that the costs had to keep, as for :func:`judge`
     """
-    asked = {"epsilon": epsilon, "planned": candidates.planned, "tolerance": candidates.tolerance}
+    limits = {"epsilon": epsilon, "planned": candidates.planned, "tolerance": candidates.tolerance}
     try:
-        judged = judge(problem, candidates.objectives, candidates.trajectories, **asked)
+        judged = judge(problem, candidates.objectives, candidates.trajectories, **limits)
     except KeyboardInterrupt:
         candidates = replace(candidates, status=Status.INTERRUPTED)
-        judged = judge(problem, candidates.objectives, candidates.trajectories, **asked)
+        judged = judge(problem, candidates.objectives, candidates.trajectories, **limits)
     return replace(
-        candidates.some(judged.kept),
+        candidates.subset(judged.kept),
         notes=(*candidates.notes, *judged.notes(planner)),
         stats={**candidates.stats, "dropped": judged.dropped},
     )
 
 
 def accepted(epsilon: FloatArray, objectives: Sequence[Criterion]) -> FloatArray:
-    """The most (k,) that costs with bounds may be: the tolerance and half a quantum above them."""
+    """Return the largest accepted costs (k,) under bounds: the tolerance or half a quantum above them."""
     quanta = np.array([0.5 * criterion.quantum for criterion in objectives])
     return np.asarray(epsilon + np.maximum(EPSILON_TOLERANCE * np.abs(epsilon), quanta))
 
 
 def exceeds(costs: FloatArray, epsilon: FloatArray, objectives: Sequence[Criterion]) -> BoolArray:
-    """Whether each cost (k,) is above its bound by more than the tolerance and half a quantum."""
+    """Return whether each cost (k,) exceeds its bound by more than the tolerance and half a quantum."""
     return np.asarray(costs > accepted(epsilon, objectives))
 
 
 def is_free(problem: Problem, trajectory: Trajectory) -> bool:
-    """Whether a trajectory is free of collisions all along, on the exact geometry."""
+    """Return whether a trajectory is free of collisions throughout, on the exact geometry."""
     collision = problem.model.collision(problem.world)
     if not len(trajectory):
         return bool(collision.states_free(trajectory.states).all())
@@ -157,14 +157,14 @@ def is_free(problem: Problem, trajectory: Trajectory) -> bool:
 
 
 def are_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
-    """Return whether each trajectory (n,) is free of collisions all along, on the exact geometry."""
+    """Return whether each trajectory (n,) is free of collisions throughout, on the exact geometry."""
     if not len(trajectories):
         return np.zeros(0, dtype=bool)
     return _free(problem, MotionTable.of(trajectories), trajectories, range(len(trajectories)))
 
 
 def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
-    """Return where each trajectory of a table leaves the map or misses an end, in words, or ""."""
+    """Return the fault of each trajectory that misses an end or leaves the map; "" for the others."""
     model = problem.model
     reasons = [""] * table.counts.size
     first, last = table.states.take(table.first), table.states.take(table.last)
@@ -178,11 +178,13 @@ def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
     return reasons
 
 
-def _free(problem: Problem, table: MotionTable, trajectories: Sequence[Trajectory], asked: Sequence[int]) -> BoolArray:
-    """Return whether each trajectory of a table is free; only those asked for are looked at one by one.
+def _free(
+    problem: Problem, table: MotionTable, trajectories: Sequence[Trajectory], selected: Sequence[int]
+) -> BoolArray:
+    """Return whether each trajectory of a table is free; those with curves are checked only if listed in ``selected``.
 
-    A motion that several trajectories share is checked once. Curves depend on their neighbours, and so are checked with
-    their trajectory, as is one that goes nowhere.
+    A motion that several trajectories share is checked once. Curves depend on their neighbours, so they are checked
+    with their trajectory, as are trajectories without motions.
     """
     collision = problem.model.collision(problem.world)
     colliding = np.zeros(len(table), dtype=bool)
@@ -192,27 +194,27 @@ def _free(problem: Problem, table: MotionTable, trajectories: Sequence[Trajector
             if not is_curve(motions.law):
                 colliding[index] = ~free_along(collision, motions)
     free: BoolArray = ~table.having(colliding)
-    for i in asked:
+    for i in selected:
         if alone[i]:
             free[i] = is_free(problem, trajectories[i])
     return free
 
 
 def on_map(problem: Problem, states: States) -> BoolArray:
-    """Whether the base (M,) is within the bounds of the world, if there is a base."""
+    """Return whether the base (M,) is within the bounds of the world; True for a robot without a base."""
     if "base" not in problem.model.provides:
         return np.ones(states.size, dtype=bool)
     base, (x_min, y_min, x_max, y_max) = problem.model.pose("base", states), problem.world.bounds
     return np.asarray((base.x >= x_min) & (base.x <= x_max) & (base.y >= y_min) & (base.y <= y_max))
 
 
-# To make and evaluate a trajectory takes a tenth of a millisecond, or several where criteria have memory, and a search
-# may find a hundred thousand. So a few points are evaluated first: they make the fields, and tell what a point takes.
+# A search may find a hundred thousand trajectories, and building and evaluating one takes up to some milliseconds. So
+# a sample is evaluated first: it computes the fields and measures the time per point.
 
 
-SHARES = (16, 4)  # of all points, one of so many, in the first sample and in the second
-MARGIN = 1.2  # what all points may take, beyond what the samples tell
-FEW, FEW_WITH_MEMORY = 60, 6  # points that are evaluated in any case, without memory and where criteria have memory
+SHARES = (16, 4)  # the first sample has one of 16 points, the second one of 4
+MARGIN = 1.2  # factor on the time per point that the samples measure
+FEW, FEW_WITH_MEMORY = 60, 6  # points that are always evaluated; the second if criteria have memory
 
 
 def evaluable_in_time(
@@ -221,16 +223,16 @@ def evaluable_in_time(
     evaluate: Callable[[Candidates], object],
     clock: Callable[[], float] = perf_counter,
 ) -> Candidates:
-    """Return the candidates that can be evaluated in the seconds left, spread over all, with a note on the others.
+    """Return as many candidates, spread over all, as can be evaluated in the remaining time, and note the omission.
 
-    The best point in each cost is always among them, and a few are returned where no time is left. Without a limit, and
-    after Ctrl-C, all are returned.
+    The best point of each cost is always among them, and a few points are returned even if no time remains. Without a
+    limit, and after Ctrl-C, all are returned.
 
     Parameters
     ----------
-    left : seconds until the limit, None without one
-    evaluate : what takes the time, for some of the candidates
-    clock : s, that the evaluation is timed by
+    left : returns the seconds until the limit, None without one
+    evaluate : the evaluation of candidates, which is timed
+    clock : s, times the evaluation
     """
     few = FEW_WITH_MEMORY if any(c.aggregate == "trajectory" for c in candidates.filters) else FEW
     if left() is None or len(candidates.trajectories) <= few:
@@ -241,13 +243,16 @@ def evaluable_in_time(
         return replace(candidates, status=Status.INTERRUPTED)
     if number >= len(candidates.trajectories):
         return candidates
-    some, count = candidates.spread(number), len(candidates.trajectories)
-    only = f"{len(some.trajectories):,} of the {count:,} points found could be evaluated before the time limit"
+    spread, count = candidates.spread(number), len(candidates.trajectories)
+    only = f"{len(spread.trajectories):,} of the {count:,} points found could be evaluated before the time limit"
     return replace(
-        some,
-        status=Status.TIME_LIMIT if some.status.is_final else some.status,
-        certificate=f"{some.certificate}; only {only}, and the others are left out",
-        notes=(*some.notes, f"only {only}; they are spread over all points found. Raise time_limit to have the others"),
+        spread,
+        status=Status.TIME_LIMIT if spread.status.is_final else spread.status,
+        certificate=f"{spread.certificate}; only {only}, and the others are left out",
+        notes=(
+            *spread.notes,
+            f"only {only}; they are spread over all points found. Raise time_limit to have the others",
+        ),
     )
 
 
@@ -258,9 +263,9 @@ def _number(
     evaluate: Callable[[Candidates], object],
     clock: Callable[[], float],
 ) -> int:
-    """Return how many points can be evaluated in the seconds left, judging by some of them."""
+    """Return how many points can be evaluated in the remaining time, estimated from samples."""
     count = len(candidates.trajectories)
-    evaluate(candidates.spread(1))  # makes fields, which take their time once
+    evaluate(candidates.spread(1))  # computes the fields, a cost that occurs once
     size, took = 0, 0.0
     for share in SHARES:
         more = min(count, max(few, count // share))

@@ -1,4 +1,4 @@
-"""What planners need of a model and a problem: capabilities, starts and goals in the plane, and usable places."""
+"""Requirements of planners: capabilities of the model, kinds of starts and goals, and free states near an end."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ if TYPE_CHECKING:
     from hpop.motions.states import Values
     from hpop.problems.problem import Problem
     from hpop.world import World
+    from hpop.world.ground import Heights
 
 
 def refuse_unsupported(planner: Planner, model: Model) -> None:
-    """Raise UnsupportedModel where a planner needs what a model does not provide; names planners that can."""
+    """Raise UnsupportedModel where a model lacks capabilities that a planner needs; names planners that work."""
     lacking = planner.needs - model.provides
     if not lacking:
         return
-    able = [name for name, known in planners.items() if known.needs <= model.provides]
+    able = [name for name, candidate in planners.items() if candidate.needs <= model.provides]
     undeclared = (
         ""
         if planner.needs is not UNDECLARED
@@ -52,7 +53,7 @@ def people_move(problem: Problem) -> bool:
 
 
 def refuse_moving(problem: Problem, what: str) -> None:
-    """Raise QueryError where people move, for what has no time."""
+    """Raise QueryError where people move; ``what`` names the planner that has no clock."""
     people = problem.world.content.people
     moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
     if moving:
@@ -65,18 +66,28 @@ def refuse_moving(problem: Problem, what: str) -> None:
 
 
 def in_plane(model: Model) -> PlanarModel:
-    """The model as one that provides "plane", as planners that need it know; UnsupportedModel for others."""
+    """Return a model that provides "plane", typed as such; UnsupportedModel for others."""
     return cast(PlanarModel, _having(model, "plane"))
 
 
 def on_wheels(model: Model) -> Wheeled:
-    """The model as one that provides "wheels", and has the law of curves; UnsupportedModel for others."""
+    """Return a model that provides "wheels" and has the law of curves, typed as such; UnsupportedModel for others."""
     if "drive" not in _having(model, "wheels").laws:
         raise UnsupportedModel(
             f"curves are planned by the law 'drive', hpop.models.driven.Drive(), which {model.name} does not have: its "
             f"laws are {', '.join(model.laws)}"
         )
     return cast(Wheeled, model)
+
+
+def reaches(model: PlanarModel, world: World) -> tuple[tuple[Heights, float], ...]:
+    """Return height ranges with different obstacles, each with the largest reach of the robot's parts there, m."""
+    by_space: dict[int, tuple[Heights, float]] = {}
+    for part in model.platform:
+        z = (part.z_min, part.z_max)
+        key = id(world.free_space(z))
+        by_space[key] = max(by_space.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])
+    return tuple(by_space.values())
 
 
 def _having(model: Model, what: str) -> Model:
@@ -90,17 +101,17 @@ End = tuple[float, float, float | None]
 
 
 def start_of(problem: Problem) -> tuple[float, float, float]:
-    """Where the problem starts."""
+    """Return the start of the problem in the plane."""
     return cast(tuple[float, float, float], _in_plane(problem, problem.start))
 
 
 def goals_of(problem: Problem) -> tuple[End, ...]:
-    """Where it may end; QueryError for a goal that is no set of states."""
+    """Return the goals of the problem in the plane; QueryError for a goal that is no set of states."""
     return tuple(_in_plane(problem, goal) for goal in problem.goals)
 
 
 def one_goal(problem: Problem, what: str) -> End:
-    """Where it ends; QueryError, which names the planners that can, where ``what`` is given a set of states."""
+    """Return the only goal; QueryError for several, which names the planners that take them."""
     goals = goals_of(problem)
     if len(goals) > 1:
         able = _able(problem, "goal_sets")
@@ -109,7 +120,7 @@ def one_goal(problem: Problem, what: str) -> End:
 
 
 def check_goal(problem: Problem, planner: Planner) -> None:
-    """Raise QueryError where the problem's goal is none that the planner takes; it names planners that do."""
+    """Raise QueryError where a planner does not take the problem's kind of goal; names planners that do."""
     if problem.target.listed and not planner.goal_sets:
         one_goal(problem, planner.name)
     if not problem.target.listed and not planner.any_goal:
@@ -120,9 +131,9 @@ def check_goal(problem: Problem, planner: Planner) -> None:
 
 
 def _able(problem: Problem, kind: Literal["goal_sets", "any_goal"]) -> str:
-    """Names of the planners that take goals of a kind, and the problem's model."""
+    """Return the names of the planners that take goals of a kind and the problem's model."""
     provided = problem.model.provides
-    able = [name for name, one in planners.items() if one.needs <= provided]
+    able = [name for name, planner in planners.items() if planner.needs <= provided]
     return ", ".join(name for name in able if getattr(planners[name], kind))
 
 
@@ -132,24 +143,24 @@ def _in_plane(problem: Problem, values: Values) -> End:
 
 
 RINGS = ((0.05, 1.0), (0.1, 3.0), (0.5, 15.0), (2.0, 60.0), (10.0, 300.0))
-"""Spacing of the places that are tried, m, and how far from the end: near to it closely."""
+"""Spacing of the positions that are tried, m, and up to which distance from the end, m."""
 HEADINGS = 8
-"""Headings that are tried where it is free."""
+"""Headings that are tried where the heading is free."""
 BLOCK = 512
-"""Places that are looked at together; most often the first of them tell."""
+"""Positions that are checked together; the first block usually has a free one."""
 
 
 def nearest_free(model: Model, world: World, state: States) -> States | None:
-    """The state (1,) moved to the nearest place where the robot is free, among places with few decimals.
+    """Return the state (1,) moved to the nearest position where the robot is free, with coordinates of few decimals.
 
-    Of angles that are free (NaN) the heading is one of eight, the others are 0. None where no place within 300 m is
-    free, or the robot's states have no x and y.
+    A free heading (NaN) becomes one of eight, other free angles 0. None where no position within 300 m is free, or the
+    robot's states have no x and y.
     """
     if not {"x", "y"} <= set(model.space.names):
         return None
     collision = model.collision(world)
-    for places in _places(world, float(state.x[0]), float(state.y[0])):
-        tried = _at(state, places)
+    for positions in _positions(world, float(state.x[0]), float(state.y[0])):
+        tried = _at(state, positions)
         free = np.flatnonzero(collision.states_free(tried))
         if free.size:
             return tried.take(free[:1])
@@ -157,38 +168,38 @@ def nearest_free(model: Model, world: World, state: States) -> States | None:
 
 
 def elsewhere(model: Model, world: World, state: States) -> str:
-    """A sentence on that place, to be put after the reason why a state (1,) is blocked; nothing where there is none."""
-    found = nearest_free(model, world, state)
-    if found is None:
+    """Return a sentence on the nearest free position, to follow the reason why a state (1,) is blocked, or ""."""
+    free = nearest_free(model, world, state)
+    if free is None:
         return ""
-    x, y = float(found.x[0]), float(found.y[0])
+    x, y = float(free.x[0]), float(free.y[0])
     away = float(np.hypot(x - state.x[0], y - state.y[0]))
     return f" The nearest place where the robot is free is ({x:.4g}, {y:.4g}), {away:.2f} m away."
 
 
-def _places(world: World, x: float, y: float) -> Iterator[FloatArray]:
-    """Places (N, 2), m, within the bounds of a world, ever farther from a point."""
+def _positions(world: World, x: float, y: float) -> Iterator[FloatArray]:
+    """Yield blocks of positions (N, 2), m, within the bounds of a world, nearest first."""
     x0, y0, x1, y1 = world.bounds
-    nearest = np.array([np.clip(x, x0, x1), np.clip(y, y0, y1)])  # of the map to a point beside it
+    nearest = np.array([np.clip(x, x0, x1), np.clip(y, y0, y1)])  # on the map to a point off it
     inner = -1.0
     for spacing, reach in RINGS:
         low = np.ceil(np.maximum(nearest - reach, (x0, y0)) / spacing)
         high = np.floor(np.minimum(nearest + reach, (x1, y1)) / spacing)
         grid = np.meshgrid(*(np.arange(a, b + 1) * spacing for a, b in zip(low, high, strict=True)))
-        places = np.stack([axis.ravel() for axis in grid], axis=1).round(2)
-        there = np.hypot(*(places - nearest).T)
-        places = places[(there > inner) & (there <= reach)]
-        places = places[np.argsort(np.hypot(*(places - (x, y)).T), kind="stable")]
-        yield from (places[i : i + BLOCK] for i in range(0, len(places), BLOCK))
+        positions = np.stack([axis.ravel() for axis in grid], axis=1).round(2)
+        distance = np.hypot(*(positions - nearest).T)
+        positions = positions[(distance > inner) & (distance <= reach)]
+        positions = positions[np.argsort(np.hypot(*(positions - (x, y)).T), kind="stable")]
+        yield from (positions[i : i + BLOCK] for i in range(0, len(positions), BLOCK))
         inner = reach
 
 
-def _at(state: States, places: FloatArray) -> States:
-    """The state at each of some places (N, 2), at each heading that will do."""
+def _at(state: States, positions: FloatArray) -> States:
+    """Return the state at each of some positions (N, 2), at each heading that is tried."""
     headings = np.arange(HEADINGS) * 2 * np.pi / HEADINGS if np.isnan(getattr(state, "yaw", np.zeros(1))[0]) else None
     count = 1 if headings is None else headings.size
-    columns = {name: np.full(len(places) * count, np.nan_to_num(getattr(state, name)[0])) for name in state.names}
-    columns |= {"x": np.repeat(places[:, 0], count), "y": np.repeat(places[:, 1], count)}
+    columns = {name: np.full(len(positions) * count, np.nan_to_num(getattr(state, name)[0])) for name in state.names}
+    columns |= {"x": np.repeat(positions[:, 0], count), "y": np.repeat(positions[:, 1], count)}
     if headings is not None:
-        columns["yaw"] = np.tile(headings, len(places))
+        columns["yaw"] = np.tile(headings, len(positions))
     return States(**columns)

@@ -1,4 +1,4 @@
-"""How criteria become the costs that a graph search adds up along edges."""
+"""Costs that a graph search adds up along edges, from the criteria of a problem."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     pass
 
 
-WHOLE = 1e-6  # of a quantum: so much above a whole number is still that number
+WHOLE = 1e-6  # of a quantum: rounding error allowed before a cost is rounded up
 
 
 @dataclass(frozen=True)
@@ -61,18 +61,18 @@ class Integral:
 
 
 def integral_of(mean: Criterion) -> Criterion:
-    """What adds up in the place of a time-mean: the criterion that it names, or its time integral."""
+    """Return the additive criterion that replaces a time-mean: the one that it names, or its time integral."""
     return stand_in_of(mean) or cast(Criterion, Integral(mean))
 
 
 @dataclass(frozen=True)
 class Objectives:
-    """What a planner whose costs add up along edges makes of the criteria asked for.
+    """Criteria split by how a planner with additive edge costs treats them.
 
-    optimised  criteria that add up or take the worst edge; the integral stands in for each time-mean
+    optimised  criteria that add up or take the worst edge; the integral replaces each time-mean
     means      the time-means that are only reported
-    filters    criteria with memory: evaluated on the trajectories found, which are filtered by them
-    notes      one line for each that is not optimised
+    filters    criteria with memory: evaluated on the trajectories found, and used to filter them
+    notes      one line for each criterion that is not optimised
     """
 
     optimised: tuple[Criterion, ...]
@@ -80,8 +80,8 @@ class Objectives:
     filters: tuple[Criterion, ...]
     notes: tuple[str, ...]
 
-    def noted(self, notes: tuple[str, ...]) -> Objectives:
-        """The same with more notes."""
+    def with_notes(self, notes: tuple[str, ...]) -> Objectives:
+        """Return these objectives with more notes."""
         return replace(self, notes=(*self.notes, *notes)) if notes else self
 
     @property
@@ -90,9 +90,9 @@ class Objectives:
         return ", ".join(criterion.name for criterion in self.optimised)
 
     def at_most(self, max_turns: int | None) -> list[int | None]:
-        """Bounds (k,) on the costs, none where turns are not bounded.
+        """Return bounds (k,) on the costs, or an empty list where turns are not bounded.
 
-        Raises OptionError where they are, but none of the costs.
+        Raises OptionError where turns are bounded but are none of the costs.
         """
         if max_turns is None:
             return []
@@ -106,10 +106,10 @@ class Objectives:
 
     @property
     def certificate(self) -> str:
-        """What may be claimed for criteria that were not optimised.
+        """Return the claim for criteria that were not optimised.
 
-        An optimum of the integral need not be one of the mean. With the duration among the minimised costs it is: what
-        is better in the mean and no worse in the rest would also be better in the integral.
+        An optimum of the integral need not be one of the mean. If the duration is minimised too, it is: a trajectory
+        that is better in the mean and no worse in the other costs would also be better in the integral.
         """
         parts = []
         if self.means:
@@ -123,7 +123,7 @@ class Objectives:
 
 
 def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
-    """Split criteria into what adds up along edges, the means, and those with memory.
+    """Split criteria into costs that add up along edges, time-means, and criteria with memory.
 
     Raises UnsupportedCriterion when nothing is left to optimise, or one cost would be minimised twice.
     """
@@ -165,8 +165,8 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
     """Edge costs (M,) as integers of the criterion's quantum; GraphError comes later if sums overflow.
 
-    Rounded up, so that a turn that costs no more than two on the same way still does: the search takes all turns at
-    a place together only where that holds everywhere, and to the nearest 0.4 and 0.4 make 0, but 0.8 makes 1.
+    Costs are rounded up: a turn that costs no more than two turns in its place then still does, so that the search may
+    merge turns at a position. Rounded to the nearest, 0.4 + 0.4 would be 0, but 0.8 would be 1.
     """
     largest = float(costs.max(initial=0.0)) / criterion.quantum
     if largest > 2**52:

@@ -1,8 +1,8 @@
-"""Limits of planning: one account of time and memory for reading, building and searching, and work in blocks under it.
+"""Limits of planning: one account of time and memory for reading, building and searching, and work in blocks.
 
-Building goes block by block, on all cores, and between blocks the limits are checked. So a limit, or Ctrl-C, ends it
-soon, and memory for intermediate arrays is bounded by the size of a block. Blocks are put together in order: the result
-is the same, bit for bit, whatever the number of cores.
+Building goes block by block, on all cores, and the limits are checked between blocks. So a limit, or Ctrl-C, ends it
+soon, and memory for intermediate arrays is bounded by the size of a block. Blocks are joined in order: the result is
+the same, bit for bit, for any number of cores.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec
 
 CORES = os.cpu_count() or 1
-LEAST = 1e-3  # s, bytes: a budget that is left is positive, or it would be no budget
-MORE = 1.25  # of max_memory that the process may grow by, all in all
-BESIDE, LATER = 250_000_000, 100_000_000  # bytes of libraries beside, until kernels are loaded and from then on
-EVERY = 0.02  # s between two looks at how large the process is
+LEAST = 1e-3  # s: the least remaining time limit, as a limit must be positive
+MORE = 1.25  # of max_memory: growth of the process that is allowed in total
+BESIDE, LATER = 250_000_000, 100_000_000  # bytes for libraries, before and after kernels are loaded
+EVERY = 0.02  # s between two measurements of the process's memory
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -42,10 +42,10 @@ OPTIONS = {Status.TIME_LIMIT: "time_limit", Status.MEMORY_LIMIT: "max_memory"}
 
 
 class Exhausted(limits.LimitPassed):
-    """A limit was passed while something was built. Planners catch it and say so in what they return.
+    """Limit passed during building; planners catch it and report it in their result.
 
     status  the limit
-    doing   what was being built, in words
+    doing   activity at that moment, in words
     """
 
     def __init__(self, status: Status, doing: str) -> None:
@@ -55,7 +55,7 @@ class Exhausted(limits.LimitPassed):
 
 @dataclass(frozen=True)
 class Limits(Budget):
-    """Time, labels and memory of a search, the file in which it keeps its state, and its progress callback."""
+    """Time, labels and memory of a search, its checkpoint file and its progress callback."""
 
     checkpoint: CheckpointSpec | None = None
     progress: ProgressCallback | None = None
@@ -70,17 +70,17 @@ class Limits(Budget):
 
 
 class Spending:
-    """The account of a planning run: its limits, and the time and memory spent so far. Compiling is not charged.
+    """Account of a planning run: its limits, and the time and memory spent so far. Compiling is not charged.
 
     limits  of the whole run
-    memory  bytes held by what was built so far
-    cores   on which it is built at once
+    memory  bytes held by the parts built so far
+    cores   number of threads that build
     """
 
     def __init__(
         self, limits: Budget | None = None, *, spent: float = 0.0, memory: int = 0, cores: int | None = None
     ) -> None:
-        """Open the account; ``spent`` seconds and some bytes are gone already, such as for reading the map."""
+        """Open the account; ``spent`` seconds and ``memory`` bytes are already used, such as for reading the map."""
         self.limits, self.cores = Limits.of(limits), cores or CORES
         self.memory = memory
         self._began = perf_counter() - spent
@@ -89,7 +89,7 @@ class Spending:
         self._resident, self._looked = _resident() if self.limits.max_memory is not None else 0, 0.0
 
     def seconds(self) -> float:
-        """Seconds since planning started, without compiling."""
+        """Return the seconds since planning started, without compiling."""
         return perf_counter() - self._began - (_compiling() - self._compiled)
 
     def until_limit(self) -> float | None:
@@ -102,7 +102,7 @@ class Spending:
             self.limits.progress(Progress(stage))
 
     def left(self) -> Limits:
-        """Return the limits of a search that takes all that is left; raises Exhausted where that is nothing."""
+        """Return the limits of a search that takes all that remains; raises Exhausted if nothing remains."""
         self.check("the search was to begin")
         limit, most = self.limits.time_limit, self.limits.max_memory
         return replace(
@@ -112,24 +112,24 @@ class Spending:
         )
 
     def share(self, seconds: float) -> Limits:
-        """Return the limits of an early stage: some seconds, at most a quarter of the rest, and no checkpoint."""
+        """Return the limits of an early stage: some seconds, at most a quarter of the remaining time, no checkpoint."""
         left = replace(self.left(), checkpoint=None)
         return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))
 
     @contextmanager
     def paused(self) -> Iterator[None]:
-        """Time that others take, such as to draw what a stage found, is not charged."""
+        """Stop the clock, for time that the caller takes, such as to draw the candidates of a stage."""
         before = self.seconds()
         try:
             yield
         finally:
-            self._began += self.seconds() - before  # compiling meanwhile is not charged anyway
+            self._began += self.seconds() - before  # compiling is not charged anyway
 
     def check(self, doing: str, memory: int = 0) -> None:
-        """Raise Exhausted where a limit is passed, or would be with so many bytes more.
+        """Raise Exhausted where a limit is passed, or would be with ``memory`` bytes more.
 
-        A part of the time limit stays for the evaluation of what is found.
-        What is not counted shows in the size of the process, where the system tells it (Linux).
+        A part of the time limit is reserved for evaluating the candidates. Memory that is not charged shows in the size
+        of the process, where the system reports it (Linux).
         """
         limit, most = self.limits.time_limit, self.limits.max_memory
         if most is not None and self.memory + memory > most:
@@ -137,33 +137,33 @@ class Spending:
         if most is not None and perf_counter() - self._looked > EVERY:
             grown, self._looked = _resident() - self._resident, perf_counter()
             if grown > MORE * most + self._beside:
-                what = f"{doing}, where the process had grown by {_megabytes(grown)}"
-                raise Exhausted(Status.MEMORY_LIMIT, what)
+                activity = f"{doing}, where the process had grown by {_megabytes(grown)}"
+                raise Exhausted(Status.MEMORY_LIMIT, activity)
         if limit is not None and self.seconds() >= (1.0 - RESERVED) * limit:
             raise Exhausted(Status.TIME_LIMIT, doing)
 
     def hold(self, memory: int, doing: str) -> None:
-        """Charge bytes that stay, before they are taken."""
+        """Charge bytes that stay allocated, before they are allocated."""
         self.check(doing, memory)
         self.memory += memory
 
     def release(self, memory: int) -> None:
-        """Bytes that were held are free again."""
+        """Return charged bytes."""
         self.memory -= memory
 
     def each(self, work: Callable[[A], B], blocks: Iterable[A], doing: str) -> Iterator[B]:
-        """The results of ``work`` on each block, in order; raises Exhausted between blocks.
+        """Yield the results of ``work`` on each block, in order; raises Exhausted between blocks.
 
-        The first is done alone: it makes the fields that all read, and compiles. Fields keep the limits themselves, and
-        count as memory.
+        The first block runs alone: it computes the fields that all blocks read, and compiles kernels. Fields check the
+        limits themselves, and count as memory.
         """
-        rest = iter(blocks)
+        remaining = iter(blocks)
 
         def limited(block: A) -> B:
             with limits.within(self):
                 return work(block)
 
-        for block in islice(rest, 1):
+        for block in islice(remaining, 1):
             yield limited(block)
             self.check(doing)
         waiting: deque[Future[B]] = deque()
@@ -174,7 +174,7 @@ class Spending:
 
         with ThreadPoolExecutor(self.cores) as threads:
             try:
-                for block in rest:
+                for block in remaining:
                     with interrupts_held():
                         waiting.append(threads.submit(limited, block))
                     if len(waiting) > self.cores:
@@ -183,7 +183,7 @@ class Spending:
                 while waiting:
                     yield first()
                     self.check(doing)
-            finally:  # after Ctrl-C, a limit or an error nobody waits for blocks that have not begun
+            finally:  # after Ctrl-C, a limit or an error, blocks that have not begun are dropped
                 with interrupts_held():
                     for future in waiting:
                         future.cancel()
@@ -191,26 +191,23 @@ class Spending:
 
 @runtime_checkable
 class Limited(Protocol):
-    """A planner whose limits cover reading the map as well."""
+    """Planner with limits that include reading the map."""
 
     def budget(self) -> Budget:
-        """Its limits."""
+        """Return its limits."""
 
 
 def common_spending(planners: Iterable[object]) -> Spending:
-    """What is done for several planners, such as to read a map, may spend as much as the one that may spend most.
-
-    That one cannot plan any more where reading takes more, and so none can.
-    """
+    """Return the account for work shared by several planners, such as reading a map: the largest of their limits."""
     budgets = [planner.budget() if isinstance(planner, Limited) else Budget() for planner in planners]
-    seconds, memory = [each.time_limit for each in budgets], [each.max_memory for each in budgets]
+    seconds, memory = [budget.time_limit for budget in budgets], [budget.max_memory for budget in budgets]
     return Spending(Budget(time_limit=_most(seconds), max_memory=_most(memory)))
 
 
 def _most(amounts: Sequence[N | None]) -> N | None:
-    """The largest of some limits, of which None is no limit."""
-    known = [amount for amount in amounts if amount is not None]
-    return max(known) if known and len(known) == len(amounts) else None
+    """Return the largest of some limits, or None, no limit, if one is None."""
+    limits = [amount for amount in amounts if amount is not None]
+    return max(limits) if limits and len(limits) == len(amounts) else None
 
 
 def _megabytes(size: int) -> str:
@@ -220,9 +217,9 @@ def _megabytes(size: int) -> str:
 def stopped(
     name: str, objectives: Objectives, stop: Exhausted, spending: Spending, first: Candidates | None = None
 ) -> Candidates:
-    """What the planner ``name`` returns when a limit was passed before it could search, and what helps.
+    """Return the result of the planner ``name`` after a limit was passed before its search, with advice.
 
-    That is the ``first`` answer, found before on a part of its graph; nothing without one.
+    The result is the ``first`` answer, found on a part of its graph, or empty without one.
     """
     costs = len(objectives.optimised)
     helps = f"take a larger step or fewer samples, fewer criteria, or raise {OPTIONS[stop.status]}"
@@ -250,7 +247,7 @@ def stopped(
 
 
 def _resident() -> int:
-    """Bytes of memory that this process has; 0 where the system does not tell."""
+    """Return the bytes of memory of this process; 0 where the system does not report them."""
     try:
         with open("/proc/self/statm") as sizes:
             return int(sizes.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
@@ -259,6 +256,6 @@ def _resident() -> int:
 
 
 def _compiling() -> float:
-    """Seconds that this process has spent on compiling kernels so far; none before numba is imported."""
+    """Return the seconds that this process has spent on compiling kernels; 0 before numba is imported."""
     compiled = sys.modules.get("hpop.runtime.compiled")
     return compiled.compiling_seconds() if compiled else 0.0

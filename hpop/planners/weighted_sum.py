@@ -1,4 +1,4 @@
-"""The weighted-sum planner: the supported trade-offs of a lattice, or a roadmap, one shortest path a weight."""
+"""The weighted-sum planner: supported trade-offs of a graph, one shortest path per weight."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 Weights = tuple[tuple[float, ...], ...]
 
 
-def asked_weights(divisions: int | None, weights: Any) -> Weights | None:
-    """Rows of weights as they are kept; raises OptionError for what makes no sense whatever the costs are."""
+def checked_weights(divisions: int | None, weights: Any) -> Weights | None:
+    """Return rows of weights as floats; raises OptionError for weights that are invalid for any costs."""
     if divisions is not None:
         divisions = checked_divisions(divisions)
     if weights is None:
@@ -47,7 +47,7 @@ def asked_weights(divisions: int | None, weights: Any) -> Weights | None:
 
 
 def check_count(weights: Weights | None, criteria: Sequence[Criterion]) -> None:
-    """Raise OptionError where a row has not one weight for each of the criteria."""
+    """Raise OptionError where a row does not have one weight for each criterion."""
     for row in weights or ():
         if len(row) != len(criteria):
             names = ", ".join(criterion.name for criterion in criteria)
@@ -65,22 +65,21 @@ class WeightedSum:
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
     divisions       weights are all multiples of 1 / divisions that sum to 1
-    weights         or these: lists of one number a cost, in the order of the criteria without those with memory; with
-                    neither they are adaptive
-    time_limit      s      to read the map, build the graph and sweep, not to compile; what is found until then is
+    weights         or lists of one number per cost, in the order of the criteria without those with memory; without
+                    divisions and weights, they are adaptive
+    time_limit      s      to read the map, build the graph and sweep, not to compile; after it the paths found are
                            returned and called incomplete
-    on              a graph family that is searched in place of the lattice: ``{"roadmap": {"samples": 300}}``
+    on              a graph family that replaces the lattice: ``{"roadmap": {"samples": 300}}``
 
     A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs
-    normalised from ideal to nadir, which are in the stats; each trajectory carries the weights that gave it. Zero
-    weights break ties in the order of the criteria, so every path is efficient.
+    normalised from ideal to nadir, which are in the stats; each trajectory carries its weights. Ties under zero
+    weights are broken in the order of the criteria, so every path is efficient.
 
     Accepts criteria that add up along edges (sum), at most six; a time-mean is represented by its integral, and
-    criteria with memory only filter what was found. Guarantees that the adaptive sweep, ended by itself, has every
-    extreme supported cost vector of the graph that the planner "lattice", or the one that is given, searches with the
-    same options, and that no returned one is unsupported; costs rounded as there. What lies in a dent of the front is
-    missed. Serves the models that that planner serves. Costs one A* search a weight: see
-    :func:`hpop.search.supported_paths`.
+    criteria with memory only filter the paths. Guarantees that the complete adaptive sweep has every extreme supported
+    cost vector of the graph that the planner "lattice", or the family in ``on``, has with the same options, and that no
+    returned vector is unsupported; costs rounded as there. Points in a dent of the front are missed. Serves the models
+    of that planner. Costs one A* search per weight: see :func:`hpop.search.supported_paths`.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -100,21 +99,21 @@ class WeightedSum:
         for attribute in ("needs", "goal_sets", "any_goal"):
             object.__setattr__(self, attribute, getattr(self.family, attribute))
         self.budget()
-        object.__setattr__(self, "weights", asked_weights(self.divisions, self.weights))
+        object.__setattr__(self, "weights", checked_weights(self.divisions, self.weights))
 
     def budget(self) -> Budget:
         """Return the limits, which reading the map, building and searching share."""
         return Budget(self.time_limit)
 
     def anchored(self) -> WeightedSum:
-        """Return the planner on a graph that does not depend on the start, if its family has such a one."""
+        """Return the planner on a graph that does not depend on the start, if its family has such a graph."""
         return WeightedSum(
             divisions=self.divisions, weights=self.weights, time_limit=self.time_limit, on=self.family.anchored().spec
         )
 
     @cached_property
     def family(self) -> GraphFamily:
-        """The graph family that is searched."""
+        """Graph family that is searched."""
         lattice = LatticeGraph(self.step, self.headings, self.corner_cutting)
         if self.on is None:
             return lattice
@@ -125,10 +124,10 @@ class WeightedSum:
     def solve(
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
-        """Plan on the graph; one job of the executor is some weights.
+        """Plan on the graph; each job of the executor solves some weights.
 
-        Raises as :meth:`Lattice.solve` does, or that of the planner given, UnsupportedCriterion also for a worst edge
-        (max), OptionError for weights that are not one a cost.
+        Raises the errors of :meth:`Lattice.solve`, UnsupportedCriterion also for a worst edge (max), and OptionError
+        for rows that do not have one weight per cost.
         """
         objectives, family = edge_objectives(problem.criteria, "weighted-sum"), self.family
         worst = [criterion.name for criterion in objectives.optimised if criterion.aggregate == "max"]
@@ -161,7 +160,7 @@ class WeightedSum:
             return stopped("weighted-sum", objectives, stop, spending, first)
         except NotBuilt as stop:
             note = "weighted-sum: the paths from which the graph is built are left out, they need not be supported"
-            return replace(stop.candidates.some([]), notes=(*stop.candidates.notes, note))
+            return replace(stop.candidates.subset([]), notes=(*stop.candidates.notes, note))
         paths = supported_paths(
             query.graph,
             query.start,
@@ -194,10 +193,10 @@ class WeightedSum:
         )
         return found if built.status.is_final else replace(found, status=built.status)
 
-    def _claim(self, ended: bool, status: str, query: Query) -> str:
-        """What is claimed, in words."""
+    def _claim(self, is_complete: bool, status: str, query: Query) -> str:
+        """Return the certificate."""
         where = f"{query.part} for ({query.names})"
-        if not ended:
+        if not is_complete:
             return f"incomplete ({status}): every point is supported on {where}, others are missing"
         if self.divisions is None and self.weights is None:
             return f"all extreme supported points of {where}, no unsupported ones; {OFF}; {ROUNDED}"

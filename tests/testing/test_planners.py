@@ -78,7 +78,7 @@ def made(found: Candidates, problem: Problem, rows: list[tuple[float, ...]]) -> 
     """One trajectory through poses in the place of all, its costs as they are."""
     trajectory = Trajectory.from_poses(problem.model, rows)
     planned = np.array([list(problem.evaluate(trajectory).values())])
-    one = found.some([0])
+    one = found.subset([0])
     return replace(one, trajectories=(trajectory,), planned=planned, tolerance=0.0 * planned)
 
 
@@ -116,12 +116,12 @@ CALLS = count()
 
 
 def moody(found: Candidates, problem: Problem) -> Candidates:
-    return found.some(range(1 + next(CALLS) % len(found.trajectories))) if len(found.trajectories) else found
+    return found.subset(range(1 + next(CALLS) % len(found.trajectories))) if len(found.trajectories) else found
 
 
 def dumb(found: Candidates, problem: Problem) -> Candidates:
     """Nothing, and that is called complete."""
-    nothing = found.some([])
+    nothing = found.subset([])
     return replace(nothing, status=Status.COMPLETE, notes=()) if not len(found.trajectories) else found
 
 
@@ -172,7 +172,7 @@ class Sweeping(Changed):
         self, problem: Problem, progress: ProgressCallback | None = None, executor: Executor | None = None
     ) -> Candidates:
         found = super().solve(problem, progress)
-        return found if executor is None else found.some([0])
+        return found if executor is None else found.subset([0])
 
 
 @dataclass(frozen=True)

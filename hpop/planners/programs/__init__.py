@@ -1,1 +1,1 @@
-"""What nonlinear programs of several planners share."""
+"""Planners by nonlinear programs, and the parts that they share."""

@@ -1,4 +1,4 @@
-"""What IPOPT asks after each iteration: whether it shall stop."""
+"""Callback by which IPOPT stops at a deadline."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
 
 
 class Stop(casadi.Callback):
-    """Stops a solver whose time is over, or would be after an iteration as long as the last one.
+    """Callback after each iteration that stops a solver before the deadline, if the next one takes as long as the last.
 
-    CasADi holds no reference to it: whoever has the solver keeps it.
+    CasADi holds no reference to it, so the owner of the solver must.
     """
 
     def __init__(self, deadline: Deadline, variables: int, constraints: int) -> None:
@@ -27,7 +27,7 @@ class Stop(casadi.Callback):
             self.construct("stop", {})
 
     def begin(self) -> None:
-        """Say that a solver begins: its first iteration counts from now."""
+        """Start timing the first iteration."""
         self.last = time.time()
 
     def get_n_in(self) -> int:

@@ -1,4 +1,4 @@
-"""Which criteria a nonlinear program can treat: those that work on symbols, and counts that its structure settles."""
+"""Criteria that nonlinear programs accept: those that work on symbols, and counts of moves and turns."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 
-def smooth_places(criteria: Sequence[Criterion], problem: Problem, planner: str) -> tuple[int, ...]:
-    """Places of the criteria with a gradient, asked before anything is planned.
+def smooth_indices(criteria: Sequence[Criterion], problem: Problem, planner: str) -> tuple[int, ...]:
+    """Return the indices of the criteria with a gradient, and check all criteria before planning.
 
-    Raises UnsupportedCriterion for a criterion that neither a gradient nor a structure settles, for one that does not
-    work on symbols, and where all are settled.
+    Raises UnsupportedCriterion for a criterion that has no gradient and is no count of moves and turns, for one that
+    does not work on symbols, and if no criterion has a gradient.
     """
-    places = tuple(j for j, criterion in enumerate(criteria) if criterion.smooth)
+    indices = tuple(j for j, criterion in enumerate(criteria) if criterion.smooth)
     for criterion in criteria:
         if not criterion.smooth and not is_counted(criterion, problem):
             raise UnsupportedCriterion(
@@ -36,14 +36,14 @@ def smooth_places(criteria: Sequence[Criterion], problem: Problem, planner: str)
                 f"{criterion.name!r} has no gradient and depends on where the motions are. Leave it out, or use "
                 "planner 'lattice'."
             )
-    if not places:
+    if not indices:
         raise UnsupportedCriterion(
             f"{planner} needs a smooth criterion to minimise; {', '.join(c.name for c in criteria)} have no gradient. "
             "Add one, such as 'length'."
         )
-    with ONE_PROGRAM:  # here too symbols are built
-        _try_on_symbols([criteria[j] for j in places], problem)
-    return places
+    with ONE_PROGRAM:  # symbols are built here as well
+        _try_on_symbols([criteria[j] for j in indices], problem)
+    return indices
 
 
 def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
@@ -55,7 +55,7 @@ def _try_on_symbols(criteria: Sequence[Criterion], problem: Problem) -> None:
 
 
 def minimised(name: str, criteria: Sequence[Criterion]) -> int:
-    """Place of the cost to minimise; raises OptionError where it is not there or has no gradient."""
+    """Return the index of the cost to minimise; raises OptionError where it is missing or has no gradient."""
     names = [criterion.name for criterion in criteria]
     smooth = [criterion.name for criterion in criteria if criterion.smooth]
     if name not in smooth:
@@ -67,7 +67,7 @@ def minimised(name: str, criteria: Sequence[Criterion]) -> int:
 
 
 def on_symbols(criterion: Criterion, motions: Motions) -> Any:
-    """Costs (M,) of symbolic motions as a CasADi vector; raises UnsupportedCriterion if it works on numbers only."""
+    """Return costs (M,) of symbolic motions as a CasADi vector; UnsupportedCriterion if it works on numbers only."""
     try:
         column = vector(criterion.cost(motions), len(motions))
         if column.numel() != len(motions):
@@ -76,7 +76,7 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
         raise
     except UnsupportedCriterion as error:
         raise UnsupportedCriterion(f"criterion {criterion.name!r} cannot be used here: {error}") from None
-    except Exception as error:  # someone else's criterion on CasADi's symbols: anything can come
+    except Exception as error:  # a user's criterion on CasADi's symbols may raise anything
         why = (str(error).strip() or type(error).__name__).splitlines()[-1].rstrip(".")
         raise UnsupportedCriterion(
             f"criterion {criterion.name!r} does not work on symbols, as a nonlinear program needs: {why}. See "
@@ -87,9 +87,9 @@ def on_symbols(criterion: Criterion, motions: Motions) -> Any:
 
 
 def is_counted(criterion: Criterion, problem: Problem) -> bool:
-    """Whether a criterion without gradient costs all moves alike, and all turns of more than three degrees.
+    """Return whether all moves have the same cost, and all turns of more than three degrees.
 
-    Asked of 200 motions all over the map; what they miss, the judgement of the candidates finds.
+    This is tested with 200 motions all over the map. An exception that they miss shows when candidates are judged.
     """
     if criterion.aggregate != "sum":
         return False
@@ -97,17 +97,17 @@ def is_counted(criterion: Criterion, problem: Problem) -> bool:
 
 
 def _some_motions(problem: Problem, count: int) -> tuple[Motions, Motions]:
-    """Moves, and turns of more than three degrees, all over the map."""
+    """Return moves, and turns of more than three degrees, all over the map."""
     rng = np.random.default_rng(0)
     x_min, y_min, x_max, y_max = problem.world.bounds
     x, y = rng.uniform((x_min, y_min), (x_max, y_max), size=(count, 2)).T
     yaw, length = rng.uniform(-np.pi, np.pi, count), rng.uniform(0.01, 5.0, count)
-    turned = rng.uniform(math.radians(3.0), np.pi, count) * rng.choice([-1.0, 1.0], count)
+    angle = rng.uniform(math.radians(3.0), np.pi, count) * rng.choice([-1.0, 1.0], count)
     start = States(x=x, y=y, yaw=yaw)
     ahead = States(x=x + length * np.cos(yaw), y=y + length * np.sin(yaw), yaw=yaw)
-    about = States(x=x, y=y, yaw=yaw + turned)
+    turned = States(x=x, y=y, yaw=yaw + angle)
     world, model = problem.world.stand_in(SparseWorld), problem.model
     return (
         Motions(world, model, model.laws["move"], start, ahead),
-        Motions(world, model, model.laws["turn"], start, about),
+        Motions(world, model, model.laws["turn"], start, turned),
     )

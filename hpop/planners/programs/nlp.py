@@ -1,6 +1,6 @@
-"""What a nonlinear program needs of worlds, laws and motions: sparse derivatives, no cusps, maxima sample by sample.
+"""Worlds, laws and motions for nonlinear programs: sparse derivatives, smooth timing, maxima bounded by samples.
 
-Numbers never see any of this: fronts hold the exact costs of the exact laws.
+Programs alone use these; fronts hold the exact costs of the exact laws.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,14 +24,11 @@ from hpop.world.fields.field import Field, GridPoints
 from hpop.world.fields.symbols import Quadratics
 from hpop.world.ground import WHOLE, Heights
 
-if TYPE_CHECKING:
-    from hpop.problems.problem import Problem
-
-ROUNDING = 0.02  # rad: the time of smaller turns is not believed
+ROUNDING = 0.02  # rad: below this angle the timing of turns is smoothed
 
 
 def require_ipopt(planner: str) -> None:
-    """Raise OptionError where CasADi came without its solver."""
+    """Raise OptionError if this installation of CasADi does not have IPOPT."""
     import casadi
 
     if not casadi.has_nlpsol("ipopt"):
@@ -42,7 +39,7 @@ def require_ipopt(planner: str) -> None:
 
 
 def vector(column: Column, size: int) -> Any:
-    """A column of numbers, or of symbols (SX, MX), as a CasADi vector (size,)."""
+    """Return a column of numbers, or of symbols (SX, MX), as a CasADi vector (size,)."""
     import casadi
 
     if isinstance(column, int | float | np.ndarray | np.generic):
@@ -50,28 +47,18 @@ def vector(column: Column, size: int) -> Any:
     return casadi.vec(column.to_casadi() if hasattr(column, "to_casadi") else column)
 
 
-def reaches(problem: Problem) -> tuple[tuple[Heights, float], ...]:
-    """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
-    found: dict[int, tuple[Heights, float]] = {}
-    for part in problem.model.platform:
-        z = (part.z_min, part.z_max)
-        key = id(problem.world.free_space(z))
-        found[key] = max(found.get(key, (z, 0.0)), (z, part.reach), key=lambda item: item[1])
-    return tuple(found.values())
-
-
 class SparseField(Field):
-    """A field whose symbols have sparse derivatives and read it where they are: the rest of it is not even sampled."""
+    """Field with sparse symbolic derivatives, sampled only at the positions that the symbols read."""
 
     @classmethod
     def of(cls, field: Field) -> Field:
-        """The same samples."""
+        """Return a field with the same samples."""
         sparse = object.__new__(cls)
         sparse.__dict__.update({**field.__dict__, "_field": field, "_lookups": {}})
         return sparse
 
     def __call__(self, x: Column, y: Column) -> Column:
-        """The field itself at numbers."""
+        """Return the values at numbers, or symbols of them."""
         return self._field(x, y) if not (is_symbolic(x) or is_symbolic(y)) else super().__call__(x, y)
 
     @property
@@ -85,7 +72,7 @@ class SparseField(Field):
         return self._field.values
 
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """See the field."""
+        """Return the coefficients of the field (:meth:`hpop.world.fields.field.Field.coefficients_at`)."""
         return self._field.coefficients_at(u, v)
 
     def at(self, places: GridPoints) -> Any:
@@ -93,16 +80,16 @@ class SparseField(Field):
             return super().at(places)
         size, lookups = places.u.numel(), self.__dict__["_lookups"]
         with interrupts_held():
-            if size not in lookups:  # kept: CasADi holds no reference to what it calls in Python
+            if size not in lookups:  # stored, as CasADi holds no reference to Python callbacks
                 callback = Quadratics(self._field, size)
                 lookups[size] = sparse_lookup(callback, size), callback
             return lift(lookups[size][0](places.points).T, places.shape)
 
 
 class SparseWorld(World):
-    """The same world, with fields that suit nonlinear programs.
+    """World with sparse fields for nonlinear programs.
 
-    It keeps them itself, as their symbols need them: whoever has a program of these keeps this world.
+    It stores the fields, which their symbols need, so the owner of a program must keep this world.
     """
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
@@ -119,11 +106,10 @@ class SparseWorld(World):
 
 
 @dataclass(frozen=True)
-class Rounded(LawDefaults):
-    """A law of turns whose timing is that of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
+class SmoothedTurn(LawDefaults):
+    """Law of turns with the timing of ``sqrt(θ² + ROUNDING²)`` instead of |θ|.
 
-    A turn from rest to rest lasts 2 sqrt(|θ|/α): no solver likes that cusp, and vertices where hardly a turn is left
-    would be stuck on it.
+    A turn from rest to rest lasts 2 sqrt(|θ|/α). At the cusp of this function, at small angles, solvers get stuck.
     """
 
     exact: PlanarLaw
@@ -153,18 +139,18 @@ class Rounded(LawDefaults):
 
 @dataclass(frozen=True, eq=False)
 class _Moment(Motions):
-    """Motions whose worst moment is looked for at one moment only, so that a slack can lie above each."""
+    """Motions with a maximum evaluated at one moment only, so that a slack can bound each sample."""
 
     phase: int = 0
     at: float = 0.0
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
-        """The rate (M,) at that moment."""
+        """Return the rate (M,) at that moment."""
         return rate(self._instants(self.phases[self.phase], self.at, None))
 
 
 def moments(motions: Motions) -> list[Motions]:
-    """The same motions seen at both ends and in the middle of each of their phases."""
+    """Return copies of motions that evaluate a maximum at the ends and the middle of each phase."""
     m = motions
     return [
         _Moment(m.world, m.model, m.law, m.start, m.end, panels=m.panels, phase=phase, at=at)
@@ -173,28 +159,27 @@ def moments(motions: Motions) -> list[Motions]:
     ]
 
 
-# Where one is summed up, as in ``∫ (|α| - threshold)₊ dt``, and the cost rises with it, a variable lies above x and
-# above 0 instead: the solver presses it onto one of them. So a criterion says that it may, by
+# A hinge ``max(x, 0)`` in an integral, as in ``∫ (|α| - threshold)₊ dt``, with which the cost rises, is replaced by a
+# slack variable that is at least x and at least 0; minimising presses it onto the larger. A criterion permits this by
 # :func:`hpop.base.math.hinge`.
 #
-# Where a maximum is bounded sample by sample, ``max(e, 0) <= z`` with z >= 0 says no more than ``e <= z``. The first
-# has no gradient on one side: of fifteen bounds on the clearance in the museum, eleven did not converge; of the second,
-# none failed.
+# Where a maximum is bounded sample by sample, ``max(e, 0) <= z`` with z >= 0 is equivalent to ``e <= z``. The first has
+# no gradient on one side: in the museum 11 of 15 bounds on the clearance did not converge; with the second, all did.
 
 
 @dataclass(frozen=True)
 class Slacks:
-    """The hinges of formulas of scalar symbols (SX), in the order in which they were written.
+    """Slack variables in place of the hinges of formulas of scalar symbols (SX), in the order of the formulas.
 
-    symbols  K scalars in their places
-    below    K scalars x, one of the two that the symbol is to be above; the other is 0
+    symbols  K slack variables
+    below    K scalars x: each slack is to be at least x and at least 0
     """
 
     symbols: list[Any] = field(default_factory=list)
     below: list[Any] = field(default_factory=list)
 
     def take(self, column: Column) -> Column:
-        """Symbols in the place of the hinge of a column (M,)."""
+        """Return slack variables for the hinges of a column (M,)."""
         import casadi
 
         below = casadi.vec(column.to_casadi())
@@ -206,7 +191,7 @@ class Slacks:
 
 @contextmanager
 def slackened() -> Iterator[Slacks]:
-    """Collect the hinges that are written inside."""
+    """Replace the hinges of formulas in this context by slack variables, and collect them."""
     slacks = Slacks()
     token = instead_of_hinges.set(slacks.take)
     try:
@@ -215,24 +200,24 @@ def slackened() -> Iterator[Slacks]:
         instead_of_hinges.reset(token)
 
 
-def unhinged(column: Any) -> Any:
-    """What stands below the hinge of a CasADi vector ``max(e, 0)``: e, as a column; any other vector is returned.
+def below_hinge(column: Any) -> Any:
+    """Return e of a CasADi vector ``max(e, 0)``, as a column; any other vector is returned as it is.
 
     >>> import casadi
     >>> x = casadi.MX.sym("x", 3)
-    >>> unhinged(casadi.fmax(1 - x, 0)), unhinged(casadi.sin(x))
+    >>> below_hinge(casadi.fmax(1 - x, 0)), below_hinge(casadi.sin(x))
     (MX((ones(3x1)-x)), MX(sin(x)))
     """
     import casadi
 
     op, shape = column.op(), column.shape
     if op in (casadi.OP_RESHAPE, casadi.OP_TRANSPOSE) and 1 in column.dep(0).shape:
-        return casadi.vec(unhinged(column.dep(0)))
+        return casadi.vec(below_hinge(column.dep(0)))
     if op == casadi.OP_IF_ELSE_ZERO:
-        below = unhinged(column.dep(1))
+        below = below_hinge(column.dep(1))
         return casadi.if_else(column.dep(0), below, 0.0) if below.shape == column.dep(0).shape else column
     if op == casadi.OP_FMAX:
-        for zero, rest in ((0, 1), (1, 0)):
-            if column.dep(zero).is_zero() and column.dep(rest).shape == shape:
-                return column.dep(rest)
+        for zero, inner in ((0, 1), (1, 0)):
+            if column.dep(zero).is_zero() and column.dep(inner).shape == shape:
+                return column.dep(inner)
     return column

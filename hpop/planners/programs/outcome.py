@@ -1,4 +1,4 @@
-"""One job of a planner that solves many programs: its outcome, and the deadline that all jobs share."""
+"""Outcome of one job of a planner that solves many programs, and the deadline that all jobs share."""
 
 from __future__ import annotations
 
@@ -17,46 +17,46 @@ from hpop.trajectories.trajectory import Trajectory
 
 BUILDING = "a program was built"
 SOLVING = "a program was solved"
-STOPPED = "User_Requested_Stop"  # IPOPT's word
-CUT_SHORT = "cut short"  # what jobs count that did not end by themselves
+STOPPED = "User_Requested_Stop"  # IPOPT's status
+CUT_SHORT = "cut short"  # counted by jobs that the deadline ended
 
 
 @dataclass(frozen=True)
 class Deadline:
-    """A moment on the clock of :func:`time.time`, which processes share; None is never.
+    """Moment on the clock of :func:`time.time`, which processes share; None is never.
 
-    It is one of the limits of :mod:`hpop.world.limits`: fields that are made under it end with it.
+    It is a limit of :mod:`hpop.runtime.limits`: the computation of a field stops at it.
     """
 
     at: float | None = None
 
     @classmethod
     def after(cls, seconds: float | None) -> Deadline:
-        """So many seconds from now."""
+        """Return the deadline in ``seconds`` from now; None for no deadline."""
         return cls(None if seconds is None else time.time() + seconds)
 
     @property
     def is_past(self) -> bool:
-        """Whether it is over."""
+        """True after the deadline."""
         return self.at is not None and time.time() >= self.at
 
     def check(self, doing: str, memory: int = 0, *, ahead: float = 0.0) -> None:
-        """Raise LimitPassed where it is over, or would be ``ahead`` seconds from now: of what nothing interrupts."""
+        """Raise LimitPassed if the deadline has passed, or will pass during ``ahead`` seconds without interruption."""
         if self.at is not None and time.time() + ahead >= self.at:
             raise LimitPassed(f"the time was over while {doing}")
 
     def hold(self, memory: int, doing: str) -> None:
-        """Look at the time; memory is not counted."""
+        """Check the time; memory is not counted."""
         self.check(doing)
 
     def check_solver(self, status: str) -> None:
-        """Raise LimitPassed where a solver ended with a status that says that it was stopped, or the time is over."""
+        """Raise LimitPassed if a solver's status says that it was stopped, or the deadline has passed."""
         if status == STOPPED:
             raise LimitPassed(f"the time was over while {SOLVING}")
         self.check(SOLVING)
 
     def stopping(self, variables: int, constraints: int) -> dict[str, Any]:
-        """Options of a CasADi solver of programs of this size, so that IPOPT ends with the iteration at work."""
+        """Return options of a CasADi solver for programs of this size by which IPOPT stops at the deadline."""
         if self.at is None:
             return {}
         stop = import_module("hpop.planners.programs._stop")  # on first use: it imports CasADi
@@ -65,18 +65,17 @@ class Deadline:
 
 F = TypeVar("F")
 
-# Held by a job at work, and by whoever else builds symbols. An executor may have threads, as a Dask worker has unless
-# told otherwise, and neither CasADi's symbols nor the linear solver of IPOPT bear them: two programs at once end the
-# process.
+# Held while a job runs or symbols are built. An executor may use threads, as a Dask worker does by default, but neither
+# CasADi's symbols nor IPOPT's linear solver are thread-safe: two programs at once crash the process.
 ONE_PROGRAM = Lock()
 
 
 @dataclass(frozen=True, eq=False)
-class Improved:
-    """What became of a warm start: a trajectory, its costs as the program added them up, and how it came about.
+class ImprovedTrajectory:
+    """Trajectory improved from a warm start.
 
-    planned    (k,)
-    tolerance  (k,)  by how much they may be off
+    planned    (k,)  costs as the program added them up
+    tolerance  (k,)  by how much the planned costs may be off
     """
 
     trajectory: Trajectory
@@ -87,30 +86,30 @@ class Improved:
 
 @dataclass(frozen=True, eq=False)
 class Outcome(Generic[F]):
-    """A candidate, or why there is none.
+    """Result of a job: a candidate, or the reason why there is none.
 
-    found    the candidate, or None
-    reason   why there is none, else ""
-    counts   how often something happened on the way
-    seconds  of building programs and of solving them
+    candidate  or None
+    reason     why there is none, else ""
+    counts     of events during the job, by name
+    seconds    of building programs and of solving them
     """
 
-    found: F | None
+    candidate: F | None
     reason: str
     counts: Counter[str] = field(default_factory=Counter)
     seconds: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, result: F | str, counts: Counter[str], seconds: dict[str, float]) -> Outcome[F]:
-        """From a candidate, or the reason that there is none."""
+        """Return the outcome of a candidate, or of the reason why there is none."""
         return cls(None, result, counts, seconds) if isinstance(result, str) else cls(result, "", counts, seconds)
 
 
 @dataclass(eq=False)
 class Tally:
-    """What came of many jobs, added up.
+    """Sums over the outcomes of many jobs.
 
-    counts    how often something happened on the way
+    counts    of events during the jobs, by name
     seconds   of building programs and of solving them
     failures  of the jobs without a candidate, by reason
     """
@@ -121,28 +120,28 @@ class Tally:
 
     @classmethod
     def of(cls, outcomes: Iterable[Outcome[Any]]) -> Tally:
-        """Of several jobs."""
+        """Return the sums over outcomes."""
         tally = cls()
         for outcome in outcomes:
             tally.add(outcome)
         return tally
 
     def add(self, outcome: Outcome[Any]) -> None:
-        """One job more."""
+        """Add an outcome."""
         self.counts.update(outcome.counts)
         for part, spent in outcome.seconds.items():
             self.seconds[part] += spent
-        if outcome.found is None:
+        if outcome.candidate is None:
             self.failures[outcome.reason] += 1
 
     def notes(self, job: str) -> list[str]:
-        """A note on each reason for which jobs, each of which is called so, have no candidate."""
+        """Return a note for each reason of failure; ``job`` names a job in words."""
         failures = sorted((why, count) for why, count in self.failures.items() if why != CUT_SHORT)
         return [f"{counted(count, job)} without a candidate: {why}" for why, count in failures]
 
     @property
     def stats(self) -> dict[str, Any]:
-        """Failures by reason, and seconds."""
+        """Failures by reason, and seconds of building and solving."""
         return {
             "failed": {why: count for why, count in self.failures.items() if why != CUT_SHORT},
             "build_seconds": self.seconds["build"],

@@ -1,16 +1,16 @@
-"""Polylines: the structure that programs of straight segments cannot change, straightened curves, and homotopy."""
+"""Polylines: the structure that programs of straight segments do not change, straightened curves, homotopy."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import shapely
 
-from hpop.base.arrays import FloatArray
+from hpop.base.arrays import FloatArray, IntArray, numbered
 from hpop.base.math import wrap
 from hpop.models.laws import Move
 from hpop.planners.judgement import is_free
@@ -26,7 +26,7 @@ PIECE = 0.6  # m: a segment is integrated, and its clearance sampled, in pieces 
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """Straight segments between vertices, and the headings that are asked for at both ends.
+    """Polyline of straight segments, with the headings required at both ends.
 
     vertices   (n+1, 2)  m
     start_yaw  rad
@@ -39,7 +39,7 @@ class Polyline:
 
     @classmethod
     def of(cls, trajectory: Trajectory, problem: Problem) -> Polyline:
-        """The polyline that a trajectory drives; its ends are put exactly on the problem's start and goal."""
+        """Return the polyline of a trajectory, with its ends moved exactly to the problem's start and goal."""
         s = trajectory.states
         rows = [(s.x[0], s.y[0])]
         heading = math.nan
@@ -69,7 +69,7 @@ class Polyline:
 
     @property
     def structure(self) -> PolylineStructure:
-        """Its structure; pieces are counted with some to spare, so that few numbers of them occur."""
+        """Its structure; numbers of pieces are rounded up, so that few different structures occur."""
         count = len(self.vertices) - 1
         if not count:
             return PolylineStructure((), False, False)
@@ -79,7 +79,7 @@ class Polyline:
         return PolylineStructure(pieces, bool(first), bool(last))
 
     def trajectory(self, model: Any) -> Trajectory:
-        """Turns in place and straight moves along the polyline."""
+        """Return the trajectory of turns in place and straight moves along the polyline."""
         headings = self.headings
         last = headings[-1] if len(headings) else self.start_yaw
         yaws = [self.start_yaw, *headings[:-1], last if self.goal_yaw is None else self.goal_yaw]
@@ -91,10 +91,10 @@ class Polyline:
         )
 
     def simplified(self, angle: float) -> Polyline:
-        """Without the inner vertices at which it turns by less than ``angle``, rad."""
+        """Return the polyline without the inner vertices at which it turns by less than ``angle``, rad."""
         turned = np.abs(wrap(np.diff(self.headings)))
-        kept = np.concatenate([[True], turned >= angle, [True]]) if len(turned) else np.ones(len(self.vertices), bool)
-        return Polyline(self.vertices[kept], self.start_yaw, self.goal_yaw)
+        stays = np.concatenate([[True], turned >= angle, [True]]) if len(turned) else np.ones(len(self.vertices), bool)
+        return Polyline(self.vertices[stays], self.start_yaw, self.goal_yaw)
 
     def farthest(self, other: Polyline) -> float:
         """Return the largest difference of a coordinate, m, to another polyline with as many vertices; else inf."""
@@ -107,7 +107,7 @@ class Polyline:
         return Polyline(np.delete(self.vertices, corner, axis=0), self.start_yaw, self.goal_yaw)
 
     def moved(self, rng: np.random.Generator, by: float) -> Polyline:
-        """A polyline whose interior vertices are displaced at random by about ``by`` metres."""
+        """Return a polyline with interior vertices displaced at random by about ``by`` metres."""
         vertices = self.vertices.copy()
         vertices[1:-1] += rng.normal(0.0, by, vertices[1:-1].shape)
         return Polyline(vertices, self.start_yaw, self.goal_yaw)
@@ -115,11 +115,11 @@ class Polyline:
 
 @dataclass(frozen=True)
 class PolylineStructure:
-    """What a nonlinear program cannot change of a polyline.
+    """Structure of a polyline, which a nonlinear program does not change.
 
-    pieces      (n,) in how many pieces each segment is integrated
+    pieces      (n,) number of pieces in which each segment is integrated
     first_turn  whether the robot turns before the first segment
-    last_turn   whether it turns after the last one, to a heading that is asked for
+    last_turn   whether it turns after the last one, to the heading of the goal
     """
 
     pieces: tuple[int, ...]
@@ -132,7 +132,7 @@ class PolylineStructure:
         return len(self.pieces)
 
     def grown(self, other: PolylineStructure) -> PolylineStructure:
-        """The same with as many pieces in each segment as another has, if those are more."""
+        """Return the structure with the larger number of pieces of both structures in each segment."""
         return replace(self, pieces=tuple(map(max, self.pieces, other.pieces)))
 
     @property
@@ -140,24 +140,47 @@ class PolylineStructure:
         """Number of turns in place."""
         return max(0, self.segments - 1) + self.first_turn + self.last_turn
 
+    @property
+    def turning(self) -> list[int]:
+        """Vertices at which the robot turns."""
+        return list(range(int(not self.first_turn), self.segments + self.last_turn))
+
 
 def _rounded_up(number: float) -> int:
-    """The next of 1, 2, 3, 4, 6, 8, 12, 16, 24, ..."""
+    """Return the least of 1, 2, 3, 4, 6, 8, 12, 16, 24, ... that is not less than a number."""
     size = 1
     while size < number:
         size = size * 3 // 2 if size & (size - 1) == 0 and size > 1 else (size * 4 // 3 if size > 1 else 2)
     return size
 
 
-SPACING = 0.02  # m: of the points of a curve
-DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: how far a polyline may leave its curve, largest first: few corners are better
+class SegmentParts(NamedTuple):
+    """Parts of a polyline's segments: the segment (n,) of each, and the shares (n,) at which it begins and ends."""
+
+    segment: IntArray
+    begin: FloatArray
+    end: FloatArray
+
+    def at(self, rows: IntArray) -> SegmentParts:
+        """Return some of the parts."""
+        return SegmentParts(self.segment[rows], self.begin[rows], self.end[rows])
+
+
+def parts_of(counts: IntArray) -> SegmentParts:
+    """Return segments cut into numbers (n,) of equal parts."""
+    segment, number = numbered(counts)
+    return SegmentParts(segment, number / counts[segment], (number + 1) / counts[segment])
+
+
+SPACING = 0.02  # m between the points of a curve
+DEVIATIONS = (0.4, 0.2, 0.1, 0.05)  # m: largest distance of a polyline from its curve; the first has the fewest corners
 
 
 def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[list[Trajectory], list[str]]:
-    """Moves and turns in place alone: each curve gives way to a polyline near it that is free; and notes on them.
+    """Return trajectories of moves and turns in place, with curves replaced by free polylines, and notes on curves.
 
     The corners are those of Douglas and Peucker (1973), for the largest of DEVIATIONS at which the robot, which turns
-    in place there, does not collide. A curve with no such polyline is left out.
+    in place there, does not collide. A curve without such a polyline is left out.
     """
     straight, yaw = list[Trajectory](), one_goal(problem, "a polyline")[2]
     curves, deviations = 0, list[float]()
@@ -188,34 +211,34 @@ def straightened(trajectories: Sequence[Trajectory], problem: Problem) -> tuple[
 
 
 def _points(trajectory: Trajectory, speed: float) -> FloatArray:
-    """Points (N, 2), m, along a trajectory, none twice in a row."""
+    """Return points (N, 2), m, along a trajectory, without repetitions in a row."""
     states = trajectory.at(np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration * speed / SPACING)))
     points = np.stack([states.x, states.y], axis=1)
     new = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
     return points[new] if new.sum() > 1 else points[[0, -1]]
 
 
-def homotopic(one: FloatArray, other: FloatArray, space: FreeSpace) -> bool:
-    """Whether a way (N, 2) can be deformed into another (M, 2) with the same ends without crossing an obstacle.
+def homotopic(first: FloatArray, second: FloatArray, space: FreeSpace) -> bool:
+    """Return whether a path (N, 2) can be deformed into another (M, 2) with the same ends without crossing an obstacle.
 
-    Both lie in the free space. Together, there and back, they are a loop. From a point in each hole of the free space a
-    ray goes up; which rays the loop crosses, and from which side, is a word, in which a crossing and the next back over
-    the same ray cancel. The loop can be drawn together if and only if nothing is left of it: the plane without some
-    points has a free group of loops, one generator a point. Winding numbers tell less: a loop round two obstacles, then
-    back round each of them, winds about neither and yet is caught.
+    Both paths lie in the free space; forth along one and back along the other is a loop. From a point in each hole of
+    the free space a ray goes up. The rays that the loop crosses, with their sides, form a word, in which a crossing and
+    the next crossing back over the same ray cancel. The loop is contractible if and only if the reduced word is empty:
+    the loops of the plane without some points form a free group with one generator per point. Winding numbers do not
+    suffice: a loop round two obstacles, then back round each of them, has winding number 0 about both.
 
     >>> from hpop.world import World
     >>> room = World.from_polygons([shapely.box(4, 4, 6, 6)], extent=shapely.box(0, 0, 10, 10))
-    >>> ways = [np.array([(1.0, 5.0), (5.0, y), (9.0, 5.0)]) for y in (2.0, 3.0, 8.0)]
-    >>> [homotopic(ways[0], way, room.free_space((0.0, 1.0))) for way in ways]
+    >>> paths = [np.array([(1.0, 5.0), (5.0, y), (9.0, 5.0)]) for y in (2.0, 3.0, 8.0)]
+    >>> [homotopic(paths[0], path, room.free_space((0.0, 1.0))) for path in paths]
     [True, True, False]
     """
-    loop = np.concatenate([one, other[::-1], one[:1]])
-    return not word(loop, holes(loop, space))
+    loop = np.concatenate([first, second[::-1], first[:1]])
+    return not crossing_word(loop, holes(loop, space))
 
 
 def holes(loop: FloatArray, space: FreeSpace) -> FloatArray:
-    """A point (H, 2), m, in each hole of a free space about which a loop may go: those in the loop's box."""
+    """Return a point (H, 2), m, in each hole of a free space that lies in the bounding box of a loop."""
     (x_min, y_min), (x_max, y_max) = loop.min(axis=0), loop.max(axis=0)
     parts = shapely.get_parts(space.region)
     inner = [shapely.get_interior_ring(part, i) for part in parts for i in range(shapely.get_num_interior_rings(part))]
@@ -225,8 +248,11 @@ def holes(loop: FloatArray, space: FreeSpace) -> FloatArray:
     return shapely.get_coordinates(shapely.point_on_surface(shapely.polygons(rings[inside])))
 
 
-def word(loop: FloatArray, points: FloatArray) -> list[int]:
-    """Which rays, up from points (H, 2), a loop (L, 2) crosses, reduced: i + 1 to the right over ray i, -i - 1 back."""
+def crossing_word(loop: FloatArray, points: FloatArray) -> list[int]:
+    """Return the reduced word of the rays, up from points (H, 2), that a loop (L, 2) crosses.
+
+    The letter i + 1 is a crossing of ray i to the right, -i - 1 one to the left.
+    """
     (x, y), (px, py) = loop.T[:, :, None], points.T[:, None, :]
     ahead = (x[:-1] <= px) & (px < x[1:])
     aback = (x[1:] <= px) & (px < x[:-1])
@@ -235,12 +261,12 @@ def word(loop: FloatArray, points: FloatArray) -> list[int]:
     share = (at - begin) / (end - begin)
     over = y[segment, 0] + share * (y[segment + 1, 0] - y[segment, 0]) > py[0, ray]
     letter = np.where(ahead[segment, ray], ray + 1, -ray - 1)
-    # Of rays that stand in one line each is a little to the right of those before it.
+    # Of rays in one line, each counts as slightly to the right of the one before it.
     order = np.lexsort((letter, share, segment))
-    left: list[int] = []
-    for one in letter[order[over[order]]].tolist():
-        if left and left[-1] == -one:
-            left.pop()
+    word: list[int] = []
+    for crossing in letter[order[over[order]]].tolist():
+        if word and word[-1] == -crossing:
+            word.pop()
         else:
-            left.append(one)
-    return left
+            word.append(crossing)
+    return word

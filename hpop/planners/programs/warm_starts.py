@@ -1,4 +1,4 @@
-"""What planners start from: the trajectories of another planner, of a front, or given as they are."""
+"""Warm starts: trajectories of another planner, of a front, or from a list, from which a planner starts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.frontier import Front
 from hpop.motions import HOLD
-from hpop.planners.base import Candidates, Planner, driven, joined, make_planner, stages_of
+from hpop.planners.base import Candidates, Planner, joined, make_planner, motions_key, stages_of
 from hpop.planners.judgement import judge
 from hpop.planners.needs import refuse_moving, refuse_unsupported
 from hpop.planners.programs.polyline import Polyline, straightened
@@ -33,9 +33,9 @@ FORMS = "the name of a planner, {name: options}, a front, or a list of trajector
 
 
 class Starting(Protocol):
-    """A planner that starts from known trajectories, and its options that it shares with another that finds them.
+    """Planner that starts from known trajectories, with the options that it passes on to the planner of warm starts.
 
-    Those that it may have beside these: SHARED.
+    It may also have the options SHARED.
     """
 
     @property
@@ -45,53 +45,58 @@ class Starting(Protocol):
 
 
 class WarmStarts(NamedTuple):
-    """What is known: moves and turns in place from start to goal.
+    """Trajectories of moves and turns in place from start to goal, from which a planner starts.
 
-    status       how the planner ended that found them
-    notes        what the user should know of them
-    interrupted  what an interrupted planner found, of which nothing goes on: it is kept instead
-    found        what the planner found that was named
+    status       of the planner that found them
+    notes        on them, for the user
+    interrupted  candidates of a planner that was interrupted; they are the result, and no plan starts from them
+    candidates   of the planner that found them, or None
     """
 
     trajectories: Sequence[Trajectory]
     status: Status
     notes: tuple[str, ...]
     interrupted: Candidates | None = None
-    found: Candidates | None = None
+    candidates: Candidates | None = None
 
-    def kept(self, after: Candidates, improved: Iterable[int]) -> Candidates:
-        """Return what a plan found; where a limit or Ctrl-C stopped it, also the warm starts that it did not improve.
+    def with_unimproved(self, after: Candidates, improved: Iterable[int]) -> Candidates:
+        """Return the candidates of a plan; if a limit or Ctrl-C stopped it, also the warm starts not yet improved.
 
-        Warm starts that were given are known to the user already, and are not returned.
+        Warm starts that the user passed are not returned.
 
         Parameters
         ----------
-        improved : places of the warm starts from which a candidate came
+        after : candidates of the plan
+        improved : indices of the warm starts from which a candidate came
         """
         stopped = after.status in (Status.TIME_LIMIT, Status.MEMORY_LIMIT, Status.INTERRUPTED)
-        if not stopped or self.found is None:
+        if not stopped or self.candidates is None:
             return after
         name = after.stats.get("planner", "it")
         if not after.trajectories:
-            note = f"{after.status}: {name} found nothing until then; these are its warm starts as they were found"
+            note = f"{after.status}: {name} had found no path by then; these are its warm starts, unchanged"
             return replace(
-                self.found,
+                self.candidates,
                 status=after.status,
-                certificate=f"{name}: incomplete ({after.status}), its warm starts; {self.found.certificate}",
+                certificate=f"{name}: incomplete ({after.status}), its warm starts; {self.candidates.certificate}",
                 notes=(note, *after.notes),
-                stats={**self.found.stats, **after.stats},
+                stats={**self.candidates.stats, **after.stats},
             )
-        gone = {driven(self.trajectories[i]) for i in improved}
-        left = [i for i, trajectory in enumerate(self.found.trajectories) if driven(trajectory) not in gone]
-        if not left or self.found.objectives != after.objectives:
+        improved_keys = {motions_key(self.trajectories[i]) for i in improved}
+        indices = [
+            i
+            for i, trajectory in enumerate(self.candidates.trajectories)
+            if motions_key(trajectory) not in improved_keys
+        ]
+        if not indices or self.candidates.objectives != after.objectives:
             return after
-        others = self.found.some(left)
+        unimproved = self.candidates.subset(indices)
         return replace(
-            joined(others, after),
-            certificate=f"{after.certificate}; warm starts that were not improved: {others.certificate}",
+            joined(unimproved, after),
+            certificate=f"{after.certificate}; warm starts that were not improved: {unimproved.certificate}",
             notes=(
-                f"{after.status}: {counted(len(left), 'warm start')} from which nothing better came until then "
-                f"{'are' if len(left) > 1 else 'is'} returned as found",
+                f"{after.status}: {counted(len(indices), 'warm start')} that were not improved by then "
+                f"{'are' if len(indices) > 1 else 'is'} returned unchanged",
                 *after.notes,
             ),
         )
@@ -99,19 +104,19 @@ class WarmStarts(NamedTuple):
     def polylines(
         self, problem: Problem, criteria: Sequence[Criterion]
     ) -> tuple[WarmStarts, list[Polyline], FloatArray, tuple[str, ...]]:
-        """Return those that are free with their ends put on start and goal, their costs (n, k), notes on the others."""
+        """Return the warm starts that are free with exact ends, polylines, costs (n, k), and notes on the others."""
         polylines = [Polyline.of(trajectory, problem) for trajectory in self.trajectories]
         judged = judge(problem, criteria, [polyline.trajectory(problem.model) for polyline in polylines])
         free = self._replace(trajectories=[self.trajectories[i] for i in judged.kept])
         return free, [polylines[i] for i in judged.kept], judged.costs[judged.kept], judged.notes("warm starts")
 
     def ended(self, status: Status) -> Status:
-        """The status of a plan that went on from these, and ended with one."""
+        """Return the status of a plan that started from these and ended with ``status``."""
         return self.status if status is Status.COMPLETE else status
 
 
 def check_warm_start(starting: Starting) -> None:
-    """Raise OptionError for what is none, names no planner or gives it options that it does not take."""
+    """Raise OptionError for a warm_start that has no valid form, names no planner or gives it unknown options."""
     spec = starting.warm_start
     if isinstance(spec, str | Mapping):
         warm_planner(starting)
@@ -128,37 +133,36 @@ def warm_starts(
     executor: Executor | None,
     left: float | None = None,
 ) -> WarmStarts:
-    """The trajectories that a planner starts from, curves replaced by polylines.
+    """Return the trajectories that a planner starts from, curves replaced by polylines and holds removed.
 
-    Those of a planner are planned now, on the executor if it sweeps; its front counts. Those that are given must be of
-    the problem's model. Holds are left out: no planner moves them. SHARE of the seconds that are left, if they are
-    limited, may be spent on it; where that was too little to find any, all of them, as some warm starts are worth more
-    than none.
+    A named planner plans now, on the executor if it sweeps, and its front is used. Trajectories from the user must be
+    of the problem's model. The planner may spend SHARE of the remaining seconds ``left``; if it finds no path in this
+    time, all of them.
 
-    Raises OptionError for trajectories of another model, and what the planner raises.
+    Raises OptionError for trajectories of another model, and the errors of the planner.
     """
     watch, planner = Watch("warm starts", left), _planner_of(starting, problem, left)
     if planner is None:
-        known = _given(starting, problem)
+        starts = _passed_in(starting, problem)
     else:
         refuse_moving(problem, f"warm start by {planner.name}")
-        known = _last(known_trajectories(starting, problem, progress, executor, left))
-        if known.status is Status.TIME_LIMIT and not known.trajectories and left is not None and not watch.is_late():
-            known = _last(known_trajectories(starting, problem, progress, executor, (left - watch.seconds) / SHARE))
-    straight, curves = straightened(known.trajectories, problem)
-    return known._replace(trajectories=straight, notes=(*known.notes, *curves, *_contact(problem)))
+        starts = _last(known_trajectories(starting, problem, progress, executor, left))
+        if starts.status is Status.TIME_LIMIT and not starts.trajectories and left is not None and not watch.is_late():
+            starts = _last(known_trajectories(starting, problem, progress, executor, (left - watch.seconds) / SHARE))
+    straight, curves = straightened(starts.trajectories, problem)
+    return starts._replace(trajectories=straight, notes=(*starts.notes, *curves, *_contact(problem)))
 
 
 def _contact(problem: Problem) -> list[str]:
-    """A note where the robot starts in contact with people: what is free of them is judged, not programmed."""
+    """Return a note if the robot starts in contact with people: programs ignore them, judgement does not."""
     content = problem.world.content
-    who = ", ".join(content.people[i].name or f"number {i}" for i in content.left)
-    note = f"programs do not see {who}, with whom the robot starts in contact: what would touch them again is dropped"
-    return [note] if who else []
+    names = ", ".join(content.people[i].name or f"number {i}" for i in content.left)
+    note = f"programs ignore {names}, touched by the robot at its start: trajectories that touch them again are dropped"
+    return [note] if names else []
 
 
 def _last(stages: Generator[Candidates, None, WarmStarts]) -> WarmStarts:
-    """What comes of the last of some stages."""
+    """Return the result of the last stage."""
     while True:
         try:
             next(stages)
@@ -173,21 +177,21 @@ def known_trajectories(
     executor: Executor | None,
     left: float | None = None,
 ) -> Generator[Candidates, None, WarmStarts]:
-    """The same as they are, curves too, returned after what each stage of their planner but the last finds."""
+    """Yield the candidates of each early stage of the planner, then return the warm starts, with curves and holds."""
     planner = _planner_of(starting, problem, left)
     if planner is None:
-        return _given(starting, problem)
-    found: Candidates | None = None
+        return _passed_in(starting, problem)
+    candidates: Candidates | None = None
     for now in stages_of(planner, problem, progress, executor):
         if now.status is Status.UNFINISHED:
             yield now
-        found = now if now.status.is_final else joined(found, now)
-    assert found is not None  # a planner has at least one stage
-    return _planned(found, problem)
+        candidates = now if now.status.is_final else joined(candidates, now)
+    assert candidates is not None  # a planner has at least one stage
+    return _planned(candidates, problem)
 
 
 def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Planner | None:
-    """The planner of the warm starts, if they are not given; it may spend SHARE of the seconds that are left."""
+    """Return the planner of the warm starts if one is named; it may spend SHARE of the remaining seconds ``left``."""
     if not isinstance(starting.warm_start, str | Mapping):
         return None
     planner = warm_planner(starting, time_limit=None if left is None else max(LEAST, SHARE * left))
@@ -195,66 +199,66 @@ def _planner_of(starting: Starting, problem: Problem, left: float | None) -> Pla
     return planner
 
 
-def _given(starting: Starting, problem: Problem) -> WarmStarts:
+def _passed_in(starting: Starting, problem: Problem) -> WarmStarts:
+    """Return the warm starts that the user passed."""
     spec = starting.warm_start
-    given = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
-    if any(trajectory.model != problem.model for trajectory in given):
+    trajectories = spec.items if isinstance(spec, Front) else cast(Sequence[Trajectory], spec)
+    if any(trajectory.model != problem.model for trajectory in trajectories):
         raise OptionError("warm_start has trajectories of another model than the problem's; plan with that one")
-    return _moving(given, Status.COMPLETE, ())
+    return _moving(trajectories, Status.COMPLETE, ())
 
 
-def _planned(found: Candidates, problem: Problem) -> WarmStarts:
-    """What a planner found, to go on from unless it was interrupted, then or while it is re-evaluated."""
-    status = found.status
+def _planned(candidates: Candidates, problem: Problem) -> WarmStarts:
+    """Return the warm starts of a planner's candidates; none if it, or their evaluation, was interrupted."""
+    status = candidates.status
     if status is Status.INTERRUPTED:
-        return _interrupted(found)
+        return _interrupted(candidates)
     try:
-        given: Sequence[Trajectory] = problem.front(found).trajectories if found.trajectories else ()
+        trajectories: Sequence[Trajectory] = problem.front(candidates).trajectories if candidates.trajectories else ()
     except KeyboardInterrupt:
-        return _interrupted(found)
-    if not given:
-        return WarmStarts((), status, (f"no warm start: {status}", *found.notes))
+        return _interrupted(candidates)
+    if not trajectories:
+        return WarmStarts((), status, (f"no warm start: {status}", *candidates.notes))
     notes = () if status.is_final else (f"the warm starts are not all there are: {status}",)
-    return _moving(given, status, notes)._replace(found=found)
+    return _moving(trajectories, status, notes)._replace(candidates=candidates)
 
 
-def _interrupted(found: Candidates) -> WarmStarts:
-    """What a planner found, from which nothing goes on."""
-    status, known = Status.INTERRUPTED, counted(len(found.trajectories), "warm start")
-    note = f"{status}: kept what was found until then, {known}, from which nothing goes on"
-    return WarmStarts((), status, (), replace(found, status=status, notes=(note, *found.notes)))
+def _interrupted(candidates: Candidates) -> WarmStarts:
+    """Return warm starts without trajectories, with the candidates of an interrupted planner as the result."""
+    status, number = Status.INTERRUPTED, counted(len(candidates.trajectories), "warm start")
+    note = f"{status}: these are the warm starts found by then ({number}); no plan started from them"
+    return WarmStarts((), status, (), replace(candidates, status=status, notes=(note, *candidates.notes)))
 
 
-def _moving(given: Sequence[Trajectory], status: Status, notes: tuple[str, ...]) -> WarmStarts:
-    """Trajectories without their holds, which a note tells of."""
-    if holds := sum(HOLD.kind in trajectory.kinds for trajectory in given):
-        note = f"{holds} of the warm starts hold on their way: nobody stands still in what starts from them"
-        return WarmStarts([trajectory.without_holds() for trajectory in given], status, (*notes, note))
-    return WarmStarts(given, status, notes)
+def _moving(trajectories: Sequence[Trajectory], status: Status, notes: tuple[str, ...]) -> WarmStarts:
+    """Return trajectories without their holds, with a note on them."""
+    if holds := sum(HOLD.kind in trajectory.kinds for trajectory in trajectories):
+        note = f"{holds} of the warm starts hold on their way: their holds are removed, as programs plan none"
+        return WarmStarts([trajectory.without_holds() for trajectory in trajectories], status, (*notes, note))
+    return WarmStarts(trajectories, status, notes)
 
 
 def warm_planner(starting: Starting, *, time_limit: float | None = None) -> Planner:
-    """The planner that is named, with those of the options that it has.
+    """Return the planner that is named, with the shared options that it accepts.
 
-    One that comes with options of its own, ``{name: {option: value}}``, shares the time limit alone, and that only if
-    it has none.
+    A planner with options of its own, ``{name: {option: value}}``, shares only the time limit, unless it sets one.
 
-    Raises OptionError for what names no planner or gives it options that it does not take.
+    Raises OptionError for a name that is no planner's and for unknown options.
     """
     spec = starting.warm_start
     if isinstance(spec, Mapping):
         if len(spec) != 1:
             raise OptionError(f"warm_start is one planner with its options, got {shown(spec)}")
-        ((name, own),) = spec.items()
-        if not isinstance(own, Mapping | None):
-            raise OptionError(f"warm_start gives the options of {shown(name)} by their names, got {shown(own)}")
+        ((name, options),) = spec.items()
+        if not isinstance(options, Mapping | None):
+            raise OptionError(f"warm_start gives the options of {shown(name)} by their names, got {shown(options)}")
         shared: dict[str, Any] = {} if time_limit is None else {"time_limit": time_limit}
     else:
-        name, own = str(spec), {}
+        name, options = str(spec), {}
         shared = {name: getattr(starting, name) for name in SHARED if hasattr(starting, name)}
         shared["time_limit"] = time_limit
-    known = {option.name for option in dataclasses.fields(planners[name])}
-    return make_planner(name, {option: v for option, v in shared.items() if option in known} | dict(own or {}))
+    accepted = {option.name for option in dataclasses.fields(planners[name])}
+    return make_planner(name, {option: v for option, v in shared.items() if option in accepted} | dict(options or {}))
 
 
 def _are_trajectories(spec: Any) -> bool:

@@ -1,4 +1,4 @@
-"""The RRT planner: the baseline of Becerra et al. 2020, of many random trajectories the one that wiggles least."""
+"""The RRT planner, the baseline of Becerra et al. 2020: the smoothest of many random trajectories."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hpop.planners.graphs.roadmap.headings import checked_ends
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane, on_wheels, one_goal, start_of
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.rrt.query import NEAR, STEP, Base, Query, close, of_wheels
+from hpop.planners.rrt.query import NEAR, STEP, Base, TreeQuery, close, of_wheels
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 
@@ -34,26 +34,26 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 # The tree (LaValle and Kuffner 2001, "Randomized kinodynamic planning") grows by drives of constant wheel accelerations
-# that are drawn at random; OMPL does the growing, :mod:`hpop.planners.rrt.query` says how the robot moves and what is
-# free. A state is at the goal if braking from it would end near the goal. That stop is added, and the gap that is left
-# is closed (:mod:`hpop.planners.rrt.query`).
+# that are drawn at random. OMPL grows it; :mod:`hpop.planners.rrt.query` defines how the robot moves and what is free.
+# A state is at the goal if braking from it would end near the goal. The braking is appended, and the remaining gap is
+# closed (:mod:`hpop.planners.rrt.query`).
 
 
-MOST_STEPS = 5  # wheel accelerations are held for one to so many steps
+MOST_STEPS = 5  # wheel accelerations are held for 1 to MOST_STEPS steps
 LATE = "were ended by the time limit"
 VELOCITIES = 0.5  # weight of differences in speed (m/s, rad/s) beside those in position (m), in the tree's distance
 
-_alone = threading.Lock()  # OMPL's random numbers begin at a seed that the whole process shares
+_alone = threading.Lock()  # the seed of OMPL's random numbers is global to the process
 
 
 class TreeRun(NamedTuple):
-    """What came of a run.
+    """Result of one run.
 
-    controls    (n, 3)  accelerations, m/s² and rad/s², and duration, s, of each drive; none if it failed
+    controls    (n, 3)  accelerations, m/s² and rad/s², and duration, s, of each drive; empty if the run failed
     failure     why it failed, or ""
-    extensions  of the tree, those that failed included
-    missed      m, from the goal to the nearest place at which the tree could stop; 0 if it is near enough, and infinite
-                if nothing is known
+    extensions  number of extensions of the tree, with the failed ones
+    missed      m, from the goal to the nearest position at which the tree could stop; 0 if it is near enough, inf if
+                unknown
     """
 
     controls: FloatArray
@@ -62,8 +62,8 @@ class TreeRun(NamedTuple):
     missed: float = 0.0
 
 
-def run(query: Query, seed: int) -> TreeRun:
-    """Grow one tree; its outcome depends on the arguments alone, unless it is `LATE`."""
+def run(query: TreeQuery, seed: int) -> TreeRun:
+    """Grow one tree; the result depends on the arguments alone, unless it is `LATE`."""
     if query.arrived:
         return TreeRun(np.empty((0, 3)), "", 0)
     with _alone:
@@ -78,7 +78,7 @@ def run(query: Query, seed: int) -> TreeRun:
 
 
 def load_ompl() -> tuple[Any, Any, Any]:
-    """The modules base, control and util of OMPL; raises OptionError where it is not installed."""
+    """Return the modules base, control and util of OMPL; raises OptionError where it is not installed."""
     try:
         return import_module("ompl.base"), import_module("ompl.control"), import_module("ompl.util")
     except ImportError as error:
@@ -87,8 +87,8 @@ def load_ompl() -> tuple[Any, Any, Any]:
         ) from None
 
 
-def grow(query: Query, seed: int) -> tuple[FloatArray | None, int, float]:
-    """Controls (n, 3) from the start to rest near the goal, or None, the number of extensions, and the gap left, m."""
+def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
+    """Return controls (n, 3) to rest near the goal, or None, the number of extensions, and the remaining gap, m."""
     ob, oc, util = load_ompl()
     level = util.getLogLevel()
     util.setLogLevel(util.LOG_NONE)
@@ -126,8 +126,8 @@ def grow(query: Query, seed: int) -> tuple[FloatArray | None, int, float]:
         util.setLogLevel(level)
 
 
-def _spaces(query: Query, ob: Any, oc: Any) -> tuple[Any, Any]:
-    """States, places with velocities, and controls, the accelerations of the left and the right wheel."""
+def _spaces(query: TreeQuery, ob: Any, oc: Any) -> tuple[Any, Any]:
+    """Return the state space, poses with velocities, and the control space, the accelerations of both wheels."""
     limits, (x_min, y_min, x_max, y_max) = query.limits, query.world.bounds
 
     def bounds(*ranges: tuple[float, float]) -> Any:
@@ -137,10 +137,10 @@ def _spaces(query: Query, ob: Any, oc: Any) -> tuple[Any, Any]:
             box.setHigh(i, high)
         return box
 
-    places, velocities, states = ob.SE2StateSpace(), ob.RealVectorStateSpace(2), ob.CompoundStateSpace()
-    places.setBounds(bounds((x_min, x_max), (y_min, y_max)))
+    poses, velocities, states = ob.SE2StateSpace(), ob.RealVectorStateSpace(2), ob.CompoundStateSpace()
+    poses.setBounds(bounds((x_min, x_max), (y_min, y_max)))
     velocities.setBounds(bounds((0.0, limits.speed), (-limits.turn_rate, limits.turn_rate)))
-    states.addSubspace(places, 1.0)
+    states.addSubspace(poses, 1.0)
     states.addSubspace(velocities, VELOCITIES)
     controls = oc.RealVectorControlSpace(states, 2)
     wheel = (-limits.wheel_acceleration, limits.wheel_acceleration)
@@ -148,10 +148,10 @@ def _spaces(query: Query, ob: Any, oc: Any) -> tuple[Any, Any]:
     return states, controls
 
 
-def _goal(query: Query, ob: Any, space: Any) -> Any:
-    """The goal region, and the goal at rest, towards which every twentieth extension goes."""
+def _goal(query: TreeQuery, ob: Any, space: Any) -> Any:
+    """Return the goal region; every twentieth extension goes towards the goal at rest."""
 
-    class Goal(ob.GoalSampleableRegion):  # type: ignore[misc]
+    class RestNearGoal(ob.GoalSampleableRegion):  # type: ignore[misc]
         def distanceGoal(self, state: Any) -> float:  # noqa: N802  (OMPL's name)
             return query.distance(_read(state))
 
@@ -163,32 +163,32 @@ def _goal(query: Query, ob: Any, space: Any) -> Any:
         def maxSampleCount(self) -> int:  # noqa: N802
             return 1
 
-    goal = Goal(space)
+    goal = RestNearGoal(space)
     goal.setThreshold(1.0)
     return goal
 
 
-def _propagate(query: Query, state: Any, control: Any, duration: float, result: Any) -> None:
-    """Write where a drive ends; one that must not be driven ends at a speed below 0, which is valid to no one."""
+def _propagate(query: TreeQuery, state: Any, control: Any, duration: float, result: Any) -> None:
+    """Write the end of a drive; a drive that breaks a limit or collides ends at a negative speed, which is invalid."""
     base = _read(state)
     end = query.drive(base, *of_wheels(query.model, control[0], control[1]), duration)
     _write(result, base._replace(speed=-1.0) if end is None else end)
 
 
 def _read(state: Any) -> Base:
-    place, velocity = state[0], state[1]
-    return Base(place.getX(), place.getY(), place.getYaw(), velocity[0], velocity[1])
+    pose, velocity = state[0], state[1]
+    return Base(pose.getX(), pose.getY(), pose.getYaw(), velocity[0], velocity[1])
 
 
 def _write(state: Any, base: Base) -> None:
-    place, velocity = state[0], state[1]
-    place.setXY(base.x, base.y)
-    place.setYaw(math.remainder(base.yaw, 2.0 * math.pi))
+    pose, velocity = state[0], state[1]
+    pose.setXY(base.x, base.y)
+    pose.setYaw(math.remainder(base.yaw, 2.0 * math.pi))
     velocity[0], velocity[1] = base.speed, base.turn_rate
 
 
-def _controls(query: Query, path: Any) -> FloatArray:
-    """Controls (n, 3) of a path of OMPL's, a row a step, and of the stop at its end."""
+def _controls(query: TreeQuery, path: Any) -> FloatArray:
+    """Return the controls (n, 3) of a path of OMPL, a row per step, and of the braking at its end."""
     rows = []
     for i in range(path.getControlCount()):
         wheels = path.getControl(i)
@@ -208,20 +208,20 @@ class RRT:
     """Random trajectories under wheel accelerations; of all runs, the one with the fewest curvature sign changes.
 
     runs            count  of trees, each with its own random numbers (the paper: 1000)
-    seed                   of the random numbers; in Python also `rng`: a seed, a Generator of which one is drawn, or
+    seed                   of the random numbers; in Python also `rng`: a seed, a Generator from which one is drawn, or
                            None for a fresh one (SPEC 7)
-    keep                   "selected": that one alone, ties by length; "all": every run's, for the front to filter
+    keep                   "selected": the selected run alone, ties by length; "all": every run, for the front to filter
     max_extensions  count  of a tree before its run gives up
-    time_limit      s      of all runs, those finished until then are selected from, a tree that still grows is dropped
+    time_limit      s      for all runs; the runs finished by then are used, and unfinished trees are dropped
 
-    The reference of the study in Becerra et al. 2020 (arXiv 2002.10696); how its trees grow is our choice. They are
-    OMPL's (Sucan, Moll and Kavraki 2012), their drives those of :mod:`hpop.planners.rrt.query`. Wheel accelerations are
-    bounded so that the base keeps the model's speed, turn rate and accelerations; it never goes back.
+    The reference of the study in Becerra et al. 2020 (arXiv 2002.10696), which leaves open how trees grow. Trees are
+    those of OMPL (Sucan, Moll and Kavraki 2012), with the drives of :mod:`hpop.planners.rrt.query`. Wheel accelerations
+    are bounded so that the base keeps the model's speed, turn rate and accelerations; it never goes backwards.
 
-    Accepts any criteria, not all of them with memory; start and goal where the circle that the robot sweeps is clear,
-    since it plans for that circle. Guarantees nothing of any cost, nor that a path that exists is found; trajectories
-    begin and end at rest, exactly at start and goal, and are free of collisions. Costs about half a second a run in a
-    building, memory for one tree; the results are the same with any executor.
+    Accepts any criteria, at least one without memory; at start and goal the circle that the robot sweeps must be clear,
+    since it plans for that circle. Guarantees no cost, and may miss a path that exists; trajectories begin and end at
+    rest, exactly at start and goal, and are free of collisions. Takes about half a second per run in a building and
+    memory for one tree; the results are the same with any executor.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
@@ -254,21 +254,26 @@ class RRT:
         query, objectives = self._query(problem, until), edge_objectives(problem.criteria, "rrt")
 
         def report(done: Mapping[int, TreeRun]) -> None:
-            watch.report(len(done), self.runs - len(done), sum(not one.failure for one in done.values()))
+            watch.report(len(done), self.runs - len(done), sum(not tree_run.failure for tree_run in done.values()))
 
         with Sweep(run, query, executor) as sweep:
             results, status = sweep.until(self._seeds(), watch.is_late, report)
-        finished = {i: one for i, one in results.items() if one.failure != LATE}
+        finished = {i: tree_run for i, tree_run in results.items() if tree_run.failure != LATE}
         if status is Status.COMPLETE and len(finished) < self.runs:
             status = Status.TIME_LIMIT
-        found = _Ended(self, problem, objectives, query, finished, tuple(results.values()), status).candidates()
-        return replace(found, notes=(*found.notes, *sweep.notes), stats={**found.stats, "seconds": watch.seconds})
+        candidates = _FinishedRuns(
+            self, problem, objectives, query, finished, tuple(results.values()), status
+        ).candidates()
+        return replace(
+            candidates, notes=(*candidates.notes, *sweep.notes), stats={**candidates.stats, "seconds": watch.seconds}
+        )
 
     def _seeds(self) -> list[int]:
-        """Seeds of the runs; OMPL takes no 0."""
+        """Return the seeds of the runs; OMPL does not accept 0."""
         return [1 + int(np.random.SeedSequence((self.seed, i)).generate_state(1)[0] >> 1) for i in range(self.runs)]
 
-    def _query(self, problem: Problem, until: float | None) -> Query:
+    def _query(self, problem: Problem, until: float | None) -> TreeQuery:
+        """Return the query of all runs; raises QueryError where people move or an end is not clear."""
         moving = [p.name or f"number {i}" for i, p in enumerate(problem.world.content.people) if p.moves]
         if moving:
             raise QueryError(
@@ -279,42 +284,42 @@ class RRT:
         checked_ends(problem)
         model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")
         collision = in_plane(model).collision(problem.world)
-        for what, (x, y, _) in (("start", start), ("goal", goal)):
+        for end, (x, y, _) in (("start", start), ("goal", goal)):
             if not collision.clear(np.array([x]), np.array([y]))[0]:
                 content = problem.world.content
-                if what == "start" and content.left:
-                    who = " and ".join(content.people[i].name or f"number {i}" for i in content.left)
+                if end == "start" and content.left:
+                    names = " and ".join(content.people[i].name or f"number {i}" for i in content.left)
                     raise QueryError(
-                        f"the robot starts in contact with {who}, which rrt cannot leave. The planners lattice, "
+                        f"the robot starts in contact with {names}, which rrt cannot leave. The planners lattice, "
                         "roadmap, any-angle, epsilon-constraint, weighted-sum-corridor and smoothing can: take one, or "
                         "move the start."
                     )
                 raise QueryError(
-                    f"the {what} ({x:.3f}, {y:.3f}) leaves rrt no room: it plans for the circle that the robot sweeps "
-                    "in turning, and that meets an obstacle there. Move it, or use another planner."
+                    f"the {end} ({x:.3f}, {y:.3f}) is too near an obstacle for rrt, which plans for the circle that "
+                    "the robot sweeps in turning. Move it, or use another planner."
                 )
-        return Query(model, problem.world, start, goal, self.max_extensions, until)
+        return TreeQuery(model, problem.world, start, goal, self.max_extensions, until)
 
 
 @dataclass(frozen=True, eq=False)
-class _Ended:
-    """Runs that are over, and what is made of them."""
+class _FinishedRuns:
+    """Finished runs, and the candidates that are selected from them."""
 
     planner: RRT
     problem: Problem
     objectives: Objectives
-    query: Query
+    query: TreeQuery
     finished: dict[int, TreeRun]
-    ended: tuple[TreeRun, ...]
+    runs: tuple[TreeRun, ...]
     status: Status
 
     def candidates(self) -> Candidates:
-        """Judge the runs' trajectories, and select."""
-        reached = {i: one for i, one in self.finished.items() if not one.failure}
-        trajectories = tuple(self.query.trajectory(one.controls) for one in reached.values())
+        """Judge the trajectories of the runs, and select."""
+        reached = {i: tree_run for i, tree_run in self.finished.items() if not tree_run.failure}
+        trajectories = tuple(self.query.trajectory(tree_run.controls) for tree_run in reached.values())
         optimised, world, seeds = self.objectives.optimised, self.problem.world, self.planner._seeds()
-        failed = Counter(one.failure for one in self.finished.values() if one.failure)
-        found = Candidates(
+        failed = Counter(tree_run.failure for tree_run in self.finished.values() if tree_run.failure)
+        candidates = Candidates(
             objectives=optimised,
             trajectories=trajectories,
             planned=trajectory_costs(optimised, trajectories, world),  # a tree adds up no costs
@@ -322,8 +327,8 @@ class _Ended:
             status=self.status,
             certificate="",
             provenance=tuple(
-                {"seed": self.planner.seed, "run": i, "run_seed": seeds[i], "extensions": one.extensions}
-                for i, one in reached.items()
+                {"seed": self.planner.seed, "run": i, "run_seed": seeds[i], "extensions": tree_run.extensions}
+                for i, tree_run in reached.items()
             ),
             filters=self.objectives.filters,
             stats={
@@ -331,44 +336,47 @@ class _Ended:
                 "runs": len(self.finished),
                 "reached": len(reached),
                 "failed": dict(failed),
-                "extensions": sum(one.extensions for one in self.finished.values()),
+                "extensions": sum(tree_run.extensions for tree_run in self.finished.values()),
             },
         )
-        found = trusted(found, self.problem, "rrt")
-        count = len(found.trajectories)
-        sign_changes, lengths = trajectory_costs(self._selecting, found.trajectories, world).T
+        candidates = trusted(candidates, self.problem, "rrt")
+        count = len(candidates.trajectories)
+        sign_changes, lengths = trajectory_costs(self._selecting, candidates.trajectories, world).T
         changes = sign_changes.astype(int).tolist()
         origins = [
             {"planner": "rrt", **origin, "curvature_sign_changes": n}
-            for origin, n in zip(found.provenance, changes, strict=True)
+            for origin, n in zip(candidates.provenance, changes, strict=True)
         ]
         chosen = range(count) if self.planner.keep == "all" else np.lexsort((lengths, sign_changes))[:1]
         return replace(
-            replace(found, provenance=tuple(origins)).some(chosen),
-            status=Status.RUN_LIMIT if found.status is Status.COMPLETE and not count else found.status,
+            replace(candidates, provenance=tuple(origins)).subset(chosen),
+            status=Status.RUN_LIMIT if candidates.status is Status.COMPLETE and not count else candidates.status,
             certificate=self._claim(count),
-            notes=(*self._said(sign_changes, failed), *found.notes),
-            stats={**found.stats, "curvature_sign_changes": changes},
+            notes=(*self._run_notes(sign_changes, failed), *candidates.notes),
+            stats={**candidates.stats, "curvature_sign_changes": changes},
         )
 
     @property
     def _selecting(self) -> list[Criterion]:
-        """Curvature sign changes, as the problem defines them if it asks for them, and the length."""
+        """Criteria of the selection: curvature sign changes, as the problem defines them if it does, and length."""
         return [
             next((c for c in self.problem.criteria if c.name == name), make_criterion(name))
             for name in ("curvature_sign_changes", "length")
         ]
 
     def _claim(self, count: int) -> str:
-        """What is claimed, in words."""
+        """Return the certificate."""
         runs = f"{len(self.finished)} random runs (seed {self.planner.seed}), of which {count} reached the goal"
         if self.planner.keep == "all":
             return f"rrt: a baseline, no optimum of any cost: {runs}"
         return f"rrt: a baseline, no optimum of any cost: the fewest curvature sign changes of {runs}"
 
-    def _said(self, sign_changes: FloatArray, failed: Counter[str]) -> tuple[str, ...]:
-        """What became of the runs."""
-        runs, least = len(self.finished), min((one.missed for one in self.ended if one.missed), default=math.inf)
+    def _run_notes(self, sign_changes: FloatArray, failed: Counter[str]) -> tuple[str, ...]:
+        """Return notes on the outcomes of the runs."""
+        runs, least = (
+            len(self.finished),
+            min((tree_run.missed for tree_run in self.runs if tree_run.missed), default=math.inf),
+        )
         notes = [f"rrt: {count} of {runs} runs {failure}" for failure, count in sorted(failed.items())]
         if sign_changes.size:
             least, most = int(sign_changes.min()), int(sign_changes.max())
@@ -380,6 +388,6 @@ class _Ended:
             why = "" if runs else ": the time was up before a tree was at the goal"
             notes.append(
                 f"rrt found nothing{why}, which does not mean that there is no path.{close} Trees reach goals "
-                f"some tens of metres away: {helps}, or plan with lattice or roadmap, which find longer ways"
+                f"some tens of metres away: {helps}, or plan with lattice or roadmap, which find longer paths"
             )
         return tuple(notes)

@@ -1,4 +1,4 @@
-"""What the trees of the RRT planner may do: drives of constant wheel accelerations, where there is room for them."""
+"""Motions of the RRT planner's trees: drives of constant wheel accelerations, where there is room for them."""
 
 from __future__ import annotations
 
@@ -20,33 +20,33 @@ if TYPE_CHECKING:
     from hpop.world import World
     from hpop.world.geometry.planar import FreeSpace
 
-STEP = 0.4  # s: wheel accelerations are constant for so long
-NEAR, NEAR_YAW = 0.8, 0.3  # m, rad: from the goal to where braking ends; the rest is closed
-SHARE = 0.95  # of each limit is for the trees; the rest is for closing
-SHARES = np.array([0.25, 0.5, 0.75, 1.0])  # of a drive, where its clearance is looked at
+STEP = 0.4  # s during which wheel accelerations are constant
+NEAR, NEAR_YAW = 0.8, 0.3  # m, rad: largest gap between the end of braking and the goal
+SHARE = 0.95  # of each limit that trees may use; the remainder serves to close the gap
+SHARES = np.array([0.25, 0.5, 0.75, 1.0])  # of a drive, at which its clearance is checked
 ROUNDING = 1e-9  # m/s
 
 T = TypeVar("T", float, FloatArray)
 
 _at, _weight = (np.array(column) for column in zip(*NODES, strict=True))
-_TIMES = SHARES[:, None] * _at  # (4, nodes) shares of the drive at which its velocity is summed up to each of SHARES
+_TIMES = SHARES[:, None] * _at  # (4, nodes) shares of the drive: quadrature nodes of the velocity up to each of SHARES
 
 
 class WheelLimits(NamedTuple):
-    """What the wheels and the base keep.
+    """Limits of the wheels and the base.
 
-    Wheels that accelerate by no more than this neither accelerate nor turn the base by more than the model allows; they
-    reach the speeds that its runs and spins need.
+    Wheel accelerations within these limits keep the base within the model's accelerations, and the wheels reach the
+    speeds of its straight moves and turns.
     """
 
-    speed: float  # m/s, of the base; it never goes back
+    speed: float  # m/s, of the base; it never goes backwards
     turn_rate: float  # rad/s
     wheel_speed: float  # m/s
     wheel_acceleration: float  # m/s²
 
     @classmethod
     def of(cls, model: Wheeled, share: float = 1.0) -> WheelLimits:
-        """The limits that follow from a model's, or a share of each."""
+        """Return the limits that follow from a model, or a share of each."""
         half = 0.5 * model.wheel_base
         return cls(
             share * model.speed,
@@ -57,7 +57,7 @@ class WheelLimits(NamedTuple):
 
 
 class Base(NamedTuple):
-    """A state: m, m, rad, m/s and rad/s."""
+    """State of the base: x, m, y, m, yaw, rad, speed, m/s, and turn rate, rad/s."""
 
     x: float
     y: float
@@ -67,13 +67,13 @@ class Base(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Query:
-    """What all runs share, and how their trees may move; picklable.
+class TreeQuery:
+    """Query that all runs share, with the motions of their trees; picklable.
 
     start       (x m, y m, yaw rad)
     goal        (x m, y m, yaw rad); a yaw of None is free
-    extensions  of a tree before a run gives up
-    until       s since 1970, which workers share: a tree that still grows then is dropped; None for never
+    extensions  limit of extensions of a tree
+    until       s since 1970, so that workers share it: trees unfinished by then are dropped; None for no limit
     """
 
     model: Wheeled
@@ -90,30 +90,30 @@ class Query:
 
     @property
     def arrived(self) -> bool:
-        """Whether the start is the goal."""
+        """True if the start is the goal."""
         turn = 0.0 if self.goal[2] is None else float(wrap(self.goal[2] - self.start[2]))
         return self.start[:2] == self.goal[:2] and turn == 0.0
 
     def trajectory(self, controls: FloatArray) -> Trajectory:
-        """The trajectory from the start of some drives, or of none."""
+        """Return the trajectory of some drives from the start, or of none."""
         if not len(controls):
             return Trajectory.from_poses(self.model, [self.start])
         return driven(self.model, self.start, controls.tolist())
 
     @cached_property
     def spaces(self) -> tuple[tuple[FreeSpace, float], ...]:
-        """The free space of each part of the robot, and the radius, m, of the circle that the part sweeps."""
+        """Free space of each part of the robot, and the radius, m, of the circle that the part sweeps."""
         return tuple((self.world.free_space((part.z_min, part.z_max)), part.reach) for part in self.model.platform)
 
     def clear(self, x: FloatArray, y: FloatArray, margin: float) -> bool:
-        """Whether the circles that the robot's parts sweep about positions (P,) have a margin, m."""
+        """Return whether the circles that the robot's parts sweep about positions (P,) have a margin, m."""
         return all(bool((space.clearance(x, y) >= reach + margin).all()) for space, reach in self.spaces)
 
     def drive(self, base: Base, acceleration: float, turn_acceleration: float, duration: float) -> Base | None:
-        """Where a drive ends; None if it breaks a limit or is not clear.
+        """Return the end of a drive; None if it breaks a limit or is not clear.
 
-        What lies between two places that are looked at is as near to one as half the way between. This may err by the
-        little that the quadrature does: trajectories are judged exactly when they are complete.
+        Positions between two samples are within half their distance of one. The quadrature may err slightly;
+        trajectories are judged exactly when they are complete.
         """
         speed, turn_rate = base.speed + acceleration * duration, base.turn_rate + turn_acceleration * duration
         limits, half = self.limits, 0.5 * self.model.wheel_base
@@ -135,7 +135,7 @@ class Query:
         return Base(float(x[-1]), float(y[-1]), base.yaw + turned, max(0.0, speed), turn_rate)
 
     def braking(self, base: Base) -> FloatArray:
-        """Controls (n, 3) that stop the robot, both wheels at once, as quickly as a tree may."""
+        """Return controls (n, 3) that stop the robot, both wheels at once, as quickly as a tree may."""
         wheel = base.speed + 0.5 * self.model.wheel_base * abs(base.turn_rate)
         lasts = wheel / self.limits.wheel_acceleration
         if lasts == 0.0:
@@ -144,7 +144,7 @@ class Query:
         return np.tile([-base.speed / lasts, -base.turn_rate / lasts, lasts / count], (count, 1))
 
     def distance(self, base: Base) -> float:
-        """How far from the goal braking ends, 1 or less for near enough; infinite if it does not end."""
+        """Return the distance from the goal to the end of braking, 1 for NEAR; inf if the robot cannot brake."""
         off = math.hypot(base.x - self.goal[0], base.y - self.goal[1])
         braking = self.braking(base)
         if off > NEAR + base.speed * braking[:, 2].sum():  # braking cannot make up for that
@@ -159,47 +159,47 @@ class Query:
 
 
 def of_wheels(model: Wheeled, left: T, right: T) -> tuple[T, T]:
-    """Acceleration, m/s², and angular acceleration, rad/s², of the base."""
+    """Return acceleration, m/s², and angular acceleration, rad/s², of the base from those of the wheels."""
     return 0.5 * (left + right), (right - left) / model.wheel_base
 
 
 CLOSED = 1e-9  # m, rad, m/s, rad/s
 LEAST_CHANGED = 16  # drives
-NEWTON = 12  # steps; from such gaps four to six suffice
-SLOPE = 1e-6  # m/s²: difference by which slopes are taken; Newton's method corrects for what they are off
+NEWTON = 12  # steps; gaps up to NEAR usually need four to six
+SLOPE = 1e-6  # m/s²: difference quotients; Newton's method corrects their error
 
 
-def close(query: Query, controls: FloatArray) -> FloatArray | None:
-    """Controls (n, 3) that end at rest exactly at the goal, free of collisions; None if no such ones are found.
+def close(query: TreeQuery, controls: FloatArray) -> FloatArray | None:
+    """Return controls (n, 3) that end at rest exactly at the goal, free of collisions; None if the search fails.
 
-    As few of the last drives are changed as will do: the last 16, 32 and so on.
+    The last 16 drives are changed, then 32 and so on, until the trajectory is free.
     """
     trajectory = query.trajectory(controls)
     n, changed = len(controls), 0
     while changed < n:
         changed = min(n, max(LEAST_CHANGED, 2 * changed))
-        kept, last = controls[: n - changed], controls[n - changed :]
+        unchanged, last = controls[: n - changed], controls[n - changed :]
         base = Base(*(float(getattr(trajectory.states, name)[n - changed]) for name in Base._fields))
         ending = _ending(query, base, last)
         if ending is not None:
-            closed = np.concatenate([kept, ending])
+            closed = np.concatenate([unchanged, ending])
             if _free(query, closed):
                 return closed
     return None
 
 
-def _free(query: Query, controls: FloatArray) -> bool:
-    """Whether a trajectory is free of collisions, exactly."""
+def _free(query: TreeQuery, controls: FloatArray) -> bool:
+    """Return whether a trajectory is free of collisions, exactly."""
     collision = query.model.collision(query.world)
     trajectory = query.trajectory(controls)
     return all(bool(collision.motions_free(motions).all()) for _, motions in trajectory.batches(query.world))
 
 
-def _ending(query: Query, base: Base, controls: FloatArray) -> FloatArray | None:
-    """Controls (k, 3) that lead from a state to rest at the goal, near the given ones; None if they break a limit.
+def _ending(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | None:
+    """Return controls (k, 3) from a state to rest at the goal, near the given ones; None if they break a limit.
 
-    Newton's method on the end state as a function of all wheel accelerations. There are more of these than end states,
-    so each step is the one of least norm, which spreads the gap over all drives.
+    This is Newton's method on the end state as a function of all wheel accelerations. There are more accelerations than
+    state variables, so each step is the one of least norm, which spreads the gap over all drives.
     """
     half, lasts = 0.5 * query.model.wheel_base, controls[:, 2]
     wheels = np.stack([controls[:, 0] - half * controls[:, 1], controls[:, 0] + half * controls[:, 1]], axis=1)
@@ -218,7 +218,7 @@ def _ending(query: Query, base: Base, controls: FloatArray) -> FloatArray | None
 
 
 def _ends(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray:
-    """End states (B, 5) from a state, by k drives each with wheel accelerations (B, k, 2)."""
+    """Return end states (B, 5) from a state, by k drives each with wheel accelerations (B, k, 2)."""
     acceleration, turn_acceleration = of_wheels(model, wheels[..., 0], wheels[..., 1])
     speed = _summed(base.speed, acceleration * lasts)  # (B, k + 1)
     turn_rate = _summed(base.turn_rate, turn_acceleration * lasts)
@@ -231,8 +231,8 @@ def _ends(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> 
     return np.stack([base.x + x, base.y + y, yaw[:, -1], speed[:, -1], turn_rate[:, -1]], axis=1)
 
 
-def _within_limits(query: Query, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray | None:
-    """Controls (k, 3) of wheel accelerations (k, 2), or None if they break a limit; speeds are extreme at ends."""
+def _within_limits(query: TreeQuery, base: Base, wheels: FloatArray, lasts: FloatArray) -> FloatArray | None:
+    """Return controls (k, 3) of wheel accelerations (k, 2), or None beyond a limit; speeds are extreme at ends."""
     limits = WheelLimits.of(query.model)
     acceleration, turn_acceleration = of_wheels(query.model, wheels[:, 0], wheels[:, 1])
     speed = base.speed + np.cumsum(acceleration * lasts)
@@ -250,5 +250,5 @@ def _within_limits(query: Query, base: Base, wheels: FloatArray, lasts: FloatArr
 
 
 def _summed(first: float, rows: FloatArray) -> FloatArray:
-    """Running sums (B, k + 1) of rows (B, k), from the first value."""
+    """Return running sums (B, k + 1) of rows (B, k), from the first value."""
     return np.cumsum(np.concatenate([np.full((len(rows), 1), first), rows], axis=1), axis=1)

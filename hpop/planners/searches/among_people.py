@@ -1,4 +1,4 @@
-"""Answers of the exact search among people who move: a first one soon, then the exact one."""
+"""Answers of the exact search among moving people: a first one soon, then the exact one."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from hpop.planners.searches.exact import ExactSearch
     from hpop.problems.problem import Problem
 
-QUICK = 0.2  # s, of a search before the exact one, at least
+QUICK = 0.2  # s: least time of a search before the exact one
 COARSE = 0.1  # relative precision on a part of the graph
-SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
+SHARE = 0.4  # of the building time, if that is longer: it also reflects the load of the machine
 
 
 def answers_among_people(
@@ -30,14 +30,14 @@ def answers_among_people(
     *,
     in_stages: bool,
 ) -> Iterator[tuple[Candidates, BuiltGraph]]:
-    """Yield the candidates of each stage and the graph on which they were found; after Ctrl-C no other stage follows.
+    """Yield the candidates of each stage and their graph; after Ctrl-C no other stage follows.
 
     Raises Exhausted where a limit is passed.
 
     Parameters
     ----------
     search : the planner
-    graphs : parts of the graph, whose paths are paths of the whole graph, then the whole graph
+    graphs : parts of the graph, then the whole graph, which contains them
     in_stages : whether a first answer comes before the exact one
     """
     attention, tolerance = None, search.tolerance
@@ -52,7 +52,7 @@ def answers_among_people(
             first = query.exact(search.name, share, eps=max(COARSE, search.eps), tolerance=tolerance, stage=True)
             spending.release(spending.memory - before)
             is_stage = len(first.trajectories) or first.status is Status.INTERRUPTED
-            if is_stage:  # where nothing is found, the whole graph has stages
+            if is_stage:  # without paths here, the whole graph has stages
                 in_stages = False
                 with spending.paused():
                     yield _first_points(first).unfinished(), built
@@ -69,30 +69,30 @@ def answers_among_people(
                 yield first.unfinished(), built
             if first.status is Status.INTERRUPTED:
                 return
-        found = query.exact(search.name, spending.left(), eps=search.eps, tolerance=tolerance)
-        yield _with_people_who_stop(search, problem, query, found, built), built
+        candidates = query.exact(search.name, spending.left(), eps=search.eps, tolerance=tolerance)
+        yield _with_people_who_stop(search, problem, query, candidates, built), built
 
 
-def _first_points(found: Candidates) -> Candidates:
-    """Return candidates whose provenance names the stage."""
-    return replace(found, provenance=tuple(origin | {"stage": "first points"} for origin in found.provenance))
+def _first_points(candidates: Candidates) -> Candidates:
+    """Return candidates with the stage in their provenance."""
+    return replace(candidates, provenance=tuple(origin | {"stage": "first points"} for origin in candidates.provenance))
 
 
 def _with_people_who_stop(
-    search: ExactSearch, problem: Problem, query: Query, found: Candidates, built: BuiltGraph
+    search: ExactSearch, problem: Problem, query: Query, candidates: Candidates, built: BuiltGraph
 ) -> Candidates:
-    """Return candidates, or, if no path is left as people walk up to the start, those where people stop before it."""
+    """Return candidates; without a path because people walk up to the start, those where people stop before it."""
     timing = query.timing
     assert timing is not None
-    if found.status is not Status.NO_PATH or not any(timing.timed.safety.coming(timing.departure)):
-        return found
-    known = timing.timed.attention
-    again = timed_query(
-        built, query.objectives, problem, search.time_options, search.max_turns, known, people_stop=True
+    if candidates.status is not Status.NO_PATH or not any(timing.timed.safety.coming(timing.departure)):
+        return candidates
+    attention = timing.timed.attention
+    stopping = timed_query(
+        built, query.objectives, problem, search.time_options, search.max_turns, attention, people_stop=True
     )
-    assert again.timing is not None
-    if not again.timing.stopping:
-        return found
+    assert stopping.timing is not None
+    if not stopping.timing.stopping:
+        return candidates
     limits = replace(built.ends.space.spending.left(), checkpoint=None)
-    others = again.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
-    return found if others.status is Status.NO_PATH else others
+    stopping_candidates = stopping.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
+    return candidates if stopping_candidates.status is Status.NO_PATH else stopping_candidates

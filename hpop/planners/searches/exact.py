@@ -1,4 +1,4 @@
-"""The exact search on any graph: every non-dominated path, in stages, among people who move, under limits."""
+"""The exact search on any graph: every non-dominated path, in stages, among moving people, under limits."""
 
 from __future__ import annotations
 
@@ -32,29 +32,29 @@ from hpop.search.pareto_paths import main_kernels
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-QUICK = 0.1  # s, of a search before the exact one, at least
-SHARE = 0.4  # of the time that building took, if that is more: it also tells how busy the machine is
+QUICK = 0.1  # s: least time of a search before the exact one
+SHARE = 0.4  # of the building time, if that is longer: it also reflects the load of the machine
 COARSE = 0.1  # relative precision of the last stage before the exact one
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExactSearch:
-    """Options of the exact search, and how a planner with them solves a problem on its graph family.
+    """Options of the exact search, and its solution of a problem on the planner's graph family.
 
     max_detour      longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
                     which needs max_turns as well; a time-mean is then optimised itself
     max_turns       count  paths with more turns are left out; needs the criterion turns
     eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
     tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
-    time_limit      s      to read the map, build the graph and search, not to compile; what is found until then is
+    time_limit      s      to read the map, build the graph and search, not to compile; after it the paths found are
                            returned and called incomplete
     max_labels      count  partial paths kept by the search
-    max_memory      bytes  of the map that is read, the fields that are made, the graph and the search
-    checkpoint      file in which the search keeps its state, and from which it goes on if it is there
-    clock           s  of a tick, where people move; None: 1/20. Where nobody does there is no clock
-    hold            s  that the robot stands at least when it waits for people who move; None: it never waits
-    arrive_by       s  at the latest, among people who move; None: whenever
-    margin          m  to be kept from people, those who stand as well
+    max_memory      bytes  of the map, its fields, the graph and the search
+    checkpoint      file in which the search saves its state, and from which it resumes if the file exists
+    clock           s  of a tick, where people move; None: 1/20. Without moving people there is no clock
+    hold            s  of the shortest wait for moving people; None: the robot never waits
+    arrive_by       s  of the latest arrival, among moving people; None: no limit
+    margin          m  of distance kept from people, also from those who stand
     """
 
     name: ClassVar[str]
@@ -91,12 +91,12 @@ class ExactSearch:
 
         @property
         def family(self) -> GraphFamily:
-            """The graph family that is searched, of which a planner's class inherits or that it takes ``on``."""
+            """Graph family that is searched: a base class of the planner, or its option ``on``."""
             ...
 
     @property
     def time_options(self) -> TimeOptions:
-        """The options of planning among people who move."""
+        """Options of planning among moving people."""
         return TimeOptions(self.clock, self.hold, self.arrive_by, self.margin)
 
     def budget(self) -> Budget:
@@ -104,7 +104,7 @@ class ExactSearch:
         return Budget(self.time_limit, self.max_labels, self.max_memory)
 
     def spending(self, problem: Problem, progress: ProgressCallback | None = None) -> Spending:
-        """Return the account of a planning run, of which reading the map has spent some."""
+        """Return the account of a planning run, charged with reading the map."""
         limits = Limits(self.time_limit, self.max_labels, self.max_memory, self.checkpoint, progress)
         return Spending(limits, spent=problem.read_seconds, memory=problem.read_memory)
 
@@ -114,54 +114,56 @@ class ExactSearch:
         Raises QueryError when start or goal is blocked, off the map or out of reach, or when people move and the graph
         has no clock, UnsupportedCriterion when no criterion adds up along edges, CriterionError for a cost that is
         negative or not finite, OptionError for a ``max_detour`` without a time-mean, CheckpointError for a checkpoint
-        that is of another question.
+        of another problem.
         """
         in_stages = self.family.answers_by_parts and self.answers_in_stages
-        found: Candidates | None = None
+        candidates: Candidates | None = None
         for later in self._answers(problem, progress, in_stages=in_stages):
-            found = later if later.status.is_final else joined(found, later)
-        assert found is not None  # there is at least one answer
-        return found
+            candidates = later if later.status.is_final else joined(candidates, later)
+        assert candidates is not None  # there is at least one answer
+        return candidates
 
     def stages(self, problem: Problem, progress: ProgressCallback | None = None) -> Iterator[Candidates]:
         """Yield a first answer soon, such as on a part of a large graph, then the exact one.
 
-        Only the exact one unless :attr:`answers_in_stages`. After Ctrl-C what was found, and no more. Raises as
+        Without :attr:`answers_in_stages` only the exact one. After Ctrl-C it yields what was found and ends. Raises as
         :meth:`solve` does.
         """
         yield from self._answers(problem, progress, in_stages=self.answers_in_stages)
 
     @property
     def answers_in_stages(self) -> bool:
-        """Whether a first answer may come before the exact one.
+        """True if a first answer may come before the exact one.
 
-        None does with ``max_detour`` or ``max_turns``, nor where a search goes on from a checkpoint: a first answer
-        would take the place of the better front that it had when it was stopped.
+        This is false with ``max_detour`` or ``max_turns``, and if a search resumes from a checkpoint: a first answer
+        would replace the better front that the search had when it was stopped.
         """
         goes_on = self.checkpoint is not None and Path(Checkpoint.of(self.checkpoint).path).exists()
         return not goes_on and self.max_detour is None and self.max_turns is None
 
     @property
     def graph_of_drives(self) -> GraphFamily | None:
-        """The graph family that is searched, if the options of a front's planner make the same graph again."""
+        """Graph family that is searched, if the planner options of a saved front rebuild the same graph."""
         return self.family if self.family.is_remade else None
 
     @property
     def needs_kernels(self) -> bool:
-        """Whether the kernels of the exact search are compiled beside a first answer where they are not kept."""
+        """True if kernels of the exact search that are not cached are compiled during a first answer."""
         return self.max_detour is None
 
     def _answers(self, problem: Problem, progress: ProgressCallback | None, *, in_stages: bool) -> Iterator[Candidates]:
-        """Answers on each part of the graph that is built, then on the whole."""
+        """Yield answers on each part of the graph that is built, then on the whole graph."""
         moving, family = people_move(problem), self.family
         if moving and self.max_detour is not None and family.has_clock(problem):
-            raise OptionError("max_detour is for worlds where nobody moves; leave it out, a mean is then only reported")
-        find = edge_objectives if self.max_detour is None else mean_objectives
-        objectives = find(problem.criteria, self.name).noted(needless(problem, self.time_options))
+            raise OptionError(
+                "max_detour needs a world without moving people; leave it out, a mean is then only reported"
+            )
+        split = edge_objectives if self.max_detour is None else mean_objectives
+        objectives = split(problem.criteria, self.name).with_notes(needless(problem, self.time_options))
         if not (moving and family.has_clock(problem)):
             refuse_moving(problem, self.name)
         refuse_too_many(objectives)
-        tolerance_counts(objectives, self.tolerance or {})  # these two would only be found wrong by the last stage
+        tolerance_counts(objectives, self.tolerance or {})  # else only the last stage would find an error in these two
         if self.checkpoint is not None:
             Checkpoint.of(self.checkpoint).place()
         spending = self.spending(problem, progress)
@@ -187,12 +189,12 @@ class ExactSearch:
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers on a clock."""
+        """Yield answers on a clock, for moving people."""
         from hpop.planners.searches.among_people import answers_among_people  # on first use: start-up time
 
         spending.report("graph")
-        for found, built in answers_among_people(self, problem, objectives, graphs, in_stages=in_stages):
-            yield self._finished(found, built)
+        for candidates, built in answers_among_people(self, problem, objectives, graphs, in_stages=in_stages):
+            yield self._finished(candidates, built)
 
     def _on_graphs(
         self,
@@ -203,7 +205,7 @@ class ExactSearch:
         *,
         in_stages: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers where no person moves."""
+        """Yield answers without a clock."""
         quick: Candidates | None = None
         built: BuiltGraph | None = None
         is_bounded = self.max_turns is not None or self.max_detour is not None
@@ -215,12 +217,12 @@ class ExactSearch:
                 query = built_query(built, objectives, began, self.max_turns)
                 if self.max_detour is not None:
                     detour = Detour.of(self.max_detour, self.max_turns)
-                    found = exact_mean(query, problem.criteria, detour, self.name, spending)
-                    yield self._finished(found, built)
+                    candidates = exact_mean(query, problem.criteria, detour, self.name, spending)
+                    yield self._finished(candidates, built)
                     return
                 query.break_ties()
                 covered = math.inf
-                # Where arcs are checked as paths take them, searching twice would check them twice.
+                # If arcs are checked only when a path uses them, a second search would check them again.
                 if built.part or (in_stages and built.ends.space.is_checked):
                     for stage in self._first_stages(query, built, spending, is_second=is_second):
                         is_end = stage.status.is_final or stage.status is Status.INTERRUPTED
@@ -234,10 +236,10 @@ class ExactSearch:
                     is_second = True
                 if not built.part:
                     begin()
-                    found = query.exact(
+                    candidates = query.exact(
                         self.name, spending.left(), eps=self.eps, tolerance=self.tolerance, covered=covered
                     )
-                    yield self._finished(found, built)
+                    yield self._finished(candidates, built)
                     return
                 query.drop_ties()
                 built, began = None, time.perf_counter()
@@ -252,16 +254,16 @@ class ExactSearch:
                 raise
             yield self._given_back(replace(built.first, status=Status.INTERRUPTED), problem)
 
-    def _given_back(self, found: Candidates, problem: Problem) -> Candidates:
-        """Candidates of the search from which the graph is built, where the graph itself was not searched.
+    def _given_back(self, candidates: Candidates, problem: Problem) -> Candidates:
+        """Return the paths from which the graph was to be built, where the graph itself was not searched.
 
-        They are left out where they need not keep what this search is asked for.
+        They are left out if they may break max_turns, max_detour or the clock.
         """
         is_bounded = self.max_turns is not None or self.max_detour is not None
-        if not found.trajectories or not (is_bounded or people_move(problem)):
-            return found
+        if not candidates.trajectories or not (is_bounded or people_move(problem)):
+            return candidates
         note = "paths from which the graph is built are left out: they need not keep max_turns, max_detour or the times"
-        return replace(found.some([]), notes=(*found.notes, note))
+        return replace(candidates.subset([]), notes=(*candidates.notes, note))
 
     def _first_stages(
         self,
@@ -271,19 +273,19 @@ class ExactSearch:
         *,
         is_second: bool,
     ) -> Iterator[Candidates]:
-        """Yield answers before the exact one; a final one where the exact search takes no longer than they do."""
+        """Yield answers before the exact one; only a final one if the exact search is as fast."""
         share = spending.share(max(QUICK, SHARE * query.build_seconds))
         if not (built.is_large or is_compiling()):
-            kept = None if built.part else self.checkpoint
-            exact = _at_once(self, query, replace(share, checkpoint=kept))
+            checkpoint = None if built.part else self.checkpoint
+            exact = _at_once(self, query, replace(share, checkpoint=checkpoint))
             if exact is not None:
                 with spending.paused():
                     yield _of_part(exact, built.part) if built.part else exact
                 return
-        found = query.first_answer(self.name, share, quickly=first_is_awaited() and not is_second)
+        candidates = query.first_answer(self.name, share, quickly=first_is_awaited() and not is_second)
         with spending.paused():
-            yield found
-        if found.status is Status.INTERRUPTED:
+            yield candidates
+        if candidates.status is Status.INTERRUPTED:
             return
         begin()
         if built.part or not built.is_large or self.eps >= COARSE:
@@ -293,46 +295,46 @@ class ExactSearch:
         with spending.paused():
             yield replace(coarse, provenance=tuple(origin | stage for origin in coarse.provenance)).unfinished()
 
-    def _finished(self, found: Candidates, built: BuiltGraph) -> Candidates:
-        """Candidates judged on the exact geometry where the family asks for it, with the statistics of the graph."""
-        is_stopped = not found.trajectories and not found.status.is_final
+    def _finished(self, candidates: Candidates, built: BuiltGraph) -> Candidates:
+        """Return candidates with the statistics of the graph, judged on the exact geometry if the family needs it."""
+        is_stopped = not candidates.trajectories and not candidates.status.is_final
         if built.first is not None and is_stopped:
-            notes = tuple(dict.fromkeys((*built.first.notes, *found.notes)))
-            return self._given_back(replace(built.first, status=found.status, notes=notes), built.problem)
+            notes = tuple(dict.fromkeys((*built.first.notes, *candidates.notes)))
+            return self._given_back(replace(built.first, status=candidates.status, notes=notes), built.problem)
         if is_stopped:
-            return found
+            return candidates
         if self.family.is_judged:
             spending = built.ends.space.spending
 
-            def left() -> float | None:  # as much again is for the evaluation of the front
+            def left() -> float | None:  # the other half is for the evaluation of the front
                 return None if (until := spending.until_limit()) is None else until / 2
 
-            found = evaluable_in_time(found, left, lambda some: trusted(some, built.problem, self.name))
-            kept = trusted(found, built.problem, self.name)
-            dropped = len(found.trajectories) - len(kept.trajectories)
-            words = f"; without {dropped} that were dropped as not to be trusted" if dropped else ""
-            found = replace(kept, certificate=found.certificate + words)
-        own = built.status.is_final or found.status in (Status.INTERRUPTED, Status.UNFINISHED)
+            candidates = evaluable_in_time(candidates, left, lambda subset: trusted(subset, built.problem, self.name))
+            accepted = trusted(candidates, built.problem, self.name)
+            dropped = len(candidates.trajectories) - len(accepted.trajectories)
+            words = f"; without {dropped} that failed the exact check" if dropped else ""
+            candidates = replace(accepted, certificate=candidates.certificate + words)
+        own = built.status.is_final or candidates.status in (Status.INTERRUPTED, Status.UNFINISHED)
         return replace(
-            found,
-            status=found.status if own else built.status,
-            stats={**found.stats, **built.ends.space.counts, **built.stats},
+            candidates,
+            status=candidates.status if own else built.status,
+            stats={**candidates.stats, **built.ends.space.counts, **built.stats},
         )
 
 
 def _at_once(search: ExactSearch, query: Query, limits: Limits) -> Candidates | None:
-    """Return the exact answer on a graph, where it takes no longer than a first one would; None where it does."""
+    """Return the exact answer on a graph if it takes no longer than a first answer, else None."""
     precise = query.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
     return precise if precise.status.is_final or precise.status is Status.INTERRUPTED else None
 
 
-def _of_part(found: Candidates, part: str) -> Candidates:
-    """Candidates that an exact search found on a part of a graph, as those of a stage."""
+def _of_part(candidates: Candidates, part: str) -> Candidates:
+    """Return candidates of an exact search on a part of a graph, as those of a stage."""
     return replace(
-        found,
-        status=found.status if found.status is Status.INTERRUPTED else Status.UNFINISHED,
-        certificate=f"{found.certificate}; the whole graph was not searched",
-        provenance=tuple(origin | {"stage": part} for origin in found.provenance),
+        candidates,
+        status=candidates.status if candidates.status is Status.INTERRUPTED else Status.UNFINISHED,
+        certificate=f"{candidates.certificate}; the whole graph was not searched",
+        provenance=tuple(origin | {"stage": part} for origin in candidates.provenance),
     )
 
 
@@ -344,10 +346,10 @@ class Exact(ExactSearch, OnGraph):
     on   the graph family with its options, such as ``{"lattice": {"step": 0.5}}``,
          ``{"roadmap": {"samples": 300}}`` or ``{"corners": {"step": 0.5}}``
 
-    The planners "lattice", "roadmap" and "any-angle" are this search with the options of their graph beside its own.
+    The planners "lattice", "roadmap" and "any-angle" are this search with the options of their graph and of the search.
     Accepts criteria that add up along edges or take the worst edge (sum, max), at most six. Guarantees that no path of
     the graph is better in one cost and no worse in the others, costs rounded to the criteria's quanta edge by edge.
-    :class:`hpop.planners.lattice.Lattice` says what eps, tolerance, checkpoint, max_detour and the clock promise.
+    :class:`hpop.planners.lattice.Lattice` describes eps, tolerance, checkpoint, max_detour and the clock.
     """
 
     def __post_init__(self) -> None:
@@ -356,10 +358,10 @@ class Exact(ExactSearch, OnGraph):
 
 
 def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
-    """Have other processes compile what exact searches among some planners take, if nothing of it is kept.
+    """Compile the kernels of the exact searches among some planners in other processes, unless they are cached.
 
-    They begin after the first answer where the first planner has stages, else at once; the value is when, None for
-    not at all.
+    Compiling begins after the first answer if the first planner has stages, else at once. The context's value says
+    when, or is None if there is nothing to compile.
     """
     searching = [planner for planner in planners if planner.needs_kernels]
     if not searching:

@@ -1,7 +1,7 @@
-"""A time-mean optimised itself, not its integral, under a cap: for planners on graphs of states.
+"""Optimisation of a time-mean itself, not of its integral, under a cap, on graphs of states.
 
-A mean is a ratio S/T, so it does not add up, and loops through good places lower it for ever. Under a cap on T, or on
-the length and the number of turns, its front is finite, and :func:`hpop.search.capped_mean_paths` finds it
+A mean is a ratio S/T, so it does not add up, and loops through places of low cost lower it without end. Under a cap on
+T, or on the length and the number of turns, its front is finite, and :func:`hpop.search.capped_mean_paths` finds it
 exactly.
 """
 
@@ -34,7 +34,7 @@ INTEGRAL, DURATION, OTHERS = range(3)  # columns of the graph; the other costs f
 
 @dataclass(frozen=True)
 class Detour:
-    """The longest way over the least of any path, in the duration or in the length.
+    """Cap on the duration or the length, as a factor of the least of any path.
 
     cost    the role of the criterion
     factor  from 1 to 1000
@@ -45,17 +45,17 @@ class Detour:
 
     @classmethod
     def of(cls, max_detour: Any, max_turns: int | None) -> Self:
-        """From a planner's options: a factor on the duration, or ``{cost: factor}``.
+        """Return the cap of a planner's options: a factor on the duration, or ``{cost: factor}``.
 
-        Raises OptionError unless it makes the duration finite. Turns in place have no length, so a cap on the length
-        alone does not; with a bound on the turns it does, as each lasts a finite time.
+        Raises OptionError unless the cap bounds the duration. Turns in place have no length, so a cap on the length
+        also needs a bound on the turns.
         """
         spec: Mapping[Any, Any] = max_detour if isinstance(max_detour, Mapping) else {"duration": max_detour}
         cost, factor = next(iter(spec.items()), ("", 0))
         kind = "the longest duration over the least of any path, or {'length': the same of the length},"
         hint = "take one such as 1.3, or leave it out: then the mean's integral is minimised"
-        known = len(spec) == 1 and cost in CAPPED
-        factor = real("max_detour", factor if known else max_detour, 1, LARGEST_DETOUR, kind, hint=hint)
+        is_valid = len(spec) == 1 and cost in CAPPED
+        factor = real("max_detour", factor if is_valid else max_detour, 1, LARGEST_DETOUR, kind, hint=hint)
         if cost == "length" and max_turns is None:
             raise OptionError(
                 "max_detour caps the length, but turning in place has none: a path could turn for ever where the mean "
@@ -65,14 +65,14 @@ class Detour:
 
     @property
     def option(self) -> DetourSpec:
-        """The planner's option, JSON-able."""
+        """Option of the planner, JSON-able."""
         return self.factor if self.cost == "duration" else {self.cost: self.factor}
 
 
 def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objectives:
-    """What the graph must add up: the integral of the one time-mean, the duration, then the other costs.
+    """Return the costs of the graph: the integral of the one time-mean, the duration, then the other costs.
 
-    Raises OptionError where no criterion is a time-mean, or too many are asked for, UnsupportedCriterion for a second
+    Raises OptionError if no criterion is a time-mean or there are too many criteria, UnsupportedCriterion for a second
     time-mean.
     """
     means = [c for c in criteria if c.aggregate == "time-mean"]
@@ -100,7 +100,7 @@ def mean_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
 
 
 def mean_criteria(criteria: Sequence[Criterion], objectives: Objectives) -> Objectives:
-    """Objectives as they are reported: the mean itself in the place of what its graph adds up."""
+    """Return objectives as they are reported: with the mean itself in place of its integral and the duration."""
     return replace(objectives, optimised=tuple(c for c in criteria if c.aggregate != "trajectory"))
 
 
@@ -111,13 +111,12 @@ def exact_mean(
     name: str,
     spending: Spending,
 ) -> Candidates:
-    """All paths that are non-dominated in the mean itself and the other costs, as the candidates of planner ``name``.
+    """Return all paths that are non-dominated in the mean and the other costs, as candidates of planner ``name``.
 
-    query   with the columns of :func:`mean_objectives`; its bound on the turns holds as well
-    detour  no path may exceed this
+    query   with the columns of :func:`mean_objectives` and its bound on the turns
+    detour  cap that no path exceeds
 
-    Raises OptionError where a cost that is bounded is not among the criteria, Exhausted where a limit is passed before
-    the search.
+    Raises OptionError if a bounded cost is not among the criteria, Exhausted if a limit is passed before the search.
     """
     graph, quanta, at_most = query.graph, query.quanta, query.at_most()
     column = _column(query, detour)
@@ -159,7 +158,7 @@ def exact_mean(
         claim = f"exact under {cap} on {where}; {OFF}, and nothing is claimed beyond the cap; {ROUNDED}"
     else:
         claim = f"incomplete ({paths.status}): paths of {cap} on {where}; others are missing, and may be better"
-    found = assemble(
+    candidates = assemble(
         name,
         query,
         paths,
@@ -175,21 +174,21 @@ def exact_mean(
         },
         reason=_too_tight(query, column, least) if paths.status is Status.NO_PATH else "",
     )
-    # In the place of S and T their ratio. Both are rounded up by less than a quantum an edge.
-    unit, time = quanta[INTEGRAL] / quanta[DURATION], np.maximum(found.planned[:, DURATION], quanta[DURATION])
+    # The ratio replaces S and T. Both are rounded up by less than a quantum per edge.
+    unit, time = quanta[INTEGRAL] / quanta[DURATION], np.maximum(candidates.planned[:, DURATION], quanta[DURATION])
     mean = paths.means * unit
-    rounding = (found.tolerance[:, INTEGRAL] + mean * found.tolerance[:, DURATION]) / time
-    place = next(j for j, c in enumerate(optimised) if c.aggregate == "time-mean")
+    rounding = (candidates.tolerance[:, INTEGRAL] + mean * candidates.tolerance[:, DURATION]) / time
+    index = next(j for j, c in enumerate(optimised) if c.aggregate == "time-mean")
     return replace(
-        found,
+        candidates,
         objectives=optimised,
-        planned=np.insert(found.planned[:, OTHERS:], place, mean, axis=1),
-        tolerance=np.insert(found.tolerance[:, OTHERS:], place, rounding, axis=1),
+        planned=np.insert(candidates.planned[:, OTHERS:], index, mean, axis=1),
+        tolerance=np.insert(candidates.tolerance[:, OTHERS:], index, rounding, axis=1),
     )
 
 
 def _column(query: Query, detour: Detour) -> int:
-    """The graph's column of the cost that is capped."""
+    """Return the graph's column of the capped cost."""
     column = index_of_role(detour.cost, query.objectives.optimised)
     if column is None:
         names = [criterion.name for criterion in query.objectives.optimised]
@@ -201,7 +200,7 @@ def _column(query: Query, detour: Detour) -> int:
 
 
 def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
-    """Raise OptionError where motions take time and nothing that is bounded: a head that tilts, or turns back."""
+    """Raise OptionError where motions take time but add to no bounded cost, such as the tilting of a head."""
     costs = query.graph.costs
     if ((costs[:, DURATION] > 0) & (costs[:, bounded] == 0).all(axis=1)).any():
         names = " and ".join(query.objectives.optimised[j].name for j in bounded)
@@ -212,7 +211,7 @@ def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
 
 
 def _too_tight(query: Query, column: int, least: int) -> str:
-    """Why no path keeps the cap and the bound on the turns, in words; "" where one of them alone is not kept."""
+    """Return why no path keeps the cap and the bound on the turns; "" if one of them alone cannot be kept."""
     cost, turns = query.objectives.optimised[column], index_of_role("turns", query.objectives.optimised)
     if query.max_turns is None or turns is None or not least:
         return ""

@@ -5,19 +5,19 @@ import math
 import numpy as np
 
 from hpop.criteria import Exposure, Length, Turns
-from hpop.planners.programs.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
+from hpop.planners.programs.epsilon_constraint.grid import Cell, CellCandidate, FreePolyline, Grid, Roles
 
 ROLES = Roles((Exposure(), Turns(), Length()), 2, (0, 2))
 
 
 def grid(*costs, divisions=0):
     """Return a grid over warm starts of these costs; their geometry does not matter to it."""
-    warm = [Known(None, np.array(row, float)) for row in costs]
+    warm = [FreePolyline(None, np.array(row, float)) for row in costs]
     return Grid(ROLES, warm, np.full(3, np.inf), divisions)
 
 
 def answer(cell, *costs):
-    return Found(cell, Known(None, np.array(costs, float)), np.array(costs, float), {})
+    return CellCandidate(cell, FreePolyline(None, np.array(costs, float)), np.array(costs, float), {})
 
 
 def test_a_wave_has_the_loosest_bound_of_each_count_and_more_of_each_evenly_spaced():
@@ -34,9 +34,9 @@ def test_a_bound_is_answered_only_by_a_looser_one_whose_answer_keeps_it():
     one = grid((3, 2, 5), (2, 2, 6), (1, 2, 7), (2.5, 1, 8))
     loose, middle, tight, few = one.levels[0]
     assert [cell.of for cell in one.levels[0]] == [0, 1, 2, 3]
-    one.found.append(answer(loose, 1.5, 2, 5))  # keeps middle's bounds too
+    one.candidates.append(answer(loose, 1.5, 2, 5))  # keeps middle's bounds too
     assert one.unanswered([loose, middle, tight, few]) == [tight, few]  # an exposure of 1, one turn
-    one.found.append(answer(tight, 0.5, 1, 7))  # keeps few's bounds, but was asked for more than they do
+    one.candidates.append(answer(tight, 0.5, 1, 7))  # keeps few's bounds, but was asked for more than they do
     assert one.unanswered([loose, middle, tight, few]) == [few]
 
 
@@ -54,6 +54,6 @@ def test_a_bound_starts_from_the_nearest_known_trajectory_with_counts_that_keep_
     cell = one.levels[1][0]
     assert cell.epsilon.tolist() == [2, 2, math.inf]
     assert one.start(cell) is one.warm[0]  # the other is within the exposure, but turns too often
-    one.found.append(answer(cell, 1.9, 2, 6))
-    assert one.start(cell) is one.found[0].known
+    one.candidates.append(answer(cell, 1.9, 2, 6))
+    assert one.start(cell) is one.candidates[0].solved
     assert one.start(Cell(np.array([2.0, 1.0, np.inf]), 0, 1)) is None

@@ -12,7 +12,7 @@ from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.motions.symbolic import lift
 from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
-from hpop.planners.programs.nlp import SparseField, unhinged
+from hpop.planners.programs.nlp import SparseField, below_hinge
 from hpop.planners.programs.polyline import Polyline, PolylineStructure
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
@@ -199,7 +199,7 @@ def test_only_hinges_are_taken_away_and_conditions_stay():
         (np.maximum(column, 1.0), np.maximum(point, 1.0)),
         (np.where(column > 0.0, column, 1.0), np.where(point > 0.0, point, 1.0)),
     ):
-        below = casadi.Function("below", [x], [unhinged(casadi.vec(casadi.MX(before)))])
+        below = casadi.Function("below", [x], [below_hinge(casadi.vec(casadi.MX(before)))])
         assert np.array(below(point)).ravel().tolist() == list(after)
 
 

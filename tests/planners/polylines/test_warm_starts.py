@@ -97,7 +97,7 @@ def test_where_half_of_the_time_gives_no_warm_start_the_rest_is_spent_on_them_to
 
     def late_at_first(planner, problem, progress=None):
         limits.append(planner.time_limit)
-        late = dataclasses.replace(whole.some(()), status=Status.TIME_LIMIT)
+        late = dataclasses.replace(whole.subset(()), status=Status.TIME_LIMIT)
         return iter([late]) if len(limits) == 1 else stages(planner, problem, progress)
 
     monkeypatch.setattr(Lattice, "stages", late_at_first)

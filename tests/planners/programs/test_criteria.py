@@ -11,7 +11,7 @@ from hpop.criteria import Exposure, Length, Turns
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
-from hpop.planners.programs.criteria import is_counted, minimised, smooth_places
+from hpop.planners.programs.criteria import is_counted, minimised, smooth_indices
 from hpop.problems.problem import Problem
 from hpop.world import World
 
@@ -62,13 +62,13 @@ def test_what_does_not_work_on_symbols_is_refused_before_anything_is_planned(pla
 
 
 def test_a_smooth_criterion_is_needed_and_a_count_must_be_settled():
-    assert smooth_places([Turns(), Length(), Exposure()], problem("length"), "p") == (1, 2)
+    assert smooth_indices([Turns(), Length(), Exposure()], problem("length"), "p") == (1, 2)
     with pytest.raises(UnsupportedCriterion, match="p needs a smooth criterion to minimise; turns have no gradient"):
-        smooth_places([Turns()], problem("length"), "p")
+        smooth_indices([Turns()], problem("length"), "p")
     unsettled = problem("orientation_retention", "length").criteria
     assert not is_counted(unsettled[0], problem("length"))
     with pytest.raises(UnsupportedCriterion, match="'orientation_retention' has no gradient"):
-        smooth_places(unsettled, problem("length"), "p")
+        smooth_indices(unsettled, problem("length"), "p")
 
 
 @pytest.mark.parametrize("name", ["turns", "time"])

@@ -11,9 +11,9 @@ import hpop
 from hpop.planners import EpsilonConstraint, Smoothing, WeightedSumCorridor
 from hpop.planners.judgement import judge
 from hpop.planners.programs._stop import Stop
-from hpop.planners.programs.epsilon_constraint.grid import Cell, Known, Roles
+from hpop.planners.programs.epsilon_constraint.grid import Cell, FreePolyline, Roles
 from hpop.planners.programs.epsilon_constraint.job import PolylineJob
-from hpop.planners.programs.epsilon_constraint.nearby import Nearby
+from hpop.planners.programs.epsilon_constraint.nearby import LocalModel
 from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
 from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.polyline import Polyline
@@ -111,17 +111,17 @@ def test_a_curve_is_kept_where_time_ends_while_it_is_refined(monkeypatch):
     deadline = over_once(monkeypatch, DrivenProgram, "refined")
     polyline = PROBLEM.solve("lattice", step=1.0).trajectories[0]
     outcome = SmoothingJob(PROBLEM, PROBLEM.criteria, None, 60, deadline).solve(polyline)
-    assert outcome.found.provenance["settled"] is False
-    assert judge(PROBLEM, PROBLEM.criteria, [outcome.found.trajectory]).reasons == ("",)
+    assert outcome.candidate.provenance["settled"] is False
+    assert judge(PROBLEM, PROBLEM.criteria, [outcome.candidate.trajectory]).reasons == ("",)
 
 
 def test_a_polyline_is_kept_where_time_ends_while_its_corners_move(monkeypatch):
-    deadline = over_once(monkeypatch, Nearby, "bend")
+    deadline = over_once(monkeypatch, LocalModel, "bend")
     roles = Roles.of(PROBLEM.criteria, None, PROBLEM)
     (polyline,) = (Polyline.of(t, PROBLEM) for t in PROBLEM.solve("lattice", step=1.0).trajectories[:1])
     costs = judge(PROBLEM, roles.criteria, [polyline.trajectory(PROBLEM.model)]).costs[0]
-    outcome = PolylineJob(PROBLEM, roles, 1, deadline).solve((Cell(costs, 0, 0), Known(polyline, costs)))
-    assert outcome.found.known.costs[roles.minimise] < costs[roles.minimise]
+    outcome = PolylineJob(PROBLEM, roles, 1, deadline).solve((Cell(costs, 0, 0), FreePolyline(polyline, costs)))
+    assert outcome.candidate.solved.costs[roles.minimise] < costs[roles.minimise]
 
 
 def test_a_tenth_of_a_limit_is_left_to_the_evaluation_of_what_is_found():

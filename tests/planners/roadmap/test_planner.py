@@ -320,7 +320,7 @@ def test_a_candidate_that_is_not_to_be_trusted_is_dropped_and_said(monkeypatch):
     assert (found.planned == expected.planned[1:]).all()
     assert len(found.trajectories) == len(found.provenance) == len(found.tolerance) == len(expected.planned) - 1
     assert found.stats["dropped"] == {"collides": 1}
-    assert found.certificate.endswith("; without 1 that were dropped as not to be trusted")
+    assert found.certificate.endswith("; without 1 that failed the exact check")
     assert found.notes[-1] == f"roadmap: 1 of {len(expected.planned)} candidates dropped: collides (1)"
 
 

@@ -16,7 +16,7 @@ from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.judgement import judge
 from hpop.planners.rrt.planner import TreeRun
-from hpop.planners.rrt.query import Base, Query, WheelLimits, close
+from hpop.planners.rrt.query import Base, TreeQuery, WheelLimits, close
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
@@ -198,7 +198,7 @@ def test_fewer_runs_are_the_first_of_more_and_another_seed_gives_others(several)
 
 
 def open_query(goal):
-    return Query(ROBOT, World.from_polygons([], extent=shapely.box(-9, -9, 9, 9)), (0.0, 0.0, 0.0), goal, 1)
+    return TreeQuery(ROBOT, World.from_polygons([], extent=shapely.box(-9, -9, 9, 9)), (0.0, 0.0, 0.0), goal, 1)
 
 
 @pytest.mark.parametrize("goal", [(2.0, 0.3, 0.2), (1.7, -0.2, -0.1), (1.6, -0.3, None)])
@@ -228,7 +228,7 @@ def test_a_gap_behind_the_robot_is_not_closed_by_going_back():
 def test_a_closing_that_would_collide_is_not_taken():
     """The goal is straight behind a thin wall, which the robot cannot pass."""
     wall = World.from_polygons([shapely.box(1.0, -9, 1.05, 9)], extent=shapely.box(-9, -9, 9, 9))
-    query = Query(ROBOT, wall, (0.0, 0.0, 0.0), (2.0, 0.1, 0.0), 1)
+    query = TreeQuery(ROBOT, wall, (0.0, 0.0, 0.0), (2.0, 0.1, 0.0), 1)
     controls = np.array([[0.2, 0.0, 0.4]] * 6 + [[0.0, 0.0, 0.4]] * 5 + [[-0.2, 0.0, 0.4]] * 6)
     assert close(query, controls) is None
     assert close(open_query((2.0, 0.1, 0.0)), controls) is not None
@@ -348,7 +348,7 @@ def test_a_blocked_end_is_refused(what):
 def test_a_long_robot_needs_room_to_turn_at_its_ends():
     long = DifferentialDrive(footprint=((0.5, 0.1), (-0.5, 0.1), (-0.5, -0.1), (0.5, -0.1)))
     problem = Problem(ROOM, long, (1, 0.2, 0), (5, 1, 0), ["length"])
-    with pytest.raises(QueryError, match=r"the start .* leaves rrt no room"):
+    with pytest.raises(QueryError, match=r"the start .* is too near an obstacle for rrt"):
         RRT(runs=1).solve(problem)
 
 

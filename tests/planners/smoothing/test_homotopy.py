@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.planners.programs.polyline import holes, homotopic, word
+from hpop.planners.programs.polyline import crossing_word, holes, homotopic
 from hpop.world import World
 
 ROOM = shapely.box(0, 0, 10, 10)
@@ -35,7 +35,7 @@ def test_ways_are_of_one_class_if_no_post_is_wound_about(seed):
 def test_a_way_is_of_its_own_class_and_nothing_lies_between():
     way = np.array([(1.0, 1.0), (5.0, 3.0), (9.0, 1.0)])
     finer = shapely.get_coordinates(shapely.segmentize(shapely.LineString(way), 0.1))
-    assert word(np.concatenate([way, way[::-1]]), np.array([(5.0, 2.0), (4.0, 1.5)])) == []
+    assert crossing_word(np.concatenate([way, way[::-1]]), np.array([(5.0, 2.0), (4.0, 1.5)])) == []
     assert homotopic(way, finer, World.from_polygons([], extent=ROOM).free_space((0.0, 1.0)))
 
 
@@ -74,15 +74,15 @@ def test_going_anywhere_and_back_the_same_way_changes_no_class(seed):
     loop = np.concatenate([way, strayed[::-1]])
     posts = rng.uniform(1.5, 8.5, (12, 2))
     posts[6:, 0] = posts[:6, 0]  # in pairs in one line
-    assert word(loop, posts) == []
-    assert word(way, posts) == word(strayed, posts)
+    assert crossing_word(loop, posts) == []
+    assert crossing_word(way, posts) == crossing_word(strayed, posts)
 
 
 def test_posts_in_one_line_are_told_apart_whichever_way_they_are_crossed():
     posts = np.array([(5.0, 4.0), (5.0, 6.0)])
     both = np.array([(4.0, 7.0), (6.0, 7.0)])
-    assert word(both, posts) == [1, 2]
-    assert word(both[::-1], posts) == [-2, -1]
+    assert crossing_word(both, posts) == [1, 2]
+    assert crossing_word(both[::-1], posts) == [-2, -1]
 
 
 def test_only_holes_that_the_loop_may_go_about_are_looked_at():

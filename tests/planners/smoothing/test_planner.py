@@ -56,8 +56,8 @@ def test_sums_of_fields_maxima_and_curvatures_enter_the_program():
     asked = job(BLOCK, *criteria, start=(1, 2, 0), goal=(5, 2, 0))
     outcome = asked.solve(polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0)))
     assert outcome.reason == ""
-    again = trajectory_costs(asked.criteria, [outcome.found.trajectory], BLOCK)[0]
-    assert (np.abs(again - outcome.found.planned) <= outcome.found.tolerance).all()
+    again = trajectory_costs(asked.criteria, [outcome.candidate.trajectory], BLOCK)[0]
+    assert (np.abs(again - outcome.candidate.planned) <= outcome.candidate.tolerance).all()
 
 
 # Known answers
@@ -65,7 +65,7 @@ def test_sums_of_fields_maxima_and_curvatures_enter_the_program():
 
 def test_a_straight_way_is_driven_as_fast_as_the_robot_may():
     for length, seconds in ((5.0, 5.0 / 1.0 + 1.0 / 1.0), (0.64, 2 * math.sqrt(0.64))):
-        found = job(OPEN, goal=(length, 0, 0)).solve(polyline((0, 0, 0), (length, 0, 0))).found
+        found = job(OPEN, goal=(length, 0, 0)).solve(polyline((0, 0, 0), (length, 0, 0))).candidate
         assert found.trajectory.duration == pytest.approx(seconds)
         assert found.trajectory.states.x[-1] == pytest.approx(length, abs=1e-9)
 
@@ -73,7 +73,7 @@ def test_a_straight_way_is_driven_as_fast_as_the_robot_may():
 def test_a_corner_is_driven_faster_than_it_is_turned_at_and_no_faster_than_the_straight_line():
     corner = polyline((0, 0, 0), (4, 0, 0), (4, 4, math.pi / 2))
     asked = job(OPEN, "duration", start=(0, 0, 0), goal=(4, 4, math.pi / 2), minimise=0)
-    found = asked.solve(corner).found
+    found = asked.solve(corner).candidate
     assert math.hypot(4, 4) / ROBOT.speed + ROBOT.speed / ROBOT.acceleration < found.trajectory.duration
     assert found.trajectory.duration < corner.execution().duration - 1.5  # a whole stop is saved
     assert found.provenance["turns"] == 1
@@ -83,7 +83,7 @@ def test_two_turns_of_one_sign_stay_two():
     """A quarter turn in two: without the straight driving between them they would merge into one."""
     way = polyline((0, 0, 0), (3, 0, 0), (5, 2, math.pi / 4), (5, 5, math.pi / 2))
     asked = job(OPEN, "duration", "turns", goal=(5, 5, math.pi / 2))
-    found = asked.solve(way).found
+    found = asked.solve(way).candidate
     assert trajectory_costs([Turns()], [way, found.trajectory], OPEN).ravel().tolist() == [2, 2]
     rates = found.trajectory.states.turn_rate
     inner = np.flatnonzero(rates)
@@ -134,7 +134,7 @@ def test_phases_follow_the_turns_of_the_polyline(poses, turning):
 
 def test_only_what_stays_the_same_is_one_variable():
     structure = Phases(2, True, False, 30)
-    of_nodes, of_lasts = structure.places
+    of_nodes, of_lasts = structure.variable_indices
     same = of_nodes[:, :-1] == of_nodes[:, 1:]  # a node and the next
     straight = ~np.array(structure.turning)[structure.phase]
     np.testing.assert_array_equal(same, np.outer([0, 0, 1, 0, 0], straight))
@@ -168,7 +168,7 @@ def test_a_curve_on_the_other_side_is_dropped(monkeypatch):
     monkeypatch.setattr(smoothing_job, "along_polyline", lambda program, way: bounds(program, mirrored(way)))
     way = polyline((1, 2, 0), (2, 3.2, 0), (4, 3.2, 0), (5, 2, 0))
     outcome = job(BLOCK, start=(1, 2, 0), goal=(5, 2, 0)).solve(way)
-    assert outcome.found is None
+    assert outcome.candidate is None
     assert outcome.reason == "leaves the homotopy class of its polyline"
 
 
@@ -212,7 +212,7 @@ def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(
     assert outcome.counts["saved by quasi-Newton"] == 1
     monkeypatch.undo()
     exact = job(OPEN, "duration", goal=(4, 4, math.pi / 2)).solve(corner)
-    assert outcome.found.planned == pytest.approx(exact.found.planned, rel=0.02)
+    assert outcome.candidate.planned == pytest.approx(exact.candidate.planned, rel=0.02)
 
 
 def test_candidates_that_ended_in_a_flat_valley_are_told_of(monkeypatch):
@@ -250,9 +250,9 @@ def test_a_hinge_costs_in_the_program_what_the_criterion_says():
     assert outcome.reason == ""
     assert outcome.counts["saved by quasi-Newton"] == 0
     turned, before = (
-        trajectory_costs(asked.criteria, [t], BLOCK)[0] for t in (outcome.found.trajectory, way.execution())
+        trajectory_costs(asked.criteria, [t], BLOCK)[0] for t in (outcome.candidate.trajectory, way.execution())
     )
-    assert outcome.found.planned == pytest.approx(turned, rel=1e-3)
+    assert outcome.candidate.planned == pytest.approx(turned, rel=1e-3)
     assert turned[0] < 0.7 * before[0]
 
 
@@ -290,7 +290,7 @@ def test_a_worst_moment_far_above_its_bound_is_not_bounded_out_of_reach():
             continue
         solved += 1
         both = trajectory_costs(asked.criteria, [way, way.execution()], museum).max(axis=0)
-        after = trajectory_costs(asked.criteria, [outcome.found.trajectory], museum)[0]
+        after = trajectory_costs(asked.criteria, [outcome.candidate.trajectory], museum)[0]
         assert after[0] <= 1.021 * both[0]
     assert solved >= 2
 
@@ -313,7 +313,7 @@ def test_a_worst_moment_keeps_its_bound_on_the_exact_geometry(height, minimise):
     clearance, length = Clearance(enough=2.0), Length()
     outcome = job(BLOCK, clearance, length, start=(1, 2, 0), goal=(5, 2, 0), minimise=minimise).solve(way)
     assert outcome.reason == ""
-    before, after = (trajectory_costs([clearance], [one], BLOCK)[0, 0] for one in (way, outcome.found.trajectory))
+    before, after = (trajectory_costs([clearance], [one], BLOCK)[0, 0] for one in (way, outcome.candidate.trajectory))
     assert after <= 1.021 * before + clearance.quantum
 
 

@@ -14,9 +14,9 @@ from hpop.errors import OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.planners.base import make_planner
-from hpop.planners.programs.spline.job import FRACTIONS, Deadline, SplineJob
-from hpop.planners.programs.spline.knots import Knots, Pieces
-from hpop.planners.programs.spline.step import Aim, Steps
+from hpop.planners.programs.spline.job import FRACTIONS, MonotonicDeadline, SplineJob
+from hpop.planners.programs.spline.knots import Knots, PieceCosts
+from hpop.planners.programs.spline.step import Aim, StepPrograms
 from hpop.planners.spending import Spending
 from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
@@ -124,14 +124,14 @@ def test_minimising_one_cost_makes_that_smaller(arm, world, paths):
 def test_steps_keep_limits_and_gradients_are_those_of_the_costs(arm, world, paths):
     """Any solution of a linear program keeps speeds and accelerations in the time that it names itself."""
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
-    pieces = Pieces(world, arm, problem.criteria)
+    pieces = PieceCosts(world, arm, problem.criteria)
     law, collision = pieces.law, arm.collision(world)
     knots = Knots.along(paths[0], law, 8)
     rng = np.random.default_rng(0)
     rows = np.concatenate([knots.at(fraction) for fraction in FRACTIONS.tolist()])
     apart = collision.separations(States(**dict(zip(law.names, rows.T, strict=True))), 0.15)
     slopes = pieces.slopes(knots)
-    steps = Steps(knots.shares, law, np.array(arm.space.low), np.array(arm.space.high))
+    steps = StepPrograms(knots.shares, law, np.array(arm.space.low), np.array(arm.space.high))
     aim = Aim(np.array([0.0, 1.0, 0.0]), slopes.costs, slopes.costs)
     program = steps.of(knots, aim, slopes, apart, 0.004, FRACTIONS)
     for distance in (0.02, 0.2, 0.6):
@@ -204,7 +204,7 @@ def test_a_worker_does_the_same(arm, world, paths):
 
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
     job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2)
-    here, there = (one.solve(paths[0]).found for one in (job, pickle.loads(pickle.dumps(job))))
+    here, there = (one.solve(paths[0]).candidate for one in (job, pickle.loads(pickle.dumps(job))))
     np.testing.assert_array_equal(*([one.planned for one in splines] for splines in (here, there)))
 
 
@@ -222,7 +222,7 @@ def test_knots_where_phases_end_leave_a_path_as_it_is(arm, world, paths):
 
 def interrupted_at(number, monkeypatch):
     """Ctrl-C as the nth step of sequential programming begins."""
-    of, calls = Steps.of, []
+    of, calls = StepPrograms.of, []
 
     def interrupting(steps, *arguments):
         calls.append(steps)
@@ -230,7 +230,7 @@ def interrupted_at(number, monkeypatch):
             signal.raise_signal(signal.SIGINT)
         return of(steps, *arguments)
 
-    monkeypatch.setattr(Steps, "of", interrupting)
+    monkeypatch.setattr(StepPrograms, "of", interrupting)
 
 
 def test_ctrl_c_between_two_steps_keeps_what_they_certified(arm, world, paths, monkeypatch):
@@ -300,11 +300,11 @@ def test_time_that_goes_by_while_a_stage_is_drawn_is_not_taken_from_the_splines(
 @pytest.mark.parametrize("jump", [-1e6, 1e6])
 def test_a_wall_clock_that_is_set_neither_ends_nor_prolongs_the_work(arm, world, paths, monkeypatch, jump):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], ["duration"])
-    job = SplineJob(problem, problem.criteria, (0,), 0, 2, deadline=Deadline.after(-1.0))
+    job = SplineJob(problem, problem.criteria, (0,), 0, 2, deadline=MonotonicDeadline.after(-1.0))
     options = {"warm_start": [paths[0]], "pieces": 2, "minimise": "duration", "time_limit": 60.0}
     answers, now = make_planner({"spline": options}).stages(problem), time.time
     next(answers)
-    ahead = Deadline.after(3600.0)
+    ahead = MonotonicDeadline.after(3600.0)
     monkeypatch.setattr(time, "time", lambda: now() + jump)
     assert not ahead.is_past
     assert job.solve(paths[0]).reason == "no time was left"
@@ -329,9 +329,9 @@ def test_the_paths_are_the_first_answer_and_splines_follow(arm, world, paths):
 @pytest.mark.proof
 def test_time_that_is_over_leaves_the_paths_and_no_step_begins(arm, world, paths):
     problem = hpop.Problem(world, arm, PATHS[0][0], PATHS[0][-1], CRITERIA)
-    job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2, deadline=Deadline.after(-1.0))
+    job = SplineJob(problem, problem.criteria, (0, 1, 2), 0, 2, deadline=MonotonicDeadline.after(-1.0))
     outcome = job.solve(paths[0])
-    assert (outcome.found, outcome.reason, outcome.counts["programs"]) == (None, "no time was left", 0)
+    assert (outcome.candidate, outcome.reason, outcome.counts["programs"]) == (None, "no time was left", 0)
     found = make_planner({"spline": {"warm_start": [paths[0]], "time_limit": 1e-9}}).solve(problem)
     assert found.status is Status.TIME_LIMIT
     assert found.trajectories == (paths[0],)

@@ -79,7 +79,7 @@ def test_a_mean_is_represented_by_its_integral_and_reported():
 
 
 def test_what_needs_a_world_at_rest_says_so():
-    with pytest.raises(OptionError, match="max_detour is for worlds where nobody moves"):
+    with pytest.raises(OptionError, match="max_detour needs a world without moving people"):
         Lattice(step=0.5, max_detour=1.2).solve(PROBLEM)
     with pytest.raises(
         QueryError,

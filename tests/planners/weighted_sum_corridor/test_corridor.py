@@ -13,7 +13,7 @@ from hpop.criteria.base import make_criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.planners import Lattice
-from hpop.planners.programs.corridor.corridor import HalfPlanes, Region, clear_of, corridors, spaces
+from hpop.planners.programs.corridor.corridor import FreeRegion, HalfPlanes, clear_of, corridors, spaces
 from hpop.planners.programs.corridor.program import CorridorProgram
 from hpop.planners.programs.polyline import Polyline
 from hpop.problems.problem import Problem
@@ -72,20 +72,20 @@ def test_paths_through_the_same_regions_share_a_corridor():
 
 def test_the_region_beside_a_box_is_the_room_less_the_reach():
     """A segment below the box: the half-plane of its lower side, and the room's walls, each less 0.3 m."""
-    region = Region.around(np.array([[1.0, 1.0], [5.0, 1.0]]), ROBOT, ROOM)
+    region = FreeRegion.around(np.array([[1.0, 1.0], [5.0, 1.0]]), ROBOT, ROOM)
     assert region is not None
     assert region.inside.polygon.symmetric_difference(shapely.box(0.3, 0.3, 5.7, 1.7)).area < 1e-6
 
 
 def test_a_path_that_touches_has_no_region():
-    assert Region.around(np.array([[1.0, 1.0], [5.0, 5.0]]), ROBOT, ROOM) is None
+    assert FreeRegion.around(np.array([[1.0, 1.0], [5.0, 5.0]]), ROBOT, ROOM) is None
 
 
 def test_a_robot_that_fits_only_one_way_keeps_the_distance_of_its_path():
     oblong = DifferentialDrive(footprint=((0.6, 0.2), (-0.6, 0.2), (-0.6, -0.2), (0.6, -0.2)))
     hall = World.from_polygons([], extent=shapely.box(0, 0, 8, 1))
     segment = np.array([[1.0, 0.5], [7.0, 0.5]])
-    region = Region.around(segment, oblong, hall)
+    region = FreeRegion.around(segment, oblong, hall)
     assert region is not None
     assert not region.safe
     assert region.covers(segment)

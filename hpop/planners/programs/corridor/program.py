@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 
 SHORTEST = 1e-3  # m: a shorter segment is left out
 PIECE = 1.0  # m: distances are bounded piece by piece
-FLAT = 1e-5  # of the weighted, normalised cost: what putting vertices in line may cost
+FLAT = 1e-5  # of the weighted, normalised cost: increase allowed for aligning vertices
 
 
 @dataclass(frozen=True, eq=False)
 class VariablePath:
-    """The polyline of a corridor as a criterion's convex form sees it; see :class:`hpop.criteria.convex.ConvexPath`.
+    """Polyline of a corridor for the convex forms of criteria; see :class:`hpop.criteria.convex.ConvexPath`.
 
     vertices  expression (n+1, 2), m
     """
@@ -68,7 +68,7 @@ class VariablePath:
         from scipy.sparse import csr_array
 
         cvxpy = _cvxpy()
-        # A body off the axis may be nearer than the axis by its lever. The bound of a piece is worst at its ends; a
+        # A body off the axis may be nearer than the axis by its lever. The bound of a piece is largest at its ends; a
         # piece keeps its share of a segment, so its ends are linear in the vertices.
         at_origin = self.model.pose(body, States(x=np.zeros(1), y=np.zeros(1), yaw=np.zeros(1)))
         enough = enough + math.hypot(float(at_origin.x[0]), float(at_origin.y[0]))
@@ -90,13 +90,13 @@ class VariablePath:
 
 @dataclass(eq=False)
 class CorridorProgram:
-    """The convex program of one corridor, and the numbers of its solves.
+    """Convex program of one corridor, with statistics of its solves.
 
-    What is free are the steps z by which vertices leave the warm path: ``v = base + steps z``, two a vertex, one where
-    a heading keeps it on a ray.
+    Its variables z displace the vertices from the warm path: ``v = base + steps z``, two per vertex, or one if a
+    heading keeps the vertex on a ray.
 
     criteria  k, each with a method ``convex``
-    solvers   in the order in which they are tried
+    solvers   in the order of their trials
     solved    programs solved, by solver
     failed    solves that failed, by solver and reason
     """
@@ -111,7 +111,7 @@ class CorridorProgram:
 
     @cached_property
     def rays(self) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Vertices on rays: the end of the ray, m, and its direction, where a heading fixes a segment."""
+        """Rays of the vertices that a heading fixes: the end of the ray, m, and its direction, by vertex."""
         warm, rays = self.corridor.warm, {}
         if self.corridor.along_first and self.corridor.segments > 1:
             rays[1] = (warm.vertices[0], _direction(warm.start_yaw))
@@ -121,16 +121,16 @@ class CorridorProgram:
 
     @cached_property
     def base(self) -> FloatArray:
-        """Vertices (n+1, 2) of the warm path, m; the same twice where start is goal."""
+        """Vertices (n+1, 2) of the warm path, m; one vertex twice if start is goal."""
         warm = self.corridor.warm.vertices
         return warm if len(warm) > 1 else warm[[0, 0]]
 
     @cached_property
     def steps(self) -> FloatArray:
-        """What each free step moves: (n+1, 2, f)."""
-        ways = [] if self.corridor.is_fixed else list(range(1, self.corridor.segments))
+        """Derivatives (n+1, 2, f) of the vertices by the variables."""
+        free = [] if self.corridor.is_fixed else list(range(1, self.corridor.segments))
         columns = []
-        for i in ways:
+        for i in free:
             for direction in [self.rays[i][1]] if i in self.rays else np.eye(2):
                 column = np.zeros(self.base.shape)
                 column[i] = direction
@@ -147,7 +147,7 @@ class CorridorProgram:
 
     @cached_property
     def costs(self) -> tuple[ConvexCost, ...]:
-        """The convex form of each criterion, k of them; raises CriterionError for one that is not convex."""
+        """Convex forms of the k criteria; raises CriterionError for one that is not convex."""
         from scipy.sparse import csr_array
 
         cvxpy = _cvxpy()
@@ -158,11 +158,11 @@ class CorridorProgram:
         path = VariablePath(self.world, self.model, self.corridor, vertices)
         costs = []
         for criterion in self.criteria:
-            cost = criterion.convex(path)  # type: ignore[misc]  # asked for in `_convex`
+            cost = criterion.convex(path)  # type: ignore[misc]  # checked in `_convex`
             expression = cost.expression if isinstance(cost, ConvexCost) else None
             if not isinstance(expression, cvxpy.Expression) or expression.size != 1 or not expression.is_convex():
                 raise CriterionError(
-                    f"convex() of criterion {criterion.name!r} must give a ConvexCost whose expression is a scalar, "
+                    f"convex() of criterion {criterion.name!r} must return a ConvexCost whose expression is a scalar, "
                     f"convex by the rules of cvxpy; got {cost!r}"
                 )
             costs.append(cost)
@@ -170,7 +170,7 @@ class CorridorProgram:
 
     @cached_property
     def problem(self) -> Any:
-        """The cvxpy problem; its only parameters are the weights (k,)."""
+        """Problem of cvxpy; its only parameters are the weights (k,)."""
         from scipy.sparse import csr_array
 
         cvxpy = _cvxpy()
@@ -186,32 +186,32 @@ class CorridorProgram:
         return cvxpy.Problem(cvxpy.Minimize(objective), [within])
 
     def compile(self) -> None:
-        """Compile the program now; solving does it when it is first needed."""
+        """Compile the program now instead of at the first solve."""
         if not self.corridor.is_fixed:
             self._weights.value = np.ones(len(self.criteria))
-            with suppress(_cvxpy().SolverError):  # a solver that cannot: solving finds out, and tries others
+            with suppress(_cvxpy().SolverError):  # `solve` then tries the other solvers
                 self.problem.get_problem_data(self.solvers[0])
 
     def evaluate(self, vertices: FloatArray) -> FloatArray:
-        """Costs (k,) of vertices (n+1, 2), as the program adds them up."""
+        """Return the costs (k,) of vertices (n+1, 2), as the program adds them up."""
         if not self.corridor.is_fixed:
             self._free.value = np.einsum("vaf,va->f", self.steps, vertices - self.base)
         return np.array([float(np.squeeze(cost.expression.value)) for cost in self.costs])
 
     def solve(self, weights: FloatArray) -> FloatArray | None:
-        """Vertices (n+1, 2) of least weighted cost, exactly inside the overlaps; None if every solver failed.
+        """Return the vertices (n+1, 2) of least weighted cost, exactly inside the overlaps; None if every solver fails.
 
         weights  (k,) positive, of costs in the criteria's units
         """
         cvxpy = _cvxpy()
         if self.corridor.is_fixed:
             return self.base
-        # The objective is of order one, as solvers' tolerances expect.
+        # The objective is scaled to order one, as solvers' tolerances expect.
         self._weights.value = weights / max(float(weights @ self.evaluate(self.base)), 1e-12)
         for solver in self.solvers:
             try:
                 with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")  # what they say is in the status
+                    warnings.simplefilter("ignore")  # the status reports failures
                     self.problem.solve(solver=solver)
                 status = str(self.problem.status)
             except cvxpy.SolverError as error:
@@ -223,7 +223,7 @@ class CorridorProgram:
         return None
 
     def _inside(self, vertices: FloatArray) -> FloatArray:
-        """Vertices moved by what the solver left of its tolerance: into the overlaps, and onto the rays."""
+        """Return vertices moved exactly into the overlaps and onto the rays, which solvers keep approximately."""
         moved = vertices.copy()
         for i, overlap in enumerate(self.corridor.overlaps, start=1):
             ray = self.rays.get(i)
@@ -231,50 +231,50 @@ class CorridorProgram:
         return moved
 
     def tidied(self, vertices: FloatArray, weights: FloatArray) -> FloatArray:
-        """Vertices that hardly turn put in line, and short segments closed, where regions and costs allow."""
+        """Return vertices with negligible turns and short segments removed, where regions and costs allow."""
         limit = float(weights @ self.evaluate(vertices))
         limit += FLAT * max(limit, 1e-12)
         for i in range(1, len(vertices) - 1):
             ray = self.rays.get(i)
-            for place in self._places(vertices, i) if ray is None else _near(vertices[i], ray[:1]):
+            for position in self._simpler_positions(vertices, i) if ray is None else _near(vertices[i], ray[:1]):
                 tried = vertices.copy()
-                tried[i] = place
-                within = self.corridor.overlaps[i - 1].excess(place[None])[0] <= 0.5 * TOUCH
+                tried[i] = position
+                within = self.corridor.overlaps[i - 1].excess(position[None])[0] <= 0.5 * TOUCH
                 if within and weights @ self.evaluate(tried) <= limit:
                     vertices = tried
                     break
         return vertices
 
-    def _places(self, vertices: FloatArray, i: int) -> list[FloatArray]:
-        """Where vertex i may go so that a segment or a turn vanishes, or what is less than a turn."""
-        places = _near(vertices[i], [vertices[i - 1], vertices[-1]])
+    def _simpler_positions(self, vertices: FloatArray, i: int) -> list[FloatArray]:
+        """Return positions of vertex i at which a short segment or a negligible turn vanishes."""
+        positions = _near(vertices[i], [vertices[i - 1], vertices[-1]])
         before = next((v for v in vertices[i - 1 :: -1] if math.dist(v, vertices[i]) > 0), None)
         if before is None:
-            return places
-        there, back = vertices[i] - before, vertices[i + 1] - vertices[i]
-        if back.any() and abs(wrap(math.atan2(back[1], back[0]) - math.atan2(there[1], there[0]))) < LEAST_TURN:
+            return positions
+        first, second = vertices[i] - before, vertices[i + 1] - vertices[i]
+        if second.any() and abs(wrap(math.atan2(second[1], second[0]) - math.atan2(first[1], first[0]))) < LEAST_TURN:
             chord = vertices[i + 1] - before
-            places.append(before + chord * float(there @ chord) / float(chord @ chord))
-        return places
+            positions.append(before + chord * float(first @ chord) / float(chord @ chord))
+        return positions
 
     def polyline(self, vertices: FloatArray) -> Polyline:
-        """Vertices as a polyline, those left out that join segments of no length or in one line."""
+        """Return vertices as a polyline, without segments of no length and vertices without a turn."""
         apart, warm = np.hypot(*np.diff(vertices, axis=0).T) > 0, self.corridor.warm
         return Polyline(vertices[np.append(True, apart)], warm.start_yaw, warm.goal_yaw).simplified(1e-9)
 
 
 def _cvxpy() -> Any:
-    """The module, which takes seconds to import."""
+    """Return the module cvxpy, which takes seconds to import."""
     return import_module("cvxpy")
 
 
 def solvers_from(first: str) -> tuple[str, ...]:
-    """The solver asked for, then all others that are installed; raises OptionError if it is not."""
+    """Return a solver, then all others that are installed; raises OptionError if it is not installed."""
     installed = _cvxpy().installed_solvers()
     if not isinstance(first, str) or first not in installed:
         raise OptionError(
-            f"the solver is one that cvxpy has here: {', '.join(installed)}; got {shown(first)}. Install it, or take "
-            "one of these."
+            f"solver must be one that cvxpy has installed, {', '.join(installed)}; got {shown(first)}. Install it, or "
+            "take one of these."
         )
     return (first, *(name for name in installed if name != first))
 
@@ -284,13 +284,13 @@ def _direction(yaw: float) -> FloatArray:
 
 
 def _on_ray(inside: HalfPlanes, point: FloatArray, end: FloatArray, direction: FloatArray) -> FloatArray:
-    """The point of a ray that is nearest to another one, within half-planes."""
+    """Return the point of a ray inside half-planes that is nearest to a point."""
     slope, room = inside.normals @ direction, inside.offsets - inside.normals @ end
     least = float(np.max(room[slope < 0] / slope[slope < 0], initial=0.0))
     most = float(np.min(room[slope > 0] / slope[slope > 0], initial=np.inf))
     return end + direction * max(least, min(most, float((point - end) @ direction)))
 
 
-def _near(point: FloatArray, others: Sequence[FloatArray]) -> list[FloatArray]:
-    """Those of other points that are less than SHORTEST away, but not there."""
-    return [other for other in others if 0 < math.dist(point, other) < SHORTEST]
+def _near(point: FloatArray, candidates: Sequence[FloatArray]) -> list[FloatArray]:
+    """Return the points that are less than SHORTEST away from a point, but not at it."""
+    return [candidate for candidate in candidates if 0 < math.dist(point, candidate) < SHORTEST]

@@ -1,4 +1,4 @@
-"""All weights of one corridor: individual optima, what they normalise, then weights that are given or a dichotomy."""
+"""Weighted optima of one corridor: the individual optima, which normalise costs, then given weights or a dichotomy."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
 
 SMALL = 1e-4  # added to every weight of a normalised cost, so that none is zero
-GAP = 0.01  # of the normalised weighted sum: the dichotomy leaves no more between its points and the front
-CONSTANT = 1e-6  # relative: a cost that differs by less among the individual optima is not traded
-SAME = 1e-6  # m: vertices that are nearer are the same
+GAP = 0.01  # of the normalised weighted sum: the dichotomy ends when the gap to the front is less
+CONSTANT = 1e-6  # relative: a cost that differs by less among the individual optima counts as constant
+SAME = 1e-6  # m: nearer vertices count as equal
 
 
 @dataclass(frozen=True, eq=False)
 class Shared:
-    """What all corridors need.
+    """Data that all corridors share.
 
-    criteria  k convex ones
+    criteria  k convex criteria
     weights   rows (k,) of normalised costs, or None for the dichotomy
     deadline  after which no program is solved
     """
@@ -46,17 +46,17 @@ class Shared:
 
 @dataclass(eq=False)
 class CorridorPoints:
-    """What was found in one corridor.
+    """Weighted optima of one corridor.
 
     polylines      n
     costs          (n, k) as the program added them up
     exact          (k,) whether each is the cost itself or an upper bound
-    weights        n, for each polyline the weights of normalised costs of which it is the optimum
-    ideal, nadir   (k,) of the individual optima; empty if one of them was not found
+    weights        n, for each polyline the weights of normalised costs that it is optimal for
+    ideal, nadir   (k,) of the individual optima; empty if one of them is missing
     solved         programs solved, by solver
     failed         solves that failed, by solver and reason
     unsolved       programs that no solver solved
-    is_cut_short   whether time was over before all weights were solved for
+    is_cut_short   whether the time was over before all weights were solved
     build_seconds  s, of building and compiling
     solve_seconds  s, of everything else
     """
@@ -76,7 +76,7 @@ class CorridorPoints:
 
 
 def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
-    """All weights of one corridor."""
+    """Return the weighted optima of one corridor."""
     began = time.perf_counter()
     program = CorridorProgram(corridor, shared.criteria, shared.world, shared.model, shared.solvers)
     program.compile()
@@ -85,35 +85,35 @@ def solve_corridor(shared: Shared, corridor: Corridor) -> CorridorPoints:
     try:
         weighted.run(shared.weights)
     except LimitPassed:
-        weighted.found.is_cut_short = True
-    found = weighted.found
-    found.exact = tuple(cost.exact for cost in program.costs)
-    found.solved, found.failed = program.solved, program.failed
-    found.build_seconds, found.solve_seconds = built - began, time.perf_counter() - built
-    return found
+        weighted.points.is_cut_short = True
+    points = weighted.points
+    points.exact = tuple(cost.exact for cost in program.costs)
+    points.solved, points.failed = program.solved, program.failed
+    points.build_seconds, points.solve_seconds = built - began, time.perf_counter() - built
+    return points
 
 
 @dataclass(eq=False)
 class _Weighted:
-    """The weights of one corridor's program, one after the other."""
+    """Solver of one corridor's program for weight after weight."""
 
     program: CorridorProgram
     deadline: Deadline = Deadline()  # noqa: RUF009  (frozen)
-    found: CorridorPoints = field(default_factory=CorridorPoints)
+    points: CorridorPoints = field(default_factory=CorridorPoints)
     vertices: list[FloatArray] = field(default_factory=list)
 
     def run(self, weights: tuple[tuple[float, ...], ...] | None) -> CorridorPoints:
-        """Individual optima first; they normalise the costs."""
+        """Solve for the individual optima, which normalise the costs, then for rows of weights or a dichotomy."""
         k = len(self.program.criteria)
         warm = self.program.evaluate(self.program.base)
         units = [tuple(float(i == j) for i in range(k)) for j in range(k)]
         self.scale = np.where(warm > CONSTANT, warm, 1.0)
         optima = [self._solve(unit) for unit in units]
         if any(costs is None for costs in optima):
-            return self.found
+            return self.points
         table = np.array(optima)
-        self.found.ideal, self.found.nadir = table.min(axis=0), table.max(axis=0)
-        ranges = self.found.nadir - self.found.ideal
+        self.points.ideal, self.points.nadir = table.min(axis=0), table.max(axis=0)
+        ranges = self.points.nadir - self.points.ideal
         traded = ranges > CONSTANT * self.scale
         self.scale = np.where(traded, ranges, self.scale)
         if weights is not None:
@@ -123,10 +123,10 @@ class _Weighted:
                     self._solve(share)
         elif k == 2 and traded.all():
             self._dichotomy(table[0], table[1])
-        return self.found
+        return self.points
 
     def _dichotomy(self, first: FloatArray, last: FloatArray) -> None:
-        """Weights normal to the line through two points, until nothing lies far below it (Cohon 1978)."""
+        """Solve for weights normal to the line through two points, until no optimum is far below it (Cohon 1978)."""
         waiting = [(first, last)]
         while waiting:
             a, b = waiting.pop()
@@ -137,21 +137,21 @@ class _Weighted:
                 waiting += [(a, costs), (costs, b)]
 
     def _solve(self, weights: tuple[float, ...]) -> FloatArray | None:
-        """Costs (k,) of the optimum of weights, which is filed."""
+        """Return the costs (k,) of the optimum of weights, and record it."""
         self.deadline.check("a convex program was solved")
         positive = (np.array(weights) + SMALL) / self.scale
         vertices = self.program.solve(positive)
         if vertices is None:
-            self.found.unsolved += 1
+            self.points.unsolved += 1
             return None
         vertices = self.program.tidied(vertices, positive)
         costs = self.program.evaluate(vertices)
-        for i, known in enumerate(self.vertices):
-            if np.abs(known - vertices).max() <= SAME:
-                self.found.weights[i].append(weights)
+        for i, earlier in enumerate(self.vertices):
+            if np.abs(earlier - vertices).max() <= SAME:
+                self.points.weights[i].append(weights)
                 return costs
         self.vertices.append(vertices)
-        self.found.polylines.append(self.program.polyline(vertices))
-        self.found.costs.append(costs)
-        self.found.weights.append([weights])
+        self.points.polylines.append(self.program.polyline(vertices))
+        self.points.costs.append(costs)
+        self.points.weights.append([weights])
         return costs

@@ -1,7 +1,7 @@
-"""The grid of bounds of the epsilon-constraint method: which are tried, which together, and which are answered.
+"""The grid of bounds of the epsilon-constraint method, and the order in which its cells are solved.
 
-AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013) lays a grid over the ranges of the bounded costs. This one spans
-what is known instead: a bound for each known trade-off, and some down to the next better one.
+AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013) lays a grid over the ranges of the bounded costs. This grid has a
+cell for each warm start instead, and further cells down to the next better cost.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ from hpop.errors import OptionError, did_you_mean
 from hpop.planners.judgement import exceeds
 from hpop.planners.needs import one_goal, start_of
 from hpop.planners.objectives import integral_of
-from hpop.planners.programs.criteria import minimised, smooth_places
+from hpop.planners.programs.criteria import minimised, smooth_indices
 from hpop.planners.programs.polyline import Polyline
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-SLACK = 1e-6  # m, by which free space is grown, so that a way along its border lies in it
-ROUNDING = 1e-6  # m4, of a product of two areas: a line along a side is a tangent
-MOST_CORNERS = 5000  # of free space; where there are more, nothing but the straight line is known
+SLACK = 1e-6  # m, by which free space is grown, so that a path along its border lies in it
+ROUNDING = 1e-6  # m⁴: a product of two areas below it counts as 0, so that a line along a side is a tangent
+MOST_CORNERS = 5000  # of free space; with more, only the straight line bounds the length
 
 
 def least_length(problem: Problem) -> float:
-    """A lower bound, m, of the length of trajectories from start to goal.
+    """Return a lower bound, m, of the length of trajectories from start to goal.
 
-    The shortest way of a disc among polygons turns only at corners of the free space of its axis (Lozano-Perez and
-    Wesley 1979, doi 10.1145/359156.359164). The arcs of that space are replaced by their chords, which makes it larger,
-    so what is found is a bound. Parts that are no discs on the axis are left out, which makes it a lower one.
+    The shortest path of a disc among polygons turns only at corners of the free space of its axis (Lozano-Perez and
+    Wesley 1979, doi 10.1145/359156.359164). Replacing the arcs of that space by their chords, and leaving out parts of
+    the robot that are no discs on the axis, only enlarges the space, so the result is a lower bound.
     """
     start, goal = np.array(start_of(problem)[:2]), np.array(one_goal(problem, "a bound of the length")[:2])
     bounds = [math.dist(start, goal)]
@@ -51,16 +51,18 @@ def least_length(problem: Problem) -> float:
 
 
 def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> float:
-    """The length of the shortest way in a region; 0 where there is none, or the region has too many corners.
+    """Return the length of the shortest path in a region; 0 where there is none, or the region has too many corners.
 
-    A* from corner to corner, along lines that are tangents at both ends; whether one sees the other is asked when it
-    would be next.
+    This is A* from corner to corner along lines that are tangents at both ends. Whether a line is free is checked only
+    when it leaves the queue.
     """
     corners, before, after = _corners(space)
     if len(corners) > MOST_CORNERS:
         return 0.0
     points = np.concatenate([[start, goal], corners])
-    before, after = (np.concatenate([np.zeros((2, 2)), sides]) for sides in (before, after))  # all is tangent at an end
+    before, after = (
+        np.concatenate([np.zeros((2, 2)), sides]) for sides in (before, after)
+    )  # any line is a tangent at start and goal
     left = np.hypot(*(points - goal).T)
     done = np.zeros(len(points), np.bool_)
     queue = [(float(left[0]), 0.0, 0, 0)]
@@ -81,18 +83,18 @@ def _shortest(space: shapely.Geometry, start: FloatArray, goal: FloatArray) -> f
 
 
 def _corners(space: shapely.Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Vertices (n, 2) of a region at which a way may turn, where the region is on the outer side; sides to and from."""
-    found = [np.zeros((0, 3, 2))]
+    """Return the reflex vertices (n, 2) of a region, at which a shortest path may turn, and their sides to and from."""
+    rows = [np.zeros((0, 3, 2))]
     for ring in shapely.get_rings(shapely.get_parts(shapely.normalize(space))):  # the region is to the right of each
         points = shapely.get_coordinates(ring)[:-1]
         before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
-        found.append(np.stack([points, before, after], axis=1)[_cross(before, after) > 0])
-    points, before, after = np.concatenate(found).transpose(1, 0, 2)
+        rows.append(np.stack([points, before, after], axis=1)[_cross(before, after) > 0])
+    points, before, after = np.concatenate(rows).transpose(1, 0, 2)
     return points, before, after
 
 
 def _tangent(ahead: FloatArray, before: FloatArray, after: FloatArray) -> BoolArray:
-    """Whether lines (n, 2) leave both sides of a corner on one side."""
+    """Return whether lines (n, 2) leave both sides of a corner on the same side."""
     return _cross(ahead, before) * _cross(ahead, after) <= ROUNDING
 
 
@@ -100,17 +102,17 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
-LOOSE = 2e-4  # relative: costs that differ by less are one; a bound is loosened by it, so that a solver can move
-WAVE = 8  # bounds that are tried at once, or more: the same with and without workers
+LOOSE = 2e-4  # relative: costs that differ by less are equal; bounds are loosened by it, to leave a solver room
+WAVE = 8  # least number of cells that are solved together, whatever the number of workers
 
 
 @dataclass(frozen=True)
 class Roles:
-    """What becomes of each cost: one is minimised, smooth ones are bounded in programs, structures settle the others.
+    """Roles of the costs: one is minimised, smooth ones are bounded in programs, counts follow from structures.
 
     criteria  k
-    minimise  place of the cost that is minimised
-    smooth    places of those with a gradient
+    minimise  index of the minimised cost
+    smooth    indices of the costs with a gradient
     """
 
     criteria: tuple[Criterion, ...]
@@ -119,11 +121,11 @@ class Roles:
 
     @classmethod
     def of(cls, criteria: Sequence[Criterion], minimise: str | None, problem: Problem) -> Roles:
-        """Roles of the optimised criteria; without a name the length is minimised, or the first smooth cost.
+        """Return the roles of the optimised criteria; without a name the length or the first smooth cost is minimised.
 
-        Raises as :func:`smooth_places` and :func:`minimised` do.
+        Raises the errors of :func:`smooth_indices` and :func:`minimised`.
         """
-        smooth = smooth_places(criteria, problem, "epsilon-constraint")
+        smooth = smooth_indices(criteria, problem, "epsilon-constraint")
         if minimise is not None:
             return cls(tuple(criteria), minimised(minimise, criteria), smooth)
         length = index_of_role("length", criteria)
@@ -131,16 +133,16 @@ class Roles:
 
     @property
     def counted(self) -> list[int]:
-        """Places of the costs that a structure settles."""
+        """Indices of the costs that are counts of a structure."""
         return [j for j in range(len(self.criteria)) if j not in self.smooth]
 
     @property
     def bounded(self) -> list[int]:
-        """Places of all costs but the one that is minimised."""
+        """Indices of all costs but the minimised one."""
         return [j for j in range(len(self.criteria)) if j != self.minimise]
 
     def limits(self, epsilon: Mapping[str, float], problem: Problem) -> FloatArray:
-        """Bounds (k,) from bounds by name; raises OptionError for a name that is not there and what cannot be kept."""
+        """Return bounds (k,) from bounds by name; OptionError for unknown names and bounds that no trajectory keeps."""
         names = [criterion.name for criterion in self.criteria]
         unknown = sorted(str(name) for name in epsilon if name not in names)
         if unknown:
@@ -167,21 +169,21 @@ class Roles:
 
 
 def _least(criterion: Criterion, problem: Problem) -> float:
-    """The least that a criterion is known to cost between start and goal, whatever the way."""
+    """Return a lower bound of a cost between start and goal, for any path."""
     if index_of_role("length", [criterion]) is not None:
         return least_length(problem)
     bound = criterion.bound
     if bound is None:
         return 0.0
-    # What depends on a heading that is free is not known.
+    # Angles that are free are NaN, and so are bounds that depend on them.
     space = problem.model.space
     start, *goals = (space.state(end, free=space.angles) for end in (problem.start, *problem.goals))
     return min(float(np.nan_to_num(bound(start, goal)[0])) for goal in goals)
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """A trajectory that is free, with its exact costs (k,)."""
+class FreePolyline:
+    """Free polyline with its exact costs (k,)."""
 
     polyline: Polyline
     costs: FloatArray
@@ -189,7 +191,12 @@ class Known:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """Bounds (k,) that are tried; ``of`` is the warm start they come from, ``level`` 0 for its own costs."""
+    """Cell of the grid: bounds (k,) from a warm start.
+
+    epsilon  (k,)
+    of       index of the warm start
+    level    0 for the costs of the warm start, more for tighter bounds
+    """
 
     epsilon: FloatArray
     of: int
@@ -197,42 +204,42 @@ class Cell:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
-    """A candidate: the cell that it answers, what it is, its costs (k,) as planned, and how it came about."""
+class CellCandidate:
+    """Candidate for the bounds of a cell, with its costs (k,) as planned and its provenance."""
 
     cell: Cell
-    known: Known
+    solved: FreePolyline
     planned: FloatArray
     provenance: dict[str, Any]
 
 
 @dataclass(eq=False)
 class Grid:
-    """Bounds over what is known, and what has come of them.
+    """Grid of bounds from the costs of warm starts, with its candidates.
 
     roles
-    warm        known trajectories whose costs the bounds are made of
-    limits      (k,) bounds that hold throughout
-    divisions   count of further bounds between a known cost and the next better one
-    found       candidates, in the order of their cells
-    infeasible  cells for which there is none
+    warm        warm starts, with the costs that are the bounds of level 0
+    limits      (k,) bounds of all cells
+    divisions   number of further levels between the cost of a warm start and the next better one
+    candidates  in the order of their cells
+    infeasible  cells without a candidate
     """
 
     roles: Roles
-    warm: Sequence[Known]
+    warm: Sequence[FreePolyline]
     limits: FloatArray
     divisions: int
-    found: list[Found] = field(default_factory=list)
+    candidates: list[CellCandidate] = field(default_factory=list)
     infeasible: list[Cell] = field(default_factory=list)
 
     @cached_property
     def costs(self) -> FloatArray:
         """Costs (n, k) of the warm starts."""
-        return np.array([known.costs for known in self.warm])
+        return np.array([polyline.costs for polyline in self.warm])
 
     @cached_property
     def levels(self) -> list[list[Cell]]:
-        """Cells level by level, each loosest first: the warm starts' own costs, then down to the next better ones."""
+        """Cells of each level, the loosest bounds first: costs of warm starts, then towards the next better ones."""
         levels: list[list[Cell]] = [[] for _ in range(self.divisions + 1)]
         for i, row in enumerate(self.costs):
             levels[0].append(Cell(np.minimum(row, self.limits), i, 0))
@@ -247,10 +254,10 @@ class Grid:
         return [sorted(cells, key=lambda c: -float((c.epsilon / span)[bounded].sum())) for cells in levels]
 
     def wave(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Some cells to be tried together, which hardly ever answer one another.
+        """Return some cells to be solved together, with candidates that rarely fit each other's bounds.
 
-        A structure's counts are given, so an answer is one for cells of other counts only if it lost a turn. Hence the
-        loosest cell of each count; if that makes fewer than WAVE, more of each, evenly spaced.
+        A program does not change counts, so its candidate fits cells with other counts only if it lost a turn. A wave
+        has the loosest cell for each set of counts; if these are fewer than WAVE, more of each set, evenly spaced.
         """
         groups: dict[tuple[float, ...], list[Cell]] = {}
         for cell in cells:
@@ -259,34 +266,34 @@ class Grid:
         return [cell for group in groups.values() for cell in group[:: -(-len(group) // share)]]
 
     def unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Cells without those that looser bounds have answered within them, or shown to have no answer."""
+        """Return the cells that remain: no candidate of looser bounds keeps them, and no looser bound is infeasible."""
         bounded = self.roles.bounded
         left = [cell for cell in cells if not self._hopeless(cell)]
-        for answer in self.found:
+        for candidate in self.candidates:
             if left:
                 epsilon = np.array([cell.epsilon for cell in left])
-                looser = (answer.cell.epsilon[bounded] >= epsilon[:, bounded]).all(axis=1)
-                within = (answer.known.costs <= epsilon).all(axis=1)
+                looser = (candidate.cell.epsilon[bounded] >= epsilon[:, bounded]).all(axis=1)
+                within = (candidate.solved.costs <= epsilon).all(axis=1)
                 left = [left[i] for i in np.flatnonzero(~(looser & within))]
         return left
 
     def _hopeless(self, cell: Cell) -> bool:
-        """Whether a looser bound of the same warm start is infeasible."""
+        """Return whether a looser bound of the same warm start is infeasible."""
         return cell.level > 0 and any(
             cell.of == failed.of and (cell.epsilon <= failed.epsilon).all() for failed in self.infeasible
         )
 
-    def start(self, cell: Cell) -> Known | None:
-        """The nearest known trajectory: the least beyond the bounds, then the least in the cost to minimise.
+    def start(self, cell: Cell) -> FreePolyline | None:
+        """Return the polyline that exceeds the bounds of a cell least, of these the one with the least minimised cost.
 
-        None where no known one has counts as low as the bounds are: no program changes them.
+        None if all polylines exceed the bounds in a count, which no program changes.
         """
         if not exceeds(self.warm[cell.of].costs, cell.epsilon, self.roles.criteria).any():
             return self.warm[cell.of]
-        known = [*self.warm, *(answer.known for answer in self.found)]
-        costs = np.array([one.costs for one in known])
+        polylines = [*self.warm, *(candidate.solved for candidate in self.candidates)]
+        costs = np.array([polyline.costs for polyline in polylines])
         over = np.maximum(costs - cell.epsilon, 0.0) / np.maximum(np.ptp(costs, axis=0), 1e-9)
         beyond = (over[:, self.roles.counted] > 0).any(axis=1)
-        nearest = known[int(np.lexsort((costs[:, self.roles.minimise], over.sum(axis=1), beyond))[0])]
+        nearest = polylines[int(np.lexsort((costs[:, self.roles.minimise], over.sum(axis=1), beyond))[0])]
         fits = not exceeds(nearest.costs, cell.epsilon, self.roles.criteria)[self.roles.counted].any()
         return nearest if fits else None

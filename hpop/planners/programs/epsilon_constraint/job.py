@@ -1,4 +1,4 @@
-"""One bound of the epsilon-constraint method: solve, repair what is not trusted, tidy; here or in a worker."""
+"""One cell of the epsilon-constraint method: solve its program, repair the solution, descend."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.planners.judgement import accepted, are_free, exceeds, is_free, judge, on_map
-from hpop.planners.programs.epsilon_constraint.descent import Descent, Pieces
-from hpop.planners.programs.epsilon_constraint.grid import LOOSE, Cell, Found, Known, Roles
+from hpop.planners.programs.epsilon_constraint.descent import Descent, PolylineMotions
+from hpop.planners.programs.epsilon_constraint.grid import LOOSE, Cell, CellCandidate, FreePolyline, Roles
 from hpop.planners.programs.epsilon_constraint.program import REGION, PolylineProgram, Solution
 from hpop.planners.programs.outcome import CUT_SHORT, ONE_PROGRAM, Deadline, Outcome
 from hpop.planners.programs.polyline import PIECE, Polyline, PolylineStructure
@@ -24,26 +24,27 @@ from hpop.runtime.limits import LimitPassed, within
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-QUADRATURE = 1e-3  # relative: sums over pieces against sums over whole motions
+QUADRATURE = 1e-3  # relative: difference of sums over pieces and over whole motions
 REPAIRS = 3  # solves with corrected bounds after a solution that collides or exceeds its bounds
 GAIN = 1e-3  # relative: a round that gains less is the last
 AT_BORDER = 0.95  # share of the region of a program: a round that moves all vertices by less is the last
-SHARE = 0.7  # of what a bound may be exceeded by, up to which steps of the corners may do so
-KEPT = 250  # programs that a process keeps, of some 4 MB each
+SHARE = 0.7  # of the tolerance of a bound: by so much the descent may exceed it
+CACHED = 250  # programs in the cache of a process, of some 4 MB each
 NUDGE = 0.05  # m: a warm start that did not converge is displaced by about this
 INFEASIBLE = "Infeasible_Problem_Detected"
 
-Task = tuple[Cell, Known]  # bounds, and the trajectory to start from
+Task = tuple[Cell, FreePolyline]  # bounds, and the polyline to start from
 
 
 @dataclass(frozen=True, eq=False)
 class PolylineJob:
-    """What all bounds share. Pickled without its programs: each process builds those it needs, once a structure.
+    """Data that all cells share, and the programs of this process. Programs are not pickled.
 
     problem
     roles
-    rounds   programs a bound, each from the last solution
+    rounds    programs per cell, each from the last solution
     deadline
+    programs  cache by structure
     """
 
     problem: Problem
@@ -55,8 +56,8 @@ class PolylineJob:
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "programs": {}}
 
-    def solve(self, task: Task) -> Outcome[Found]:
-        """What comes of a bound; depends on the task alone."""
+    def solve(self, task: Task) -> Outcome[CellCandidate]:
+        """Return the candidate of a cell, or why there is none; it depends on the task alone."""
         attempt = _Attempt(self, *task)
         with ONE_PROGRAM:
             began = time.perf_counter()
@@ -65,30 +66,30 @@ class PolylineJob:
         return Outcome.of(result, attempt.counts, attempt.seconds)
 
     def tolerance(self, planned: FloatArray) -> FloatArray:
-        """How far planned costs (., k) may be off.
+        """Return by how much planned costs (., k) may be off.
 
-        Sums by QUADRATURE; maxima by what one unit a metre changes between samples and in the field.
+        For sums this is QUADRATURE; for maxima, the change of one unit per metre between samples and field cells.
         """
-        between = self.problem.world.cell + PIECE / 4
+        spacing = self.problem.world.cell + PIECE / 4
         worst = np.array([c.aggregate == "max" for c in self.roles.criteria])
         quanta = np.array([c.quantum for c in self.roles.criteria])
-        tolerance: FloatArray = np.where(worst, between, QUADRATURE * np.abs(planned)) + quanta
+        tolerance: FloatArray = np.where(worst, spacing, QUADRATURE * np.abs(planned)) + quanta
         return tolerance
 
 
 @dataclass(eq=False)
 class _Attempt:
-    """One bound at work."""
+    """Solution of one cell, in progress."""
 
     job: PolylineJob
     cell: Cell
-    start: Known
-    best: Found | None = None
+    start: FreePolyline
+    best: CellCandidate | None = None
     counts: Counter[str] = field(default_factory=Counter)
     seconds: dict[str, float] = field(default_factory=lambda: {"build": 0.0})
 
-    def run(self) -> Found | str:
-        """A candidate, or why there is none; where time is over, the best until then."""
+    def run(self) -> CellCandidate | str:
+        """Return the best candidate, also if the time is over, or why there is none."""
         reason = CUT_SHORT
         try:
             with within(self.job.deadline):
@@ -100,71 +101,71 @@ class _Attempt:
         return self.best
 
     def _search(self) -> str:
-        """Solve from the warm start, again from the solution while that gains something; settle the corners.
+        """Solve from the warm start, again from each solution while that improves it, then descend.
 
-        Keeps the best candidate as it goes; returns why there is none.
+        Stores the best candidate, and returns the reason of the last failure.
         """
         minimise = self.job.roles.minimise
-        known, reason = self.start, ""
+        start, reason = self.start, ""
         for number in range(self.job.rounds):
             try:
-                again = self._solve(known, number)
+                candidate = self._solve(start, number)
             except LimitPassed:
                 if self.is_late():
                     raise
-                self.counts[CUT_SHORT] = 1  # too large a program for the time that is left: corners move without it
+                self.counts[CUT_SHORT] = 1  # no time to build this program: descend without it
                 break
-            if isinstance(again, str):
-                reason = again
+            if isinstance(candidate, str):
+                reason = candidate
                 break
-            if self.best is not None and self._gain(known, again) <= 0:
+            if self.best is not None and self._gain(start, candidate) <= 0:
                 break
-            gain, moved = self._gain(known, again), again.known.polyline.farthest(known.polyline)
-            known, self.best = again.known, again
-            if gain <= GAIN * abs(known.costs[minimise]) or moved < AT_BORDER * REGION:
+            gain, moved = self._gain(start, candidate), candidate.solved.polyline.farthest(start.polyline)
+            start, self.best = candidate.solved, candidate
+            if gain <= GAIN * abs(start.costs[minimise]) or moved < AT_BORDER * REGION:
                 break
         if self.best is None and not self.job.deadline.is_past:
             if exceeds(self.start.costs, self.cell.epsilon, self.job.roles.criteria).any():
                 return reason
-            settled = self._settled(self._candidate(self.start, None, {"round": 0, "status": reason}))
+            settled = self._descended(self._candidate(self.start, None, {"round": 0, "status": reason}))
             if self._gain(self.start, settled) > 0:
                 self.best = settled
                 self.counts["without a program"] += 1
         elif self.best is not None:
-            self.best = self._settled(self.best)
+            self.best = self._descended(self.best)
         return reason
 
-    def _gain(self, known: Known, found: Found) -> float:
-        """How much less than known a candidate costs in what is minimised."""
+    def _gain(self, start: FreePolyline, candidate: CellCandidate) -> float:
+        """Return by how much a candidate lowers the minimised cost."""
         minimise = self.job.roles.minimise
-        return float(known.costs[minimise] - found.known.costs[minimise])
+        return float(start.costs[minimise] - candidate.solved.costs[minimise])
 
-    def _solve(self, known: Known, number: int) -> Found | str:
-        """One program from one warm start: a candidate that is trusted, or why there is none."""
-        roles, cell, warm = self.job.roles, self.cell, known.polyline
+    def _solve(self, start: FreePolyline, number: int) -> CellCandidate | str:
+        """Solve one program from one polyline; return a candidate that passes all checks, or why there is none."""
+        roles, cell, warm = self.job.roles, self.cell, start.polyline
         smooth = list(roles.smooth)
         program = self._program(warm.structure)
-        scale = self._scale(known)
-        bounds, at, reason = program.bounds(warm), known, ""
+        scale = self._scale(start)
+        bounds, at, reason = program.bounds(warm), start, ""
         provenance: dict[str, Any] = {"round": number, "perturbed": False, "repairs": 0}
         while True:
-            # What the program is off where it begins is added to the bounds, motion by motion in worst moments.
+            # The program's error at its start is added to the bounds, for maxima motion by motion.
             corrections = program.corrections(at.polyline)
             drift = np.nan_to_num(program.costs(at.polyline, corrections) - at.costs[smooth])
-            given: dict[str, Any] = {"scale": scale, "bounds": bounds, "corrections": corrections}
-            solution = program.solve(at.polyline, self._aim + drift, **given)
-            if not solution.converged and at is known and not self.is_late():
+            options: dict[str, Any] = {"scale": scale, "bounds": bounds, "corrections": corrections}
+            solution = program.solve(at.polyline, self._aim + drift, **options)
+            if not solution.converged and at is start and not self.is_late():
                 provenance["perturbed"] = True
                 self.counts["perturbed"] += 1
                 nudged = warm.moved(np.random.default_rng(cell.of), NUDGE)
-                again = program.solve(nudged, self._aim + drift, **given)
-                solution = again if again.converged else solution
-                self.counts["saved by perturbation"] += again.converged
+                retry = program.solve(nudged, self._aim + drift, **options)
+                solution = retry if retry.converged else solution
+                self.counts["saved by perturbation"] += retry.converged
             if not solution.converged:
-                word = "infeasible" if solution.status == INFEASIBLE and not reason else "not converged"
-                return f"{word} ({f'{reason}; ' if reason else ''}{solution.status})"
+                failure = "infeasible" if solution.status == INFEASIBLE and not reason else "not converged"
+                return f"{failure} ({f'{reason}; ' if reason else ''}{solution.status})"
             reason, costs = self._judged(solution.polyline)
-            at = Known(solution.polyline, costs)
+            at = FreePolyline(solution.polyline, costs)
             if not reason:
                 return self._candidate(at, solution, provenance)
             if provenance["repairs"] == REPAIRS or not program.freedom or self.is_late():
@@ -179,7 +180,7 @@ class _Attempt:
                 bounds = program.raised(bounds, solution.polyline)
 
     def is_late(self) -> bool:
-        """Whether time is over; if so it is counted."""
+        """Return whether the time is over; if so, count it."""
         late = self.job.deadline.is_past
         if late:
             self.counts[CUT_SHORT] = 1
@@ -187,24 +188,26 @@ class _Attempt:
 
     @property
     def _aim(self) -> FloatArray:
-        """Bounds of the smooth costs, loosened so that a solver can move."""
+        """Bounds of the smooth costs, loosened to leave a solver room."""
         roles, epsilon = self.job.roles, self.cell.epsilon[list(self.job.roles.smooth)]
         quanta = np.array([roles.criteria[j].quantum for j in roles.smooth])
         return np.asarray(epsilon + np.maximum(LOOSE * np.abs(epsilon), 0.2 * quanta))
 
-    def _scale(self, known: Known) -> FloatArray:
-        costs = known.costs[list(self.job.roles.smooth)]
+    def _scale(self, start: FreePolyline) -> FloatArray:
+        costs = start.costs[list(self.job.roles.smooth)]
         return np.where(costs > 1e-6, costs, 1.0)
 
     def _judged(self, polyline: Polyline) -> tuple[str, FloatArray]:
-        """What is wrong with a polyline, "" for nothing, and its costs (k,)."""
+        """Return the fault of a polyline, or "", and its costs (k,)."""
         job = self.job
         trajectory = polyline.trajectory(job.problem.model)
         judged = judge(job.problem, job.roles.criteria, [trajectory], epsilon=self.cell.epsilon[None])
         return judged.reasons[0], judged.costs[0]
 
-    def _candidate(self, known: Known, solution: Solution | None, provenance: dict[str, Any]) -> Found:
-        """A polyline with where it comes from."""
+    def _candidate(
+        self, polyline: FreePolyline, solution: Solution | None, provenance: dict[str, Any]
+    ) -> CellCandidate:
+        """Return a polyline as a candidate, with its provenance."""
         cell, roles = self.cell, self.job.roles
         bounded = zip(roles.criteria, cell.epsilon.tolist(), strict=True)
         provenance = {
@@ -213,14 +216,14 @@ class _Attempt:
             "epsilon": {c.name: bound for c, bound in bounded if math.isfinite(bound)},
             "warm_start": cell.of,
             "level": cell.level,
-            "segments": len(known.polyline.lengths),
+            "segments": len(polyline.polyline.lengths),
             **({} if solution is None else {"status": solution.status, "iterations": solution.iterations}),
             **provenance,
         }
-        return Found(cell, known, self._planned(known), provenance)
+        return CellCandidate(cell, polyline, self._planned(polyline), provenance)
 
-    def _settled(self, found: Found) -> Found:
-        """The candidate after its corners came to rest by exact costs."""
+    def _descended(self, candidate: CellCandidate) -> CellCandidate:
+        """Return the candidate after a descent with exact costs."""
         roles, smooth = self.job.roles, list(self.job.roles.smooth)
         descent = Descent(
             self.job.problem,
@@ -228,23 +231,23 @@ class _Attempt:
             smooth.index(roles.minimise),
             self._aim,
             SHARE * accepted(self.cell.epsilon, roles.criteria)[smooth] + (1 - SHARE) * self.cell.epsilon[smooth],
-            self._scale(found.known),
+            self._scale(candidate.solved),
             self._costs_if_trusted,
             self._costs_on_map,
             self._free,
             self.is_late,
         )
-        rest = descent.run(found.known.polyline, found.known.costs[smooth])
-        self.counts["steps"] += rest.steps
-        _, costs = self._judged(rest.polyline)
-        settled = Known(rest.polyline, costs)
-        provenance = {**found.provenance, "segments": len(rest.polyline.lengths), "steps": rest.steps}
-        if math.isfinite(rest.left):
-            provenance["left"] = rest.left
-        return Found(self.cell, settled, self._planned(settled), provenance)
+        result = descent.run(candidate.solved.polyline, candidate.solved.costs[smooth])
+        self.counts["steps"] += result.steps
+        _, costs = self._judged(result.polyline)
+        settled = FreePolyline(result.polyline, costs)
+        provenance = {**candidate.provenance, "segments": len(result.polyline.lengths), "steps": result.steps}
+        if math.isfinite(result.left):
+            provenance["left"] = result.left
+        return CellCandidate(self.cell, settled, self._planned(settled), provenance)
 
     def _costs_if_trusted(self, polyline: Polyline) -> FloatArray | None:
-        """Costs (k,) of the smooth criteria; None where it collides or exceeds a bound. Ends stay where they are."""
+        """Return costs (k,) of the smooth criteria; None after a collision, off the map or beyond a bound."""
         problem, roles = self.job.problem, self.job.roles
         trajectory = polyline.trajectory(problem.model)
         if not on_map(problem, trajectory.states).all() or not is_free(problem, trajectory):
@@ -257,7 +260,7 @@ class _Attempt:
         return are_free(problem, [polyline.trajectory(problem.model) for polyline in polylines])
 
     def _costs_on_map(self, polylines: Sequence[Polyline]) -> FloatArray:
-        """Costs (m, k) of the smooth criteria, NaN of polylines that leave the map."""
+        """Return costs (m, k) of the smooth criteria, NaN for polylines that leave the map."""
         problem, roles = self.job.problem, self.job.roles
         trajectories = [polyline.trajectory(problem.model) for polyline in polylines]
         inside = np.array([on_map(problem, trajectory.states).all() for trajectory in trajectories], dtype=bool)
@@ -266,21 +269,21 @@ class _Attempt:
         costs[inside] = trajectory_costs([roles.criteria[j] for j in roles.smooth], on, problem.world)
         return costs
 
-    def _planned(self, known: Known) -> FloatArray:
-        """Costs (k,) as they add up piece by piece."""
-        batches = Pieces(known.polyline.structure).numbers(self.job.problem, known.polyline)
-        planned = known.costs.copy()
-        for j in self.job.roles.smooth if known.polyline.structure.segments else ():
+    def _planned(self, solved: FreePolyline) -> FloatArray:
+        """Return costs (k,) as sums over pieces."""
+        batches = PolylineMotions(solved.polyline.structure).of(self.job.problem, solved.polyline)
+        planned = solved.costs.copy()
+        for j in self.job.roles.smooth if solved.polyline.structure.segments else ():
             criterion = self.job.roles.criteria[j]
             values = np.concatenate([motion_costs(criterion, batch) for batch in batches])
             planned[j] = values.max() if criterion.aggregate == "max" else values.sum()
         return planned
 
     def _program(self, structure: PolylineStructure) -> PolylineProgram:
-        """The program of a structure, built when it is first needed in this process."""
+        """Return the program of a structure, from the cache or built now."""
         programs, roles = self.job.programs, self.job.roles
         if structure not in programs:
-            if len(programs) >= KEPT:  # the one built first goes
+            if len(programs) >= CACHED:  # the oldest is dropped
                 del programs[next(iter(programs))]
             began = time.perf_counter()
             smooth = tuple(roles.criteria[j] for j in roles.smooth)

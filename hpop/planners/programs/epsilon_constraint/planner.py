@@ -1,4 +1,4 @@
-"""The epsilon-constraint planner: any-angle polylines, one cost minimised, the others bounded by what is known."""
+"""The epsilon-constraint planner: any-angle polylines that minimise one cost, the others bounded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hpop.errors import HpopWarning
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import exceeds, trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.programs.epsilon_constraint.grid import Cell, Found, Grid, Known, Roles
+from hpop.planners.programs.epsilon_constraint.grid import Cell, CellCandidate, FreePolyline, Grid, Roles
 from hpop.planners.programs.epsilon_constraint.job import PolylineJob, Task
 from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import CUT_SHORT, Deadline, Outcome, Tally
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 NAME = "epsilon-constraint"
-MOST_DIVISIONS = 1000  # divisions or rounds: each division is a bound more of each cost of each warm start
+MOST_DIVISIONS = 1000  # divisions or rounds: each division adds a cell for each cost of each warm start
 COUNTED = (
     "tried",
     "skipped",
@@ -43,36 +43,35 @@ COUNTED = (
     "steps",
     "without a program",
 )
-NOTED = 1e-3  # of its cost: what a candidate was still to gain is noted from here on
+NOTED = 1e-3  # of its cost: a larger remaining gain of a candidate is noted
 
 
 @planner(NAME)
 @dataclass(frozen=True)
 class EpsilonConstraint:
-    """Polylines of any angles that minimise one cost while the others are bounded, from each known trade-off.
+    """Polylines of any angles that minimise one cost while the others are bounded by the costs of a warm start.
 
-    step        m      of the lattice whose paths are the warm starts
+    step        m      of the lattice that gives the warm starts
     headings    4, 8 or 16 of that lattice
-    minimise    name of the cost that is minimised; None takes the length, or the first smooth one
-    divisions   count  of further bounds between a known cost and the next better one
-    rounds      count  of programs a bound, each from the last solution: every one moves vertices by at most 1 m, and
-                there is no other where none was moved so far
-    epsilon     bounds that hold throughout, by the name of a cost
-    warm_start  what gives the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
+    minimise    name of the minimised cost; None takes the length, or the first smooth cost
+    divisions   count  of further bounds between the cost of a warm start and the next better one
+    rounds      count  of programs per bound, each from the last solution; a program moves vertices by at most 1 m, and
+                further rounds are skipped if none moved that far
+    epsilon     bounds for all candidates, by the name of a cost
+    warm_start  source of the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     max_points  count  of bounds that are tried
     time_limit  s      warm starts included
 
-    Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
-    others are refused by name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions
-    on the exact geometry. Each is a local optimum for its number of turns, near its warm start: its corners move by the
-    costs that are reported until no small step gains more than 2e-5 of the cost that is minimised. Where that does not
-    end, the provenance says as ``left`` what the next step promised, and a note counts those. Warm starts are among the
-    candidates only where Ctrl-C or the time limit stops the planner: those that keep ``epsilon`` and from which nothing
-    better came until then. The grid of bounds is AUGMECON's (Mavrotas
-    2009; Mavrotas and Florios 2013), but spans only what the warm starts know: a bound is skipped if a looser one was
-    answered within it, and tighter ones than one that was infeasible are left out.
+    Accepts smooth criteria that add up or take the worst moment, and counts of moves and turns; others are refused by
+    name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions on the exact geometry.
+    Each is a local optimum for its number of turns, near its warm start: its corners move, by the reported costs, until
+    no small step gains more than 2e-5 of the minimised cost. If this descent is cut short, the provenance gives the
+    predicted gain of the next step as ``left``, and a note counts such candidates. Warm starts are among the candidates
+    only after Ctrl-C or a time limit: those that keep ``epsilon`` and were not improved by then. The grid of bounds is
+    that of AUGMECON (Mavrotas 2009; Mavrotas and Florios 2013), restricted to the costs of the warm starts: a bound is
+    skipped if the candidate of a looser one keeps it, or if a looser one was infeasible.
     Bounds are tried in waves, so results depend neither on the executor nor on its number of workers. Cost: a program
-    is built once a structure and process, in 30 to 200 ms, and solved in 20 to 100 ms; then the corners take 50 to
+    is built once per structure and process, in 30 to 200 ms, and solved in 20 to 100 ms; the descent takes 50 to
     500 ms.
     """
 
@@ -103,9 +102,9 @@ class EpsilonConstraint:
     ) -> Candidates:
         """Plan warm starts, then minimise from each of them; a job of the executor is one bound.
 
-        Raises UnsupportedCriterion for a criterion that no nonlinear program can treat, OptionError for a cost to
-        minimise or to bound that is not among the objectives, a bound that no trajectory keeps and a solver that is
-        missing, and what the planner of the warm starts raises.
+        Raises UnsupportedCriterion for a criterion that nonlinear programs do not accept, OptionError for a minimised
+        or bounded cost that is not among the objectives, a bound that no trajectory keeps and a missing solver, and the
+        errors of the planner of the warm starts.
         """
         require_ipopt(NAME)
         watch = Watch(NAME, self.time_limit, progress)
@@ -116,26 +115,26 @@ class EpsilonConstraint:
         if warm.interrupted is not None:
             return self._within(warm.interrupted, limits, roles, problem)
         warm, polylines, costs, dropped = warm.polylines(problem, roles.criteria)
-        known = [Known(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
+        starts = [FreePolyline(polyline, row) for polyline, row in zip(polylines, costs, strict=True)]
         job = PolylineJob(problem, roles, self.rounds, Deadline.after(watch.left))
-        run = _GridRun(self, job, Grid(roles, known, limits, self.divisions), watch)
+        run = _GridRun(self, job, Grid(roles, starts, limits, self.divisions), watch)
         run.warn_of_tight_bounds()
         status = warm.ended(run.go(executor))
-        found = run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
-        kept = warm.kept(found, {one.cell.of for one in run.grid.found})
-        return found if kept is found else self._within(kept, limits, roles, problem)
+        candidates = run.candidates(status, objectives, (*objectives.notes, *warm.notes, *dropped))
+        completed = warm.with_unimproved(candidates, {candidate.cell.of for candidate in run.grid.candidates})
+        return candidates if completed is candidates else self._within(completed, limits, roles, problem)
 
-    def _within(self, found: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
-        """Those of some candidates that keep the bounds (k,) of ``epsilon``."""
+    def _within(self, candidates: Candidates, limits: FloatArray, roles: Roles, problem: Problem) -> Candidates:
+        """Return the candidates that keep the bounds (k,) of ``epsilon``."""
         if not self.epsilon:
-            return found
-        costs = trajectory_costs(roles.criteria, found.trajectories, problem.world)
-        return found.some(np.flatnonzero([not exceeds(row, limits, roles.criteria).any() for row in costs]))
+            return candidates
+        costs = trajectory_costs(roles.criteria, candidates.trajectories, problem.world)
+        return candidates.subset(np.flatnonzero([not exceeds(row, limits, roles.criteria).any() for row in costs]))
 
 
 @dataclass(eq=False)
 class _GridRun:
-    """One run of the planner: the grid level by level, wave by wave, and what went wrong."""
+    """Run of the planner, which solves the cells of the grid level by level, wave by wave."""
 
     options: EpsilonConstraint
     job: PolylineJob
@@ -146,7 +145,7 @@ class _GridRun:
     waiting: int = 0
 
     def go(self, executor: Executor | None) -> Status:
-        """Try all bounds; the status says whether any were left. What is finished is kept whatever comes."""
+        """Solve all cells and return the status; candidates found so far stay in the grid whatever happens."""
         if not self.grid.warm:
             return Status.COMPLETE
         cap, tried = self.options.max_points, self.tally.counts
@@ -169,70 +168,70 @@ class _GridRun:
         return Status.TIME_LIMIT if self.tally.counts[CUT_SHORT] else Status.COMPLETE
 
     def warn_of_tight_bounds(self) -> None:
-        """Say before any program runs which bounds no warm start keeps: nobody knows yet whether anything does."""
+        """Warn, before any program runs, of bounds that no warm start keeps: they may be infeasible."""
         if not self.grid.warm:
             return
         ideal, limits, criteria = self.grid.costs.min(axis=0), self.grid.limits, self.job.roles.criteria
         for j in np.flatnonzero(exceeds(ideal, limits, criteria)):
             warnings.warn(
                 f"epsilon bounds {criteria[j].name} by {limits[j]:g}, but the least of the warm starts is "
-                f"{ideal[j]:.4g} {criteria[j].unit}: programs will look for less, and may find nothing. Ctrl-C stops "
+                f"{ideal[j]:.4g} {criteria[j].unit}: programs will look for less, and may find no path. Ctrl-C stops "
                 "them; a looser bound is sure to be kept",
                 HpopWarning,
                 stacklevel=3,
             )
 
     def _unanswered(self, cells: Sequence[Cell]) -> list[Cell]:
-        """Cells that are still to be tried."""
+        """Return the cells that remain to be solved."""
         left = self.grid.unanswered(cells)
         self.tally.counts["skipped"] += len(cells) - len(left)
         self.waiting -= len(cells) - len(left)
         return left
 
-    def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[Found]]) -> Status:
-        """Solve for each cell of a wave, the longest first."""
+    def _try(self, wave: Sequence[Cell], sweep: Sweep[PolylineJob, Task, Outcome[CellCandidate]]) -> Status:
+        """Solve the cells of a wave, those with most segments first."""
         tasks: list[Task] = []
         for cell in wave:
             start = self.grid.start(cell)
             if start is None:
                 counts = ", ".join(self.job.roles.criteria[j].name for j in self.job.roles.counted)
-                self._keep(cell, Outcome(None, f"infeasible: no known trajectory has so few {counts}"))
+                self._keep(cell, Outcome(None, f"infeasible: no warm start or candidate has so few {counts}"))
             else:
                 tasks.append((cell, start))
         tasks.sort(key=lambda task: -len(task[1].polyline.lengths))
         results, status = sweep.until(tasks, self.watch.is_late, self._report)
-        for place, outcome in results.items():
-            self._keep(tasks[place][0], outcome)
+        for index, outcome in results.items():
+            self._keep(tasks[index][0], outcome)
         return status
 
-    def _keep(self, cell: Cell, outcome: Outcome[Found]) -> None:
-        """File what came of a bound."""
+    def _keep(self, cell: Cell, outcome: Outcome[CellCandidate]) -> None:
+        """Record the outcome of a cell."""
         self.tally.add(outcome)
         self.tally.counts["tried"] += 1
         self.waiting -= 1
-        if outcome.found is not None:
-            self.grid.found.append(outcome.found)
+        if outcome.candidate is not None:
+            self.grid.candidates.append(outcome.candidate)
         elif outcome.reason == CUT_SHORT:
             self.waiting += 1
         elif outcome.reason.startswith("infeasible"):
             self.grid.infeasible.append(cell)
 
-    def _report(self, finished: Mapping[int, Outcome[Found]]) -> None:
-        found = len(self.grid.found) + sum(outcome.found is not None for outcome in finished.values())
+    def _report(self, finished: Mapping[int, Outcome[CellCandidate]]) -> None:
+        found = len(self.grid.candidates) + sum(outcome.candidate is not None for outcome in finished.values())
         self.watch.report(self.tally.counts["tried"] + len(finished), self.waiting - len(finished), found)
 
     def candidates(self, status: Status, objectives: Objectives, notes: Sequence[str]) -> Candidates:
-        """What was found, judged once more, with everything that went wrong."""
-        found, job, criteria = self.grid.found, self.job, self.job.roles.criteria
-        rows = (len(found), len(criteria))
-        planned = np.array([one.planned for one in found]).reshape(rows)
+        """Return the candidates that pass the final judgement, with notes on all failures."""
+        candidates, job, criteria = self.grid.candidates, self.job, self.job.roles.criteria
+        rows = (len(candidates), len(criteria))
+        planned = np.array([candidate.planned for candidate in candidates]).reshape(rows)
         limit = "max_points" if status is Status.POINT_LIMIT else status
         left = [f"{limit}: {self.waiting} bounds were not tried"] if self.waiting else []
         names = ", ".join(criteria[j].name for j in job.roles.smooth)
-        kept = trusted(
+        accepted = trusted(
             Candidates(
                 objectives=criteria,
-                trajectories=tuple(one.known.polyline.trajectory(job.problem.model) for one in found),
+                trajectories=tuple(candidate.solved.polyline.trajectory(job.problem.model) for candidate in candidates),
                 planned=planned,
                 tolerance=job.tolerance(planned),
                 status=status,
@@ -240,7 +239,7 @@ class _GridRun:
                     f"epsilon-constraint: local optima for their number of turns in ({names}), near their warm starts"
                     f"{objectives.certificate}"
                 ),
-                provenance=tuple(one.provenance for one in found),
+                provenance=tuple(candidate.provenance for candidate in candidates),
                 notes=(*notes, *self.notes, *left, *self.tally.notes("bound")),
                 filters=objectives.filters,
                 stats={
@@ -252,20 +251,20 @@ class _GridRun:
             ),
             job.problem,
             NAME,
-            epsilon=np.array([one.cell.epsilon for one in found]).reshape(rows),
+            epsilon=np.array([candidate.cell.epsilon for candidate in candidates]).reshape(rows),
         )
         return replace(
-            kept,
-            notes=(*kept.notes, *self._shortcomings(kept)),
-            stats={**kept.stats, "seconds": self.watch.seconds},
+            accepted,
+            notes=(*accepted.notes, *self._shortcomings(accepted)),
+            stats={**accepted.stats, "seconds": self.watch.seconds},
         )
 
-    def _shortcomings(self, kept: Candidates) -> list[str]:
-        """What the candidates that are trusted do not attain."""
+    def _shortcomings(self, accepted: Candidates) -> list[str]:
+        """Return notes on bounds without candidates, and on candidates that may be no local optimum."""
         notes = []
-        if self.options.epsilon and self.tally.failures and not kept.trajectories:
+        if self.options.epsilon and self.tally.failures and not accepted.trajectories:
             notes.append(f"no polyline was found within epsilon {dict(self.options.epsilon)}: {self._ideal()}")
-        left = [float(origin.get("left", np.inf)) for origin in kept.provenance]
+        left = [float(origin.get("left", np.inf)) for origin in accepted.provenance]
         open_ = sum(not math.isfinite(share) for share in left)
         more = [share for share in left if math.isfinite(share) and share > NOTED]
         if more:
@@ -281,7 +280,7 @@ class _GridRun:
         return notes
 
     def _ideal(self) -> str:
-        """The ideal of what is bounded, as far as it is known."""
+        """Return the least bounded costs of the warm starts, in words."""
         ideal = self.grid.costs.min(axis=0)
         return "the ideal of the warm starts is " + ", ".join(
             f"{c.name} {value:.4g} {c.unit}"

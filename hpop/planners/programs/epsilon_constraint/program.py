@@ -1,9 +1,9 @@
-"""Any-angle polylines: the nonlinear program of one structure, and the polylines that go in and come out.
+"""The nonlinear program of any-angle polylines of one structure.
 
 The number of turns is structure, not a variable: for each number of straight segments, with or without a turn at the
-start and at the goal, the interior vertices are free. The criteria enter by their own ``cost``, on motions made of
-CasADi symbols. What converges and what does not was measured: an absolute turn angle is rounded within 0.02 rad, a
-small ``Σ L_i²`` keeps vertices from sliding and collapsing, a maximum is a slack above every sample.
+start and at the goal, the interior vertices are free. Criteria are evaluated by their own ``cost``, on motions of
+CasADi symbols. Measurements led to three choices: the absolute turn angle is smoothed within 0.02 rad, a small
+``Σ L_i²`` keeps vertices from sliding and collapsing, and a maximum is a slack variable above every sample.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions.symbolic import lift
-from hpop.planners.needs import one_goal
+from hpop.planners.needs import in_plane, one_goal, reaches
 from hpop.planners.programs.criteria import on_symbols
-from hpop.planners.programs.epsilon_constraint.descent import Pieces, sparse
-from hpop.planners.programs.nlp import SparseWorld, moments, reaches, unhinged, vector
+from hpop.planners.programs.epsilon_constraint.descent import PolylineMotions, sparse
+from hpop.planners.programs.nlp import SparseWorld, below_hinge, moments, vector
 from hpop.planners.programs.outcome import BUILDING, SOLVING, Deadline
 from hpop.planners.programs.polyline import Polyline, PolylineStructure
 from hpop.runtime.interrupts import interrupts_held
@@ -34,25 +34,25 @@ from hpop.world import World
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-BUILDS = 6e-6  # s a variable and constraint, that CasADi takes to build a solver
+BUILDS = 6e-6  # s per variable and constraint, to build a CasADi solver
 REGULAR = 0.15  # weight of n Σ (L_i / L)², which keeps vertices from sliding and collapsing
 SPREAD = 1e-3  # weight of the bounded costs in the objective: AUGMECON's slack term
 REGION = 1.0  # m: how far the program may take a coordinate from its warm start
 KEEP = 0.3  # share of its length that a segment keeps in its old direction, so that it cannot collapse
 SHORTEST = 1e-3  # m: of a segment that has to keep its direction
-FIELD_MARGIN = 0.015  # m: kept beside the robot's reach, for what lies between two samples
+FIELD_MARGIN = 0.015  # m: clearance beyond the robot's reach, for the error between two samples
 CHECKED = 0.03  # m: distance of the points at which a solution's clearance is checked
 SUCCESS = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What the solver returned for one structure.
+    """Solution of a program by the solver.
 
     polyline    feasible for the program if ``converged``
     costs       (k,) as the program adds them up, without regulariser
-    converged   whether the solver says so
-    status      the solver's own word
+    converged   whether the solver reports convergence
+    status      of the solver
     iterations  of the solver, all stages
     """
 
@@ -65,17 +65,17 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class PolylineProgram:
-    """Minimise one criterion over the interior vertices of a structure, the others and the obstacles being bounds.
+    """Program that minimises one criterion over the interior vertices; other criteria and obstacles are constraints.
 
     ``min f_p(x) + δ Σ_j f_j(x)  subject to  f_j(x) <= eps_j,  d(sample) >= bound``, costs divided by their scales. With
     ``s_j = eps_j - f_j`` this is AUGMECON's ``f_p - δ Σ s_j`` (Mavrotas 2009): no weakly efficient point is returned.
     Built once; start, goal, bounds, scales and warm start are parameters. Local optima only.
 
-    problem    whose world and model; start and goal come with the warm start
-    criteria   k smooth ones: sums, or maxima over motions
-    minimise   place of the criterion that is minimised
+    problem    with world and model; start and goal come with the warm start
+    criteria   k smooth criteria: sums, or maxima over motions
+    minimise   index of the minimised criterion
     structure
-    deadline   when a solver stops
+    deadline   at which a solver stops
     """
 
     problem: Problem
@@ -89,7 +89,7 @@ class PolylineProgram:
             refuse_unsmooth(criterion)
         if not 0 <= self.minimise < len(self.criteria):
             raise OptionError(
-                f"minimise is the place of one of {len(self.criteria)} criteria, got {shown(self.minimise)}"
+                f"minimise must be the index of one of {len(self.criteria)} criteria, got {shown(self.minimise)}"
             )
 
     @cached_property
@@ -114,14 +114,14 @@ class PolylineProgram:
         return 0 if n < 2 or (n == 2 and bound == 2) else 2 * (n - 1) - bound
 
     def _free(self, polyline: Polyline) -> FloatArray:
-        """The free coordinates of a polyline: lengths along fixed headings, then vertices."""
+        """Return the free coordinates of a polyline: lengths along fixed headings, then vertices."""
         inner, lengths = polyline.vertices[1:-1], polyline.lengths
         first, last = int(self._along_first), int(self._along_last)
         fixed = [*lengths[:1][:first], *lengths[-1:][:last]]
         return np.concatenate([fixed, inner[first : len(inner) - last].ravel()])
 
     def _columns(self, free: Any, ends: Any) -> tuple[Any, Any]:
-        """Columns x, y (n+1,) of the vertices, as symbols."""
+        """Return columns x, y (n+1,) of the vertices, as symbols."""
         import casadi
 
         first, last = int(self._along_first), int(self._along_last)
@@ -142,29 +142,29 @@ class PolylineProgram:
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
-        """Height ranges that see different obstacles, each with the largest reach of the robot's parts there, m."""
-        return reaches(self.problem)
+        """Height ranges with different obstacles, each with the largest reach of the robot's parts there, m."""
+        return reaches(in_plane(self.problem.model), self.problem.world)
 
     @cached_property
-    def pieces(self) -> Pieces:
-        """The motions that the criteria see."""
-        return Pieces(self.structure)
+    def motions(self) -> PolylineMotions:
+        """Motions on which criteria are evaluated."""
+        return PolylineMotions(self.structure)
 
     @cached_property
     def _built(self) -> tuple[Any, Any, int, Any]:
-        """The solver, the function to (vertices, costs, worst moments), samples below a slack, the solver's stop."""
+        """Solver, function to (vertices, costs, maxima), number of samples below slacks, and the solver's callback."""
         import casadi
 
         k, n = len(self.criteria), self.structure.segments
         free = casadi.MX.sym("free", self.freedom)
-        summed, worst = self._places
+        summed, worst = self._indices
         slack = casadi.MX.sym("slack", len(worst))
         ends, scale, weight = casadi.MX.sym("ends", 6), casadi.MX.sym("scale", k), casadi.MX.sym("weight")
         ahead, corrections = casadi.MX.sym("ahead", n, 2), casadi.MX.sym("corrections", self._motions, len(worst))
         x, y = self._columns(free, ends)
-        batches = self.pieces.symbols(self.problem, self._world, x, y, ends[[2, 5]])
+        batches = self.motions.symbols(self.problem, self._world, x, y, ends[[2, 5]])
         costs: list[Any] = [None] * k
-        rows, tops, found = [], dict[int, Any](), list[Any]()
+        rows, tops, maxima = [], dict[int, Any](), list[Any]()
         for j, criterion in enumerate(self.criteria):
             check(BUILDING)
             if criterion.aggregate != "max":
@@ -174,20 +174,20 @@ class PolylineProgram:
             for batch in batches:
                 samples = [on_symbols(criterion, m) for m in moments(batch)]
                 more = corrections[first : first + len(batch), worst.index(j)]
-                row += [unhinged(sample) + more for sample in samples]
+                row += [below_hinge(sample) + more for sample in samples]
                 largest.append(reduce(casadi.fmax, samples))
                 first += len(batch)
-            found.append(casadi.vertcat(*largest))
-            tops[j] = casadi.fmax(casadi.mmax(found[-1] + corrections[:, worst.index(j)]), 0)
+            maxima.append(casadi.vertcat(*largest))
+            tops[j] = casadi.fmax(casadi.mmax(maxima[-1] + corrections[:, worst.index(j)]), 0)
             rows.append((casadi.vertcat(*row) - costs[j]) / scale[j])
-        every = casadi.vertcat(*costs)
+        cost_column = casadi.vertcat(*costs)
         squares = casadi.sumsqr(x[1:] - x[:-1]) + casadi.sumsqr(y[1:] - y[:-1])
-        scaled = every / scale
+        scaled = cost_column / scale
         objective = scaled[self.minimise] + SPREAD * casadi.sum1(scaled) + weight * n * squares
         clearances = []
         for z, _ in self.spaces:
-            at = [lift(casadi.DM(sparse(self.pieces.sampled)) @ c, len(self.pieces.sampled)) for c in (x, y)]
-            clearances.append(vector(self._world.clearance_field(z=z)(*at), len(self.pieces.sampled)))
+            at = [lift(casadi.DM(sparse(self.motions.sampled)) @ c, len(self.motions.sampled)) for c in (x, y)]
+            clearances.append(vector(self._world.clearance_field(z=z)(*at), len(self.motions.sampled)))
         above = casadi.vertcat(*rows)
         advance = casadi.sum2(casadi.horzcat(x[1:] - x[:-1], y[1:] - y[:-1]) * ahead)
         variables, parameters = (
@@ -205,69 +205,68 @@ class PolylineProgram:
         stopping = self.deadline.stopping(program["x"].numel(), program["g"].numel())
         with interrupts_held():
             solver = casadi.nlpsol("polyline", "ipopt", program, _OPTIONS | stopping)
-        honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # a slack may lie above the worst sample
-        seen = [casadi.horzcat(x, y), casadi.vertcat(*honest), casadi.horzcat(*found)]
-        values = casadi.Function("values", [variables, parameters], seen)
+        honest = [tops.get(j, cost) for j, cost in enumerate(costs)]  # the maximum itself, which a slack may exceed
+        outputs = [casadi.horzcat(x, y), casadi.vertcat(*honest), casadi.horzcat(*maxima)]
+        values = casadi.Function("values", [variables, parameters], outputs)
         return solver, values, int(above.numel()), stopping
 
     def build(self) -> PolylineProgram:
-        """Build the program now; solving does it when it is first needed."""
+        """Build the program now instead of at the first solve."""
         if self.freedom:
             _ = self._built
         return self
 
     @property
-    def _places(self) -> tuple[list[int], list[int]]:
-        """Places of the criteria that are sums, and of those that are maxima."""
+    def _indices(self) -> tuple[list[int], list[int]]:
+        """Indices of the criteria that are sums, and of those that are maxima."""
         worst = [j for j, criterion in enumerate(self.criteria) if criterion.aggregate == "max"]
         return [j for j in range(len(self.criteria)) if j not in worst], worst
 
     @property
     def _motions(self) -> int:
-        return len(self.pieces.owner) + len(self.pieces.turning)
+        return len(self.motions.pieces.segment) + len(self.structure.turning)
 
     def _parameters(self, polyline: Polyline, scale: FloatArray, corrections: FloatArray | None) -> FloatArray:
         goal_yaw = 0.0 if polyline.goal_yaw is None else polyline.goal_yaw
         ends = [*polyline.vertices[0], polyline.start_yaw, *polyline.vertices[-1], goal_yaw]
         weight = REGULAR / max(float(polyline.lengths.sum()), SHORTEST) ** 2
         ahead = [*np.cos(polyline.headings), *np.sin(polyline.headings)]
-        more = np.zeros((self._motions, len(self._places[1]))) if corrections is None else corrections
+        more = np.zeros((self._motions, len(self._indices[1]))) if corrections is None else corrections
         return np.array([*ends, *scale, weight, *ahead, *more.T.ravel()])
 
     def _values(self, polyline: Polyline, corrections: FloatArray | None) -> list[FloatArray]:
-        point = np.concatenate([self._free(polyline), np.zeros(len(self._places[1]))])
+        point = np.concatenate([self._free(polyline), np.zeros(len(self._indices[1]))])
         parameters = self._parameters(polyline, np.ones(len(self.criteria)), corrections)
         with interrupts_held():
-            found = [np.array(value) for value in self._built[1](point, parameters)]
-        self.deadline.check(SOLVING)  # fields that were read later are not numbers
-        return found
+            values = [np.array(value) for value in self._built[1](point, parameters)]
+        self.deadline.check(SOLVING)  # after the deadline, fields read as NaN
+        return values
 
     def costs(self, polyline: Polyline, corrections: FloatArray | None = None) -> FloatArray:
-        """Costs (k,) as the program adds them up; not a number where nothing is free."""
+        """Return costs (k,) as the program adds them up; NaN if no coordinate is free."""
         if not self.freedom:
             return np.full(len(self.criteria), np.nan)
         return self._values(polyline, corrections)[1].ravel()
 
     def corrections(self, polyline: Polyline) -> FloatArray | None:
-        """How much worse the worst moment of each motion is than the program sees it, one column a maximum.
+        """Return by how much each maximum of each motion exceeds the program's value, one column per maximum.
 
-        Fields are off by a tenth of a cell and more where two obstacles are equally near, which is where a clearance
-        leads to, and hardly at all elsewhere. So one number for the whole polyline would loosen the bound there as
-        much as it has to be loosened here.
+        Fields are off by a tenth of a cell or more midway between two obstacles, where optima of the clearance lie,
+        and by far less elsewhere. So the correction differs from motion to motion.
         """
-        worst = self._places[1]
+        worst = self._indices[1]
         if not self.freedom or not worst:
             return None
-        batches = self.pieces.numbers(self.problem, polyline)
+        batches = self.motions.of(self.problem, polyline)
         exact = [np.concatenate([motion_costs(self.criteria[j], m) for m in batches]) for j in worst]
         return np.stack(exact, axis=1) - self._values(polyline, None)[2]
 
     def bounds(self, polyline: Polyline) -> list[FloatArray]:
-        """Least field values (S,) that keep the robot off obstacles, one array a height range.
+        """Return the least field values (S,) that keep the robot off obstacles, one array per height range.
 
-        The robot's reach and a margin, but no more than what the warm start has: it is free, and shall be feasible.
+        They are the robot's reach and a margin, or the value at the warm start if that is less, so that it is feasible.
         """
-        x, y = (self.pieces.sampled @ polyline.vertices).T
+        x, y = (self.motions.sampled @ polyline.vertices).T
         world, bounds = self.problem.world, []
         for z, reach in self.spaces:
             exact, field = world.free_space(z).signed_clearance(x, y), world.clearance_field(z=z)(x, y)
@@ -276,13 +275,13 @@ class PolylineProgram:
         return bounds
 
     def raised(self, bounds: Sequence[FloatArray], polyline: Polyline) -> list[FloatArray]:
-        """Bounds that are higher where a solution comes too near to an obstacle, by exact distances all along it."""
+        """Return bounds that are raised where a solution is too near to an obstacle, by exact distances along it."""
         segments = np.repeat(np.arange(self.structure.segments), np.ceil(polyline.lengths / CHECKED).astype(int) + 1)
         first = np.searchsorted(segments, segments)
         count = np.bincount(segments)[segments]
         share = ((np.arange(segments.size) - first) / np.maximum(count - 1, 1))[:, None]
         points = polyline.vertices[segments] * (1.0 - share) + polyline.vertices[segments + 1] * share
-        samples = self.pieces.sampled @ polyline.vertices
+        samples = self.motions.sampled @ polyline.vertices
         from scipy.spatial import cKDTree
 
         nearest = cKDTree(samples).query(points, k=min(2, len(samples)))[1].reshape(len(points), -1)
@@ -305,15 +304,15 @@ class PolylineProgram:
         bounds: Sequence[FloatArray] | None = None,
         corrections: FloatArray | None = None,
     ) -> Solution:
-        """The local optimum within REGION of a warm start, which should be feasible.
+        """Return the local optimum within REGION of a warm start, which should be feasible.
 
         Parameters
         ----------
         warm : Polyline of this structure
-        epsilon : (k,) upper bounds of the costs; inf bounds nothing
-        scale : (k,) positive: differences of costs that matter alike; the size of epsilon by default
+        epsilon : (k,) upper bounds of the costs; inf for none
+        scale : (k,) positive: differences of costs that weigh the same; the size of epsilon by default
         bounds : least field values at the samples, see :meth:`bounds`
-        corrections : of worst moments, see :meth:`corrections`; none by default
+        corrections : of maxima, see :meth:`corrections`; none by default
         """
         epsilon = np.asarray(epsilon, float)
         if scale is None:
@@ -321,7 +320,7 @@ class PolylineProgram:
         if not self.freedom:
             return Solution(warm, self.costs(warm), True, "nothing is free", 0)
         solver, values, above, stopping = self._built
-        summed, worst = self._places
+        summed, worst = self._indices
         parameters = self._parameters(warm, scale, corrections)
         bounded = np.concatenate(self.bounds(warm) if bounds is None else list(bounds))
         free = self._free(warm)
@@ -331,11 +330,11 @@ class PolylineProgram:
         least = [*[SHORTEST] * fixed, *[x_min, y_min] * corners]
         most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
         tops = self.costs(warm, corrections)[worst]
-        floor = np.minimum(epsilon[worst], 0.0)  # no cost is negative: a slack below 0 would be paid for with others
+        floor = np.minimum(epsilon[worst], 0.0)  # costs are not negative: a slack below 0 would lower the objective
         for stop in stopping.values():
             stop.begin()
         with interrupts_held():
-            found = solver(
+            result = solver(
                 x0=np.concatenate([free, tops]),
                 p=parameters,
                 lbx=np.concatenate([np.maximum(least, free - REGION), floor]),
@@ -352,7 +351,7 @@ class PolylineProgram:
         stats = solver.stats()
         self.deadline.check_solver(str(stats["return_status"]))
         with interrupts_held():
-            vertices, costs, _ = (np.array(value) for value in values(found["x"], parameters))
+            vertices, costs, _ = (np.array(value) for value in values(result["x"], parameters))
         vertices[0], vertices[-1] = warm.vertices[0], warm.vertices[-1]
         return Solution(
             Polyline(vertices, warm.start_yaw, warm.goal_yaw),
@@ -365,9 +364,9 @@ class PolylineProgram:
 
 _OPTIONS: dict[str, Any] = {
     "print_time": False,
-    "show_eval_warnings": False,  # where time is over, fields are not numbers
+    "show_eval_warnings": False,  # after the deadline, fields read as NaN
     "ipopt.print_level": 0,
-    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
+    "ipopt.option_file_name": "",  # else IPOPT reads a file in the current folder, which may load a library
     "ipopt.mu_init": 0.01,
     "ipopt.sb": "yes",
     "ipopt.max_iter": 150,
@@ -377,7 +376,7 @@ _OPTIONS: dict[str, Any] = {
 
 
 def refuse_unsmooth(criterion: Criterion) -> None:
-    """Raise UnsupportedCriterion for what no nonlinear program can treat."""
+    """Raise UnsupportedCriterion for a criterion that is no smooth sum or maximum."""
     if criterion.smooth and criterion.aggregate in ("sum", "max"):
         return
     why = "has no gradient (smooth=False)" if not criterion.smooth else f"is a {criterion.aggregate}"

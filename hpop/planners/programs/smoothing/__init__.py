@@ -1,4 +1,4 @@
-"""The smoothing planner: polylines become curves that a differential drive really follows."""
+"""The smoothing planner: polylines become curves that a differential drive can follow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One interval of a driven trajectory as a nonlinear program sees it: its law, what it keeps, what it costs."""
+"""One interval of a driven trajectory in a nonlinear program: its law, limits and costs; and feasible points."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ if TYPE_CHECKING:
 
 NODES = ("x", "y", "yaw", "speed", "turn_rate")
 OWN = 2 * len(NODES) + 1  # variables of an interval without slacks
-PANELS = 2  # of an interval, for what criteria integrate
+PANELS = 2  # of an interval, for the integrals of criteria
 
 
 @dataclass(frozen=True)
 class Forward(Drive):
-    """The law inside the program, where no speed changes its sign: without the kinks of absolute values.
+    """Law of motion inside the program, where speeds keep their signs, without the kinks of absolute values.
 
     sign  (M,) of the yaw rate in each interval
     """
 
     sign: Column = 1.0
 
-    nodes = gauss(4)  # errs by 1e-6 for turns of a radian in an interval
+    nodes = gauss(4)  # error 1e-6 for turns of a radian in an interval
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         if name not in ("x", "y"):
             return super().interpolate(name, start, end, share)
-        # The cubic with the ends' places and velocities: within 0.1 mm for turns of half a radian in half a metre.
+        # The cubic with the ends' positions and velocities: within 0.1 mm for turns of half a radian in half a metre.
         projection, span = np.cos if name == "x" else np.sin, getattr(end, name) - getattr(start, name)
         first, last = ((end.clock - start.clock) * at.speed * projection(at.yaw) for at in (start, end))
         bend = share * (1.0 - share) * ((1.0 - share) * (first - span) - share * (last - span))
@@ -65,14 +65,14 @@ class Forward(Drive):
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """What is nonlinear in one interval.
+    """Nonlinear functions of one interval.
 
-    Its variables are the nodes at its start, those at its end, the duration, and the slacks of hinges; its parameter is
+    Its variables are the nodes at its start and at its end, the duration, and the slacks of hinges; its parameter is
     the sign of the yaw rate.
 
-    criteria  (k)
+    criteria  k
     heights   ranges with different obstacles
-    shares    of the interval's time, at which the clearance is read
+    shares    of the interval's time, at which the clearance is sampled
     """
 
     problem: Problem
@@ -82,7 +82,7 @@ class Interval:
 
     @cached_property
     def hinges(self) -> int:
-        """Hinges of the costs, for each of which there is a slack variable."""
+        """Number of hinges in the costs, each with a slack variable."""
         import casadi
 
         with looking():
@@ -90,10 +90,10 @@ class Interval:
             return len(self._costs(motions)[1].below)
 
     def write(self, z: Any, p: Any) -> list[Any]:
-        """Columns of values, SX: the law's defects, the effort, each criterion's costs, the clearances of each range.
+        """Return columns of SX: defects of the law, effort, costs of each criterion, clearances of each height range.
 
-        The last column is what each hinge exceeds its slack by. A criterion that takes the worst moment has a value for
-        each moment that is looked at.
+        A last column, if there are hinges, has the excess of each hinge over its slack. A criterion that is a maximum
+        has a value for each sampled moment.
         """
         import casadi
 
@@ -103,9 +103,9 @@ class Interval:
         defects = [vector(law.defect(name, start, end), 1) for name in ("x", "y", "yaw")]
         gain, bend = (vector(getattr(end, name) - getattr(start, name), 1) for name in ("speed", "turn_rate"))
         effort = (gain**2 / model.acceleration**2 + bend**2 / model.turn_acceleration**2) / z[OWN - 1]
-        places = [[law.interpolate(axis, start, end, share) for axis in ("x", "y")] for share in self.shares]
+        positions = [[law.interpolate(axis, start, end, share) for axis in ("x", "y")] for share in self.shares]
         fields = [world.clearance_field(z=z) for z in self.heights]
-        clear = [[vector(field(*place), 1) for place in places] for field in fields]
+        clear = [[vector(field(*position), 1) for position in positions] for field in fields]
         costs, slacks = self._costs(motions)
         excess = [below - symbol for below, symbol in zip(slacks.below, slacks.symbols, strict=True)]
         groups = [_column(group) for group in (defects, [effort], *costs, *clear, excess)]
@@ -141,15 +141,14 @@ def _column(values: list[Any]) -> Any:
     return casadi.vertcat(*values)
 
 
-# Where the optimum lies in a flat valley, an interior-point method goes on along it for dozens of iterations, and each
-# of its steps leaves curved limits again by a little. So it is stopped where the gradient is small enough and the
-# limits are kept within a thousandth or so; what they lack is then less than the square root of what is wanted, and one
-# step of Newton's method closes it.
+# If the optimum lies in a flat valley, an interior-point method follows it for dozens of iterations, and each step
+# violates curved limits slightly. So it is stopped as soon as the gradient is small and limits are violated by about a
+# thousandth at most. A step of Newton's method squares this violation, so that one step is usually enough.
 
 
 KEPT = 1e-7  # by how much a limit may be exceeded
 STEPS = 5
-LEAST = 1e-12  # on the diagonal: limits that say the same, or of which nothing is free
+LEAST = 1e-12  # on the diagonal, for redundant limits and limits without a free variable
 
 Bounds = tuple[FloatArray, FloatArray]
 
@@ -157,21 +156,21 @@ Bounds = tuple[FloatArray, FloatArray]
 def made_feasible(
     limits: Callable[[FloatArray], tuple[FloatArray, csr_array]], point: FloatArray, box: Bounds, bounds: Bounds
 ) -> FloatArray | None:
-    """A point (d,) in the box whose limits are kept within KEPT, or None if STEPS steps lead to none.
+    """Return a point (d,) in the box that keeps the limits within KEPT, or None if STEPS steps do not reach one.
 
-    Newton's method on the equations and on all limits that were exceeded on the way. Steps are the shortest, where a
-    variable counts the more the nearer it is to the end of its range: so it stays in it.
+    This is Newton's method on the equations and on all limits exceeded so far. Each step is the shortest one in a norm
+    that weighs a variable the more, the nearer it is to the end of its range, so that it stays in its range.
 
     Parameters
     ----------
-    limits : from a point to values (m,) and their sparse Jacobian (m, d)
+    limits : returns the values (m,) and their sparse Jacobian (m, d) at a point
     point : (d,) in the box
     box, bounds : lowest and highest variables (d,) and values (m,)
 
     >>> from scipy.sparse import csr_array
     >>> circle = lambda x: (np.array([x @ x]), csr_array(2 * x[None]))
-    >>> wide, one = np.full(2, np.inf), np.ones(1)
-    >>> made_feasible(circle, np.array([0.61, 0.81]), (-wide, wide), (one, one)).round(3)
+    >>> wide, unit = np.full(2, np.inf), np.ones(1)
+    >>> made_feasible(circle, np.array([0.61, 0.81]), (-wide, wide), (unit, unit)).round(3)
     array([0.602, 0.799])
     """
     from scipy.sparse import diags_array, eye_array
@@ -188,7 +187,7 @@ def made_feasible(
         across = slopes[np.flatnonzero(active)]
         normal = across @ diags_array(room) @ across.T + LEAST * eye_array(across.shape[0])
         with catch_warnings():
-            simplefilter("ignore")  # a matrix that is singular shows in what comes of it
+            simplefilter("ignore")  # a singular matrix shows in the result
             moved = spsolve(normal.tocsc(), off[active])
         if not np.isfinite(moved).all():
             return None

@@ -1,4 +1,4 @@
-"""What a program of driven trajectories begins with: phases, a first guess, and options of its solver."""
+"""Start of a program of driven trajectories: its phases, a first guess, and options of its solver."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ LEAST_IN = {True: 4, False: 3}  # intervals of a turn, and of straight driving
 
 @dataclass(frozen=True)
 class Phases:
-    """What the program cannot change: phases of straight driving and of turning, one after the other.
+    """Structure of a driven trajectory, which its program does not change: alternating straight and turning phases.
 
     turns      count
     leading    whether it drives straight before the first turn
     trailing   whether it drives straight after the last turn
-    intervals  count, at least: more where the phases need them
+    intervals  least count; more if the phases need them
     """
 
     turns: int
@@ -36,18 +36,18 @@ class Phases:
 
     @cached_property
     def turning(self) -> tuple[bool, ...]:
-        """Whether each phase turns."""
-        between = [False, True] * self.turns
-        phases = between[0 if self.leading else 1 :] + [False] * self.trailing
+        """True for each phase that is a turn."""
+        phases = [False, True] * self.turns
+        phases = phases[0 if self.leading else 1 :] + [False] * self.trailing
         return tuple(phases) if self.turns else (False,)
 
     @cached_property
     def counts(self) -> tuple[int, ...]:
-        """Intervals of each phase: the least that they need, and what is left evenly among them."""
+        """Numbers of intervals of each phase: the least that they need, and the others spread evenly."""
         counts = [LEAST_IN[turns] for turns in self.turning]
         left = max(0, self.intervals - sum(counts))
-        more, some = divmod(left, len(counts))
-        return tuple(count + more + (i < some) for i, count in enumerate(counts))
+        more, remainder = divmod(left, len(counts))
+        return tuple(count + more + (i < remainder) for i, count in enumerate(counts))
 
     @cached_property
     def phase(self) -> IntArray:
@@ -55,11 +55,10 @@ class Phases:
         return np.repeat(np.arange(len(self.counts)), self.counts)
 
     @cached_property
-    def places(self) -> tuple[IntArray, IntArray]:
-        """Places in the program's vector of variables: of what the nodes have (5, n+1), and of durations (n,).
+    def variable_indices(self) -> tuple[IntArray, IntArray]:
+        """Indices in the program's vector of variables: of values at nodes (5, n+1), and of durations (n,).
 
-        What stays the same is one variable: the yaw in a phase of straight driving, the duration of each interval of a
-        phase.
+        The nodes of a straight phase share one yaw, the intervals of a phase one duration.
         """
         each = np.arange(n := len(self.phase) + 1)
         yaw = np.searchsorted(self.turning_intervals, each)
@@ -68,29 +67,29 @@ class Phases:
 
     @cached_property
     def turning_intervals(self) -> IntArray:
-        """Intervals of (n,) in phases of turning."""
+        """Intervals in turning phases."""
         return np.flatnonzero(np.array(self.turning)[self.phase])
 
     @cached_property
     def straight_nodes(self) -> IntArray:
-        """Nodes of (n+1,) at which the yaw rate is zero: those of straight driving, and both ends."""
+        """Nodes at which the yaw rate is zero: those of straight phases, and both ends."""
         straight = np.setdiff1d(np.arange(len(self.phase)), self.turning_intervals)
         return np.unique(np.concatenate([straight, straight + 1, [0, len(self.phase)]]))
 
     @cached_property
     def turning_nodes(self) -> IntArray:
-        """Nodes of (n+1,) inside phases of turning."""
+        """Nodes inside turning phases."""
         return np.setdiff1d(np.arange(len(self.phase) + 1), self.straight_nodes)
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Where the program begins: values at the nodes, and what it has to keep.
+    """Initial values of a program, with the signs of its turns.
 
     nodes     (5, n+1)  x, y, yaw, speed, turn rate
     lasts     (P,)      s, of each phase
     signs     (P,)      1 or -1 for turns to the left or right, 0 for straight driving
-    goal_yaw  whether the last yaw is asked for
+    goal_yaw  whether the goal has a heading
     """
 
     nodes: FloatArray
@@ -99,59 +98,59 @@ class Guess:
     goal_yaw: bool
 
 
-CORNER = 0.35  # m: a turn begins and ends so far from its vertex, at most
+CORNER = 0.35  # m: largest distance of the ends of a turn from its vertex
 SHARE = 0.4  # of a segment that each turn takes at most
 CRUISE = 0.8  # share of its speed at which the robot goes straight, on average
 AROUND = 0.5  # share of its speeds at which it turns
 
 
 def rotations(polyline: Polyline) -> FloatArray:
-    """Signed rotation (n+1,), rad, at each vertex: at the start, between segments, and at the goal."""
+    """Return the signed rotation (n+1,), rad, at each vertex, from the start to the goal."""
     headings = polyline.headings
     last = headings[-1] if polyline.goal_yaw is None else polyline.goal_yaw
     return np.asarray(wrap(np.diff([polyline.start_yaw, *headings, last])), dtype=np.float64)
 
 
 def structure_of(polyline: Polyline, intervals: int) -> Phases:
-    """The turns of a polyline, in place at both ends too, and straight driving between them."""
+    """Return the phases of a polyline: its turns, also in place at both ends, and straight driving between them."""
     turns = np.abs(rotations(polyline)) > STRAIGHT
     return Phases(int(turns.sum()), not turns[0], not turns[-1], intervals)
 
 
-def legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
-    """Begin, middle and end (P, 3, 2), m, of each phase, and how far it turns (P,), rad."""
+def phase_legs(polyline: Polyline) -> tuple[FloatArray, FloatArray]:
+    """Return begin, middle and end (P, 3, 2), m, of each phase, and its rotation (P,), rad."""
     corners, turned = polyline.vertices, rotations(polyline)
-    along = np.diff(corners, axis=0) / polyline.lengths[:, None]
-    cuts = np.minimum(CORNER, SHARE * polyline.lengths)[:, None] * along
+    directions = np.diff(corners, axis=0) / polyline.lengths[:, None]
+    cuts = np.minimum(CORNER, SHARE * polyline.lengths)[:, None] * directions
     leave, reach = corners[:-1] + cuts, corners[1:] - cuts  # (n, 2) where each segment is straight
     if abs(turned[0]) <= STRAIGHT:
         leave[0] = corners[0]
     if abs(turned[-1]) <= STRAIGHT:
         reach[-1] = corners[-1]
-    places, angles = [], []
+    legs, angles = [], []
     for i, angle in enumerate(turned):
         if abs(angle) > STRAIGHT:
             before, after = (reach[i - 1] if i else corners[0]), (leave[i] if i < len(leave) else corners[-1])
-            places.append((before, corners[i], after))
+            legs.append((before, corners[i], after))
             angles.append(angle)
         if i < len(leave):
-            places.append((leave[i], 0.5 * (leave[i] + reach[i]), reach[i]))
+            legs.append((leave[i], 0.5 * (leave[i] + reach[i]), reach[i]))
             angles.append(0.0)
-    return np.array(places), np.array(angles)
+    return np.array(legs), np.array(angles)
 
 
 def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
-    """Places, headings and speeds along a polyline whose corners are cut by parabolas."""
-    places, angles = legs(polyline)
+    """Return the guess along a polyline with corners cut by parabolas."""
+    legs, angles = phase_legs(polyline)
     yaw, columns, lasts = polyline.start_yaw, [], []
-    for (begin, middle, end), angle, count in zip(places, angles, structure.counts, strict=True):
+    for (begin, middle, end), angle, count in zip(legs, angles, structure.counts, strict=True):
         span = np.hypot(*(middle - begin)) + np.hypot(*(end - middle))
         share = AROUND if angle else CRUISE
         seconds = max(span / (share * model.speed), abs(angle) / (AROUND * model.turn_rate), 0.1)
         s = np.linspace(0.0, 1.0, count + 1)
-        place = np.outer((1 - s) ** 2, begin) + np.outer(2 * s * (1 - s), middle) + np.outer(s * s, end)
+        positions = np.outer((1 - s) ** 2, begin) + np.outer(2 * s * (1 - s), middle) + np.outer(s * s, end)
         heading, rate = yaw + angle * s * s * (3 - 2 * s), 6 * s * (1 - s) * angle / seconds
-        columns.append(np.stack([*place.T, heading, np.full(count + 1, span / seconds), rate]))
+        columns.append(np.stack([*positions.T, heading, np.full(count + 1, span / seconds), rate]))
         lasts.append(seconds)
         yaw += angle
     nodes = np.concatenate([columns[0], *(column[:, 1:] for column in columns[1:])], axis=1)
@@ -160,34 +159,34 @@ def first_guess(polyline: Polyline, structure: Phases, model: Wheeled) -> Guess:
     return Guess(nodes, np.array(lasts), np.sign(angles), polyline.goal_yaw is not None)
 
 
-FLAT = "Solved_To_Acceptable_Level"  # the solver's word for an end in a flat valley
+FLAT = "Solved_To_Acceptable_Level"  # IPOPT's status for an end in a flat valley
 SUCCESS = ("Solve_Succeeded", FLAT)
 
 OPTIONS: dict[str, Any] = {
     "print_time": False,
-    "show_eval_warnings": False,  # where time is over, fields are not numbers
+    "show_eval_warnings": False,  # after the deadline, fields read as NaN
     "ipopt.print_level": 0,
-    "ipopt.option_file_name": "",  # else one in the current folder counts, which may name a library to load
+    "ipopt.option_file_name": "",  # else IPOPT reads a file in the current folder, which may load a library
     "ipopt.sb": "yes",
     "ipopt.mu_init": 0.01,
-    "ipopt.barrier_tol_factor": 100.0,  # the way to the last barrier need not be a central one
+    "ipopt.barrier_tol_factor": 100.0,  # intermediate barrier problems need no accurate solution
     "ipopt.max_iter": 150,
-    "ipopt.mu_target": 3e-5,  # the last digits of a flat valley take a tenth of the time, for a thousandth of a cost
+    "ipopt.mu_target": 3e-5,  # saves a tenth of the time, for a thousandth of the cost
     "ipopt.tol": 3e-4,
-    "ipopt.constr_viol_tol": 1e-3,  # what is left is settled in one step, after the solver
-    # Or where the objective has not fallen by more than this in five steps: in a flat valley, or at a kink
+    "ipopt.constr_viol_tol": 1e-3,  # `made_feasible` removes the remaining violation
+    # also ends where the objective falls by no more than this in five steps: in a flat valley, or at a kink
     "ipopt.acceptable_obj_change_tol": 1e-4,
     "ipopt.acceptable_iter": 5,
     "ipopt.acceptable_tol": 1e-2,
     "ipopt.acceptable_constr_viol_tol": 1e-3,
-    "no_nlp_grad": True,  # nobody asks how the optimum depends on parameters
+    "no_nlp_grad": True,  # the sensitivity to parameters is not needed
     "calc_lam_p": False,
 }
 
 REFINING: dict[str, Any] = {
     **{
-        f"ipopt.warm_start_{what}": 1e-6
-        for what in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
+        f"ipopt.warm_start_{option}": 1e-6
+        for option in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")
     },
     "ipopt.warm_start_mult_bound_push": 1e-6,
     "ipopt.warm_start_init_point": "yes",
@@ -208,8 +207,8 @@ QUASI_NEWTON: dict[str, Any] = {
     "ipopt.acceptable_obj_change_tol": 1e-3,
 }
 
-SORTS: dict[str, dict[str, Any]] = {
+SOLVER_OPTIONS: dict[str, dict[str, Any]] = {
     "exact": {},  # second derivatives
-    "quasi-newton": QUASI_NEWTON,  # learnt on the way: slower, but not misled by kinks of costs
-    "refined": REFINING,  # from a solution, to more digits
+    "quasi-newton": QUASI_NEWTON,  # estimated second derivatives: slower, but not misled by kinks of costs
+    "refined": REFINING,  # from a solution, more accurate
 }

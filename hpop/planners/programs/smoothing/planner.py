@@ -1,4 +1,4 @@
-"""The smoothing planner: polylines become curves that a differential drive really follows, without stops at corners."""
+"""The smoothing planner: polylines become curves that a differential drive can follow, without stops at corners."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from hpop.base.text import counted
 from hpop.planners.base import Candidates, planner
 from hpop.planners.judgement import trusted
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.programs.criteria import minimised, smooth_places
+from hpop.planners.programs.criteria import minimised, smooth_indices
 from hpop.planners.programs.nlp import require_ipopt
-from hpop.planners.programs.outcome import CUT_SHORT, Deadline, Improved, Outcome, Tally
+from hpop.planners.programs.outcome import CUT_SHORT, Deadline, ImprovedTrajectory, Outcome, Tally
 from hpop.planners.programs.smoothing.job import LATE, SmoothingJob
 from hpop.planners.programs.smoothing.phases import FLAT
 from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 NAME = "smoothing"
 COUNTED = ("programs", "repairs", "saved by quasi-Newton")
-MOST_INTERVALS = 2000  # of a program that a solver can still take
+MOST_INTERVALS = 2000  # largest program that a solver can take
 RAMPS = (
     "smoothing: driven trajectories begin and end at rest, so their durations include the ramps at start and goal (the "
     "constant v/a), which planned polylines leave out"
@@ -39,27 +39,27 @@ RAMPS = (
 @planner(NAME)
 @dataclass(frozen=True)
 class Smoothing:
-    """Driven trajectories near known polylines: wheel accelerations as controls, every turn kept, nothing in between.
+    """Driven trajectories near polylines, with wheel accelerations as controls and with the turns of the polyline.
 
-    step        m      of the lattice whose paths are smoothed
+    step        m      of the lattice that gives the paths to be smoothed
     headings    4, 8 or 16 of that lattice
-    minimise    name of the cost that is minimised; None weighs all costs alike, each relative to the polyline's,
-                but worst moments a hundredth of that: they are bounded first of all
-    intervals   count  of constant wheel accelerations a trajectory; more where its turns need them
-    warm_start  what gives the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
+    minimise    name of the minimised cost; None gives all costs the same weight, each relative to the polyline's cost,
+                but maxima, which are bounded, a hundredth of it
+    intervals   count  of constant wheel accelerations per trajectory; more if its turns need them
+    warm_start  source of the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s      warm starts included
 
-    Accepts smooth criteria that add up or take the worst moment, and counts that the number of moves and turns settles;
-    others are refused by name. Guarantees that every candidate is free of collisions on the exact geometry, within the
-    model's wheel speeds and accelerations, has no fewer turns than its polyline, can be deformed into it without
-    crossing an obstacle, and costs at most 2 % more in each smooth criterion than the polyline, planned or executed,
-    whichever is more. Each is a local optimum for its sequence of turns, or lies where the objective falls no more,
-    which is said: a second program corrects what fields and samples of the first are off, and has a hundredth of its
-    weights of time and effort. Where that does not converge, the first solution stays, ``settled`` in the provenance is
-    false, and a note counts those. The peak
-    of the optic flow, whose kinks are everywhere, may not converge, which is counted. Cost: a program is built once a
-    structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and optic flow in one or two seconds, and so are
-    the steps after it; what collides between two samples is solved again, once in two to eight polylines.
+    Accepts smooth criteria that add up or take the worst moment, and counts of moves and turns; others are refused by
+    name. Guarantees that every candidate is free of collisions on the exact geometry, within the model's wheel speeds
+    and accelerations, has no fewer turns than its polyline, can be deformed into it without crossing an obstacle, and
+    costs at most 2 % more in each smooth criterion than the polyline, planned or executed, whichever is more. Each is a
+    local optimum for its sequence of turns, or ended where the objective no longer fell, as the certificate says. A
+    second program corrects the errors of fields and samples in the first, and has a hundredth of its weights of time
+    and effort. If it does not converge, the first solution stays, ``settled`` in the provenance is false, and a note
+    counts such candidates. The peak of the optic flow, which has many kinks, may not converge; a note counts such
+    polylines. Cost: a program is built once per structure, in 80 to 200 ms, and solved in 50 to 200 ms, for energy and
+    optic flow in one or two seconds; the second program takes as long. One in two to eight polylines is solved again,
+    because the first solution collides between two samples.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
@@ -82,59 +82,58 @@ class Smoothing:
     ) -> Candidates:
         """Plan polylines, then smooth each of them; a job of the executor is one polyline.
 
-        Raises UnsupportedCriterion for a criterion that no nonlinear program can treat, OptionError for a cost to
-        minimise that is not among the objectives and for a solver that is missing, and what the planner of the
-        polylines raises.
+        Raises UnsupportedCriterion for a criterion that nonlinear programs do not accept, OptionError for a minimised
+        cost that is not among the objectives and for a missing solver, and the errors of the planner of the polylines.
         """
         require_ipopt(NAME)
         watch = Watch(NAME, self.time_limit, progress)
         objectives = edge_objectives(problem.criteria, NAME)
         criteria = objectives.optimised
-        smooth_places(criteria, problem, NAME)
-        place = None if self.minimise is None else minimised(self.minimise, criteria)
+        smooth_indices(criteria, problem, NAME)
+        index = None if self.minimise is None else minimised(self.minimise, criteria)
         warm = warm_starts(self, problem, progress, executor, watch.left)
         if warm.interrupted is not None:
             return warm.interrupted
         count = len(warm.trajectories)
-        job = SmoothingJob(problem, criteria, place, self.intervals, Deadline.after(watch.left))
+        job = SmoothingJob(problem, criteria, index, self.intervals, Deadline.after(watch.left))
 
-        def report(done: Mapping[int, Outcome[Improved]]) -> None:
-            watch.report(len(done), count - len(done), sum(one.found is not None for one in done.values()))
+        def report(done: Mapping[int, Outcome[ImprovedTrajectory]]) -> None:
+            watch.report(len(done), count - len(done), sum(outcome.candidate is not None for outcome in done.values()))
 
         with Sweep(SmoothingJob.solve, job, executor) as sweep:
-            outcomes, ended = sweep.until(warm.trajectories, watch.is_late, report)
+            outcomes, status = sweep.until(warm.trajectories, watch.is_late, report)
         cut_short = any(CUT_SHORT in outcome.counts or LATE in outcome.counts for outcome in outcomes.values())
-        if ended is Status.COMPLETE and cut_short:
-            ended = Status.TIME_LIMIT
+        if status is Status.COMPLETE and cut_short:
+            status = Status.TIME_LIMIT
         missing = count - sum(CUT_SHORT not in outcome.counts for outcome in outcomes.values())
-        left = [f"{ended}: {counted(missing, 'polyline')} not smoothed"] if missing else []
+        left = [f"{status}: {counted(missing, 'polyline')} not smoothed"] if missing else []
         notes = (*objectives.notes, *warm.notes, *sweep.notes, *left)
-        found = _candidates(job, objectives, outcomes, warm.ended(ended), notes)
-        stats = {"planner": NAME, "warm_starts": count, **found.stats, "seconds": watch.seconds}
-        smoothed = [place for place, outcome in outcomes.items() if outcome.found is not None]
-        return warm.kept(replace(found, stats=stats), smoothed)
+        candidates = _candidates(job, objectives, outcomes, warm.ended(status), notes)
+        stats = {"planner": NAME, "warm_starts": count, **candidates.stats, "seconds": watch.seconds}
+        smoothed = [i for i, outcome in outcomes.items() if outcome.candidate is not None]
+        return warm.with_unimproved(replace(candidates, stats=stats), smoothed)
 
 
 def _candidates(
     job: SmoothingJob,
     objectives: Objectives,
-    outcomes: Mapping[int, Outcome[Improved]],
+    outcomes: Mapping[int, Outcome[ImprovedTrajectory]],
     status: Status,
     notes: Sequence[str],
 ) -> Candidates:
-    """What was found, judged once more, with everything that went wrong."""
+    """Return the candidates that pass the final judgement, with notes on all failures."""
     tally, criteria = Tally.of(outcomes.values()), job.criteria
-    found = {place: outcome.found for place, outcome in outcomes.items() if outcome.found is not None}
-    rows = (len(found), len(criteria))
-    kept = trusted(
+    improved = {index: outcome.candidate for index, outcome in outcomes.items() if outcome.candidate is not None}
+    rows = (len(improved), len(criteria))
+    accepted = trusted(
         Candidates(
             objectives=criteria,
-            trajectories=tuple(one.trajectory for one in found.values()),
-            planned=np.array([one.planned for one in found.values()]).reshape(rows),
-            tolerance=np.array([one.tolerance for one in found.values()]).reshape(rows),
+            trajectories=tuple(curve.trajectory for curve in improved.values()),
+            planned=np.array([curve.planned for curve in improved.values()]).reshape(rows),
+            tolerance=np.array([curve.tolerance for curve in improved.values()]).reshape(rows),
             status=status,
             certificate="",
-            provenance=tuple({**one.provenance, "warm_start": place} for place, one in found.items()),
+            provenance=tuple({**curve.provenance, "warm_start": index} for index, curve in improved.items()),
             notes=(*notes, *tally.notes("polyline")),
             filters=objectives.filters,
             stats={name: tally.counts[name] for name in COUNTED} | tally.stats,
@@ -142,20 +141,20 @@ def _candidates(
         job.problem,
         NAME,
     )
-    count = len(kept.trajectories)
-    flat = sum(origin["status"] == FLAT for origin in kept.provenance)
-    nearly = f", {flat} of {count} only nearly: the objective fell no more" if flat else ""
+    count = len(accepted.trajectories)
+    flat = sum(origin["status"] == FLAT for origin in accepted.provenance)
+    nearly = f", {flat} of {count} only nearly: the objective no longer fell" if flat else ""
     names = ", ".join(criteria[j].name for j in job.smooth)
-    unsettled = sum(not origin["settled"] for origin in kept.provenance)
+    unsettled = sum(not origin["settled"] for origin in accepted.provenance)
     why = "the time was over before" if tally.counts[LATE] else "the last program did not converge"
     return replace(
-        kept,
+        accepted,
         certificate=(
             f"smoothing: local optima in ({names}) for the turns and the homotopy class of their polylines"
             f"{nearly}{objectives.certificate}"
         ),
         notes=(
-            *kept.notes,
+            *accepted.notes,
             *([f"smoothing: {counted(unsettled, 'trajectory')} may be no local optimum: {why}"] if unsettled else []),
             *([RAMPS] if count else []),
         ),

@@ -1,11 +1,11 @@
-"""Driven trajectories: the nonlinear program of a differential drive along a given sequence of turns.
+"""The nonlinear program of driven trajectories of a differential drive with a given sequence of turns.
 
-Direct collocation in phases. The turns of a polyline are structure: a phase of straight driving (yaw rate exactly
-zero) and a phase of turning one way (yaw rate of one sign, at least LEAST_PHASE in all) take turns, so that the number
-of turns cannot become less. Each phase has its own free duration and a fixed number of intervals of constant wheel
-accelerations, which follow from the speeds at the nodes; what the robot does in an interval is
-:class:`hpop.models.driven.Drive`, exactly the law by which the trajectory is then evaluated.
-The criteria enter by their own ``cost`` on CasADi symbols.
+This is direct collocation in phases. The turns of a polyline are structure: phases of straight driving (yaw rate
+exactly zero) alternate with phases of turning (yaw rate of one sign, at least LEAST_PHASE in all), so that the number
+of turns cannot decrease. Each phase has its own free duration and a fixed number of intervals of constant wheel
+accelerations, which follow from the speeds at the nodes. The motion in an interval is
+:class:`hpop.models.driven.Drive`, the law by which the trajectory is then evaluated. Criteria are evaluated by their
+own ``cost``, on CasADi symbols.
 """
 
 from __future__ import annotations
@@ -23,11 +23,10 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.comfort.turns import LEAST_TURN
 from hpop.models.driven import Drive
 from hpop.motions import States
-from hpop.planners.needs import on_wheels
-from hpop.planners.programs.nlp import reaches
+from hpop.planners.needs import in_plane, on_wheels, reaches
 from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.smoothing.interval import NODES, Bounds, Interval, made_feasible
-from hpop.planners.programs.smoothing.phases import OPTIONS, SORTS, SUCCESS, Guess, Phases
+from hpop.planners.programs.smoothing.phases import OPTIONS, SOLVER_OPTIONS, SUCCESS, Guess, Phases
 from hpop.planners.programs.smoothing.separable import Separable
 from hpop.runtime.interrupts import interrupts_held
 from hpop.trajectories.trajectory import Trajectory
@@ -37,27 +36,27 @@ if TYPE_CHECKING:
 
     from hpop.problems.problem import Problem
 
-LEAST_PHASE = 1.5 * LEAST_TURN  # rad: of turning, so that it counts as a turn for sure
-STRAIGHT = 0.1  # s: straight driving that tells two turns of one sign apart
-SHORT = 0.01  # s: any other phase
-LONGEST = 600.0  # s: of a phase
-STILL = 1e-6  # rad/s: a smaller yaw rate is none
-SAMPLES = 240  # places at which the clearance is bounded, at least
-TURNING = 0.003  # rad/s: yaw rate inside turns, at least, or a turn could become two
-REFINED = 0.01  # share of EFFORT and HASTE that is left where a solution is refined
+LEAST_PHASE = 1.5 * LEAST_TURN  # rad: least rotation of a turning phase, so that it counts as a turn
+STRAIGHT = 0.1  # s: least straight driving between two turns of one sign
+SHORT = 0.01  # s: least duration of other phases
+LONGEST = 600.0  # s: largest duration of a phase
+STILL = 1e-6  # rad/s: a smaller yaw rate is 0
+SAMPLES = 240  # least number of points at which the clearance is bounded
+TURNING = 0.003  # rad/s: least yaw rate inside turns, as a turn could else become two
+REFINED = 0.01  # share of EFFORT and HASTE when a solution is refined
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
-    """What the solver returned.
+class ProgramSolution:
+    """Solution of a program by the solver.
 
     point       variables of the program
     rates       multipliers of the variables' bounds and of the constraints
     trajectory  keeps the program's limits within KEPT; None if the solver did not converge
     costs       (k,) as the program adds them up
-    status      the solver's own word, or Limits_Not_Kept where what it left could not be settled
+    status      of the solver, or Limits_Not_Kept if its point could not be made feasible
     iterations  of the solver
     """
 
@@ -69,19 +68,19 @@ class Driven:
     iterations: int
 
     @property
-    def goes(self) -> Trajectory:
-        """The trajectory of a solver that converged."""
+    def curve(self) -> Trajectory:
+        """Trajectory of a solver that converged."""
         assert self.trajectory is not None
         return self.trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
-    """What the costs of a program shall be.
+class CostTargets:
+    """Weights and bounds of the costs of a program.
 
     weights  (k,) of the scaled costs in the objective
-    epsilon  (k,) upper bounds; inf bounds nothing
-    scale    (k,) positive: differences of costs that matter alike
+    epsilon  (k,) upper bounds; inf for none
+    scale    (k,) positive: differences of costs that weigh the same
     """
 
     weights: FloatArray
@@ -91,13 +90,13 @@ class Asked:
 
 @dataclass(frozen=True, eq=False)
 class _Formulas:
-    """The program in CasADi's terms.
+    """Program as CasADi expressions.
 
-    intervals    all that is nonlinear, interval by interval
+    intervals    nonlinear functions, interval by interval
     program      variables, parameters, objective and constraints
-    derivatives  of the program, by the names that solvers have for them
+    derivatives  of the program, by their names in CasADi's solvers
     values       function from variables and parameters to the costs
-    sizes        numbers of constraints of each sort
+    sizes        numbers of constraints of each group
     stopping     options by which solvers stop
     """
 
@@ -109,7 +108,7 @@ class _Formulas:
     stopping: dict[str, Any]
 
     def limits(self, x: FloatArray, parameters: FloatArray) -> tuple[FloatArray, csr_array]:
-        """Values of all constraints (m,) and their Jacobian (m, size)."""
+        """Return the values of all constraints (m,) and their Jacobian (m, size)."""
         from scipy.sparse import csr_array
 
         with interrupts_held():
@@ -117,7 +116,7 @@ class _Formulas:
         return np.array(values).ravel(), csr_array(slopes.sparse())
 
     def solver(self, options: Mapping[str, Any]) -> Any:
-        """IPOPT; options that say nothing else take the exact second derivatives."""
+        """Return IPOPT with some options; by default with exact second derivatives."""
         import casadi
 
         with interrupts_held():
@@ -128,7 +127,7 @@ class _Formulas:
 
 @dataclass(frozen=True, eq=False)
 class DrivenProgram:
-    """Minimise a weighted sum of scaled costs over driven trajectories of one structure, all costs bounded.
+    """Program that minimises a weighted sum of scaled costs over driven trajectories of one structure, costs bounded.
 
     ``min Σ_j w_j f_j / s_j + HASTE T/T_0 + EFFORT mean(u²)  subject to  f_j <= eps_j,  d(sample) >= bound``, wheel
     speeds and accelerations within the model's. Built once; ends, weights, scales, bounds and the first guess are
@@ -143,18 +142,18 @@ class DrivenProgram:
 
     @cached_property
     def spaces(self) -> tuple[tuple[tuple[float, float], float], ...]:
-        """Height ranges with different obstacles, and how far the robot reaches there, m."""
-        return reaches(self.problem)
+        """Height ranges with different obstacles, each with the robot's reach there, m."""
+        return reaches(in_plane(self.problem.model), self.problem.world)
 
     @cached_property
     def samples(self) -> tuple[IntArray, FloatArray]:
-        """Interval, and share of its time, of each place (S,) at which the clearance is bounded."""
+        """Interval of each sample (S,) of the clearance, and its share of the interval's time."""
         each = max(2, math.ceil(SAMPLES / len(self.structure.phase)))
         owner = np.repeat(np.arange(len(self.structure.phase)), each)
         return owner, np.tile((np.arange(each) + 0.5) / each, len(self.structure.phase))
 
     def build(self) -> DrivenProgram:
-        """Build the program now; solving does it when it is first needed."""
+        """Build the program now instead of at the first solve."""
         self._solver("exact")
         return self
 
@@ -171,7 +170,7 @@ class DrivenProgram:
         import casadi
 
         n, k, model = len(self.structure.phase), len(self.criteria), on_wheels(self.problem.model)
-        of_nodes, of_lasts = self.structure.places
+        of_nodes, of_lasts = self.structure.variable_indices
         moving, slack = casadi.MX.sym("moving", int(of_lasts[-1]) + 1), casadi.MX.sym("slack", len(self._worst))
         of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
         weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
@@ -179,12 +178,12 @@ class DrivenProgram:
         variables = casadi.vertcat(moving, slack, of_hinges)
         parameters = casadi.vertcat(weights, scale, signs, regular)
         intervals = self._intervals(variables, signs)
-        defects, effort, *others = intervals.symbols
-        nodes = {name: variables[places.tolist()] for name, places in zip(NODES, of_nodes, strict=True)}
+        defects, effort, *values_of = intervals.symbols
+        nodes = {name: variables[indices.tolist()] for name, indices in zip(NODES, of_nodes, strict=True)}
         h = variables[of_lasts.tolist()]
 
-        costs, honest, above = [], [], []  # a slack may lie above the worst moment
-        for j, values in enumerate(others[:k]):
+        costs, honest, above = [], [], []  # the maxima themselves, which slacks may exceed
+        for j, values in enumerate(values_of[:k]):
             if j in self._worst:
                 costs.append(slack[self._worst.index(j)])
                 honest.append(casadi.mmax(values))
@@ -197,7 +196,7 @@ class DrivenProgram:
         half = 0.5 * model.wheel_base
         turns, inner = self.structure.turning_intervals.tolist(), self.structure.turning_nodes.tolist()
         gain, bend = (casadi.diff(nodes[name]) / h for name in ("speed", "turn_rate"))
-        wheels = [gain + half * bend, (gain - half * bend)[turns]]  # where nothing turns both are the same
+        wheels = [gain + half * bend, (gain - half * bend)[turns]]  # on straight intervals both wheels are equal
         outer = nodes["speed"][inner] + half * signs[inner] * nodes["turn_rate"][inner]
         ends = np.cumsum([0, *self.structure.counts])
         phases = np.flatnonzero(self.structure.turning)
@@ -213,8 +212,8 @@ class DrivenProgram:
                 [turned],
                 [costs[j] / scale[j] for j in self._summed],
                 above,
-                [casadi.vec(values.T) for values in others[k : k + len(self.spaces)]],
-                [casadi.vec(values) for values in others[k + len(self.spaces) :]],
+                [casadi.vec(values.T) for values in values_of[k : k + len(self.spaces)]],
+                [casadi.vec(values) for values in values_of[k + len(self.spaces) :]],
             )
         ]
         program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
@@ -226,8 +225,8 @@ class DrivenProgram:
         return _Formulas(intervals, program, derivatives, values, sizes, stopping)
 
     def _intervals(self, variables: Any, signs: Any) -> Separable:
-        """All that is nonlinear, interval by interval."""
-        of_nodes, of_lasts = self.structure.places
+        """Return the nonlinear functions, interval by interval."""
+        of_nodes, of_lasts = self.structure.variable_indices
         slacks = self._hinges.reshape(-1, len(of_lasts))
         where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
         return Separable.of(self._interval.write, where, variables, signs, self.deadline)
@@ -239,62 +238,66 @@ class DrivenProgram:
 
     @property
     def _hinges(self) -> IntArray:
-        """Places of the slacks of hinges among the variables, one hinge after the other."""
-        n, first = len(self.structure.phase), int(self.structure.places[1][-1]) + 1 + len(self._worst)
+        """Indices of the slacks of hinges among the variables, hinge by hinge."""
+        n, first = len(self.structure.phase), int(self.structure.variable_indices[1][-1]) + 1 + len(self._worst)
         return first + np.arange(n * self._interval.hinges)
 
-    def _solver(self, sort: str) -> Any:
-        """Return the solver with the options of a sort, made on first use."""
-        if sort not in self.solvers:
-            self.solvers[sort] = self._formulas.solver(SORTS[sort])
-        return self.solvers[sort]
+    def _solver(self, name: str) -> Any:
+        """Return the solver with the SOLVER_OPTIONS of a name, built on first use."""
+        if name not in self.solvers:
+            self.solvers[name] = self._formulas.solver(SOLVER_OPTIONS[name])
+        return self.solvers[name]
 
-    def solve(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray], *, exact: bool = True) -> Driven:
-        """The local optimum near a guess.
+    def solve(
+        self, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray], *, exact: bool = True
+    ) -> ProgramSolution:
+        """Return the local optimum near a guess.
 
         Parameters
         ----------
         guess : of this structure
-        asked : weights, bounds and scales
-        clearances : least field values (S,) at the samples, one array a height range
-        exact : whether second derivatives are the exact ones
+        targets : weights, bounds and scales
+        clearances : least field values (S,) at the samples, one array per height range
+        exact : whether second derivatives are exact, or quasi-Newton
         """
-        x0, parameters = self._point(guess, asked)
+        x0, parameters = self._point(guess, targets)
         solver = self._solver("exact" if exact else "quasi-newton")
-        return self._solved(solver, guess, parameters, self._limits(guess, asked, clearances), {"x0": x0})
+        return self._solved(solver, guess, parameters, self._limits(guess, targets, clearances), {"x0": x0})
 
-    def refined(self, driven: Driven, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> Driven:
-        """The local optimum near a solution, with next to no weight of time and effort, to more digits."""
-        parameters = self._parameters(guess, asked, REFINED)
-        begin = {"x0": driven.point, "lam_x0": driven.rates[0], "lam_g0": driven.rates[1]}
-        return self._solved(self._solver("refined"), guess, parameters, self._limits(guess, asked, clearances), begin)
+    def refined(
+        self, start: ProgramSolution, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray]
+    ) -> ProgramSolution:
+        """Return the local optimum near a solution, with small weights of time and effort, more accurately."""
+        parameters = self._parameters(guess, targets, REFINED)
+        begin = {"x0": start.point, "lam_x0": start.rates[0], "lam_g0": start.rates[1]}
+        return self._solved(self._solver("refined"), guess, parameters, self._limits(guess, targets, clearances), begin)
 
     def _solved(
         self, solver: Any, guess: Guess, parameters: FloatArray, limits: tuple[Bounds, Bounds], begin: dict[str, Any]
-    ) -> Driven:
-        """What a solver returns, on its limits."""
+    ) -> ProgramSolution:
+        """Run a solver and return its solution, made feasible."""
         box, bounds = limits
         for stop in self._formulas.stopping.values():
             stop.begin()
         with interrupts_held():
-            found = solver(**begin, p=parameters, lbx=box[0], ubx=box[1], lbg=bounds[0], ubg=bounds[1])
+            result = solver(**begin, p=parameters, lbx=box[0], ubx=box[1], lbg=bounds[0], ubg=bounds[1])
         stats = solver.stats()
         self.deadline.check_solver(str(stats["return_status"]))
-        status, point = str(stats["return_status"]), np.array(found["x"]).ravel()
+        status, point = str(stats["return_status"]), np.array(result["x"]).ravel()
         trajectory = None
         if status in SUCCESS:
-            kept = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, bounds)
-            if kept is None:
+            feasible = made_feasible(lambda x: self._formulas.limits(x, parameters), point, box, bounds)
+            if feasible is None:
                 status = "Limits_Not_Kept"
             else:
-                point, trajectory = kept, self._trajectory(guess, kept)
-        rates = (np.array(found["lam_x"]).ravel(), np.array(found["lam_g"]).ravel())
+                point, trajectory = feasible, self._trajectory(guess, feasible)
+        rates = (np.array(result["lam_x"]).ravel(), np.array(result["lam_g"]).ravel())
         costs = self._costs(point, parameters)
-        return Driven(point, rates, trajectory, costs, status, int(stats["iter_count"]))
+        return ProgramSolution(point, rates, trajectory, costs, status, int(stats["iter_count"]))
 
-    def _limits(self, guess: Guess, asked: Asked, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
-        """Lowest and highest variables, and constraints."""
-        epsilon, scale, sizes = asked.epsilon, asked.scale, self._formulas.sizes
+    def _limits(self, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
+        """Return the lowest and highest variables, and those of the constraints."""
+        epsilon, scale, sizes = targets.epsilon, targets.scale, self._formulas.sizes
         model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
         lowest, highest = self._of_variables(*self._node_bounds(guess))
         least = np.full(len(guess.lasts), SHORT)  # s, of each phase
@@ -321,19 +324,19 @@ class DrivenProgram:
         return box, (lbg, ubg)
 
     def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
-        """Costs (k,) as the program adds them up."""
+        """Return costs (k,) as the program adds them up."""
         placed = self._on_hinges(point, parameters)
         with interrupts_held():
             return np.array(self._formulas.values(placed, parameters)).ravel()
 
-    def again(self, guess: Guess, trajectory: Trajectory) -> Guess:
-        """A guess that begins at a solution."""
+    def guess_at(self, guess: Guess, trajectory: Trajectory) -> Guess:
+        """Return a guess at a solution, with the signs of another guess."""
         s = trajectory.states
         ends = np.cumsum([0, *self.structure.counts])
         return replace(guess, nodes=np.stack([getattr(s, name) for name in NODES]), lasts=np.diff(s.clock[ends]))
 
     def _node_bounds(self, guess: Guess) -> tuple[FloatArray, FloatArray]:
-        """Least and largest values (5, n+1) at the nodes."""
+        """Return the least and largest values (5, n+1) at the nodes."""
         model, n = on_wheels(self.problem.model), len(self.structure.phase)
         x_min, y_min, x_max, y_max = self.problem.world.bounds
         lowest = np.repeat(np.array([[x_min], [y_min], [-np.inf], [0.0], [0.0]]), n + 1, axis=1)
@@ -351,24 +354,24 @@ class DrivenProgram:
         return lowest, highest
 
     def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Bounds of the variables of nodes (5, n+1): the tightest, where nodes share one."""
-        places, _ = self.structure.places
-        below, above = np.full(places[-1, -1] + 1, -np.inf), np.full(places[-1, -1] + 1, np.inf)
-        np.maximum.at(below, places, lowest)
-        np.minimum.at(above, places, highest)
+        """Return the bounds of variables from those at nodes (5, n+1): the tightest, where nodes share a variable."""
+        indices, _ = self.structure.variable_indices
+        below, above = np.full(indices[-1, -1] + 1, -np.inf), np.full(indices[-1, -1] + 1, np.inf)
+        np.maximum.at(below, indices, lowest)
+        np.minimum.at(above, indices, highest)
         return below, above
 
-    def _parameters(self, guess: Guess, asked: Asked, regular: float = 1.0) -> FloatArray:
-        """Parameters of the program, ``regular`` times HASTE and EFFORT among them."""
+    def _parameters(self, guess: Guess, targets: CostTargets, regular: float = 1.0) -> FloatArray:
+        """Return the parameters of the program, with ``regular`` times HASTE and EFFORT."""
         regulariser = regular * np.array([HASTE, EFFORT]) / guess.lasts.sum()
-        return np.concatenate([asked.weights, asked.scale, guess.signs[self.structure.phase], regulariser])
+        return np.concatenate([targets.weights, targets.scale, guess.signs[self.structure.phase], regulariser])
 
-    def _point(self, guess: Guess, asked: Asked) -> tuple[FloatArray, FloatArray]:
-        """Variables and parameters of a guess."""
-        of_nodes, of_lasts = self.structure.places
+    def _point(self, guess: Guess, targets: CostTargets) -> tuple[FloatArray, FloatArray]:
+        """Return the variables and parameters of a guess."""
+        of_nodes, of_lasts = self.structure.variable_indices
         point = np.empty(of_lasts[-1] + 1)
         point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
-        parameters = self._parameters(guess, asked)
+        parameters = self._parameters(guess, targets)
         count = len(point)
         point = np.concatenate([point, np.zeros(len(self._worst) + len(self._hinges))])
         point = self._on_hinges(point, parameters)
@@ -379,7 +382,7 @@ class DrivenProgram:
         return point, parameters
 
     def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
-        """The point with its slacks where they are least: so the costs are those of the criteria."""
+        """Return the point with the least slacks, so that its costs are those of the criteria."""
         if not len(self._hinges):
             return point
         point = point.copy()
@@ -389,8 +392,8 @@ class DrivenProgram:
         return point
 
     def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:
-        """The trajectory of the program's variables, on its bounds exactly."""
-        of_nodes, of_lasts = self.structure.places
+        """Return the trajectory of the program's variables, clipped to its bounds."""
+        of_nodes, of_lasts = self.structure.variable_indices
         nodes = np.clip(point[of_nodes], *self._node_bounds(guess))
         nodes[4, np.abs(nodes[4]) < STILL] = 0.0
         clock = np.concatenate([[0.0], np.cumsum(point[of_lasts])])

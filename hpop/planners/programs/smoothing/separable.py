@@ -1,9 +1,9 @@
-"""Functions of one piece of a program, evaluated for all its pieces, with exact sparse derivatives.
+"""Functions of one interval of a program, evaluated for all its intervals, with exact sparse derivatives.
 
-A program over a trajectory is a sum over its intervals, and each interval knows a dozen variables only. So everything
-nonlinear is written down once, for one interval, on CasADi's scalar symbols, and differentiated there: no operation on
-a zero, none done twice. These scalar operations are then repeated on columns, one entry a piece. The Hessian of a
-driven trajectory so costs a seventh of the one that CasADi takes of the whole program.
+A program over a trajectory is a sum over its intervals, and each interval depends on a dozen variables only. So the
+nonlinear functions are formed once, for one interval, on CasADi's scalar symbols, and differentiated there, without
+operations on zeros or repeated ones. These scalar operations are then applied to columns with an entry per interval.
+The Hessian of a driven trajectory takes a seventh of the time of the one that CasADi forms of the whole program.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ if TYPE_CHECKING:
     from hpop.world.fields.field import Field
 
 
-SOME = 1000  # operations between two looks at the time
-NODE = 1.2e-5  # s, that CasADi takes a node to make a function
+SOME = 1000  # operations between two checks of the time
+NODE = 1.2e-5  # s per node, to build a CasADi function
 
 
 @dataclass(frozen=True, eq=False)
 class Separable:
     """Functions of d variables and q parameters, in groups, for each of n parts of a program.
 
-    All are expressions (MX) of the program's variables and of the parts' parameters; group g has m values a part.
+    All are expressions (MX) of the program's variables and of the parts' parameters; group g has m values per part.
 
-    symbols    (n, m) of each group: what stands for its values where a program is written down
+    symbols    (n, m) of each group: placeholders of its values in the formulas of a program
     values     (n, m) of each group
     slopes     Jacobian (n m, size) of vec(values) of each group, sparse
     bends      CasADi function from x, p and multipliers (n, m) of each group to the upper triangle (size, size) of the
                Hessian of the sum of all values times their multipliers, sparse
-    callbacks  what CasADi uses and does not keep alive
+    callbacks  stored here, as CasADi does not keep them alive
     """
 
     symbols: tuple[Any, ...]
@@ -56,38 +56,38 @@ class Separable:
         p: Any,
         deadline: Deadline = Deadline(),  # noqa: B008  (frozen)
     ) -> Separable:
-        """All parts of one that is written down.
+        """Return the functions of all parts from the formulas of one.
 
         Parameters
         ----------
-        write : from the variables (d,) and parameters (q,) of a part to groups of values, columns of SX
-        where : (d, n) places of each part's variables in the program's vector; two of them may be one
+        write : returns groups of values, columns of SX, from the variables (d,) and parameters (q,) of a part
+        where : (d, n) indices of each part's variables in the program's vector; parts may share variables
         x : the program's variables (size,), symbols
         p : the parts' parameters (n, q), symbols
-        deadline : LimitPassed is raised where it is over
+        deadline : LimitPassed is raised after it
         """
         import casadi
 
         (d, n), size = where.shape, x.numel()
-        one, given = casadi.SX.sym("x", d), casadi.SX.sym("p", p.size2())
+        part_x, part_p = casadi.SX.sym("x", d), casadi.SX.sym("p", p.size2())
         with looking() as looks:
-            groups = [casadi.densify(group) for group in write(one, given)]
+            groups = [casadi.densify(group) for group in write(part_x, part_p)]
         deadline.check(BUILDING)
         y = casadi.vertcat(*groups)
         rates, numbers = casadi.SX.sym("rates", y.numel()), casadi.vertcat(*looks.numbers)
-        jacobians: list[Any] = [casadi.jacobian(group, one) for group in groups]
-        hessian: Any = casadi.triu(casadi.hessian(casadi.dot(rates, y), one)[0])
+        jacobians: list[Any] = [casadi.jacobian(group, part_x) for group in groups]
+        hessian: Any = casadi.triu(casadi.hessian(casadi.dot(rates, y), part_x)[0])
 
         deadline.check(BUILDING)
-        columns = [[x[places.tolist()] for places in where], casadi.horzsplit(p)]
+        columns = [[x[indices.tolist()] for indices in where], casadi.horzsplit(p)]
         fields = _Fields(looks, n)
-        columns.append(fields.numbers([one, given], columns))
+        columns.append(fields.numbers([part_x, part_p], columns))
         mu = [casadi.MX.sym("mu", n, group.numel()) for group in groups]
         columns.append([column for group in mu for column in casadi.horzsplit(group)])
         parts = [*groups, *(casadi.vertcat(*slopes.nonzeros()) for slopes in (*jacobians, hessian))]
         nodes = sum(int(casadi.n_nodes(casadi.SX(part))) for part in parts)
         deadline.check(BUILDING, ahead=NODE * nodes)
-        together = casadi.Function("part", [one, given, numbers, rates], parts, {"cse": True})
+        together = casadi.Function("part", [part_x, part_p, numbers, rates], parts, {"cse": True})
         *entries, bends = on_columns(together, columns, n)
         values, slopes = entries[: len(groups)], entries[len(groups) :]
 
@@ -97,7 +97,9 @@ class Separable:
 
         of_pair = [np.array(index, dtype=np.int64) for index in hessian.sparsity().get_triplet()]
         pairs = [where[index] for index in of_pair]
-        times = 1.0 + ((pairs[0] == pairs[1]) & (of_pair[0] != of_pair[1])[:, None])  # also from below the diagonal
+        times = 1.0 + (
+            (pairs[0] == pairs[1]) & (of_pair[0] != of_pair[1])[:, None]
+        )  # entries below the diagonal count as well
         triangle = scattered(bends, np.minimum(*pairs), np.maximum(*pairs), (size, size), times)
         return cls(
             tuple(casadi.MX.sym("y", *group.shape) for group in values),
@@ -110,15 +112,16 @@ class Separable:
     def program(
         self, x: Any, p: Any, of_parts: Any, objective: Any, limits: Any
     ) -> tuple[dict[str, Any], dict[str, Any]]:
-        """A program and its derivatives as options of CasADi's solvers.
+        """Return a program and its derivatives as options of CasADi's solvers.
 
         Objective and constraints are affine in x and in ``symbols``. So their Jacobian is that of the values times a
-        constant, and their Hessian that of the values' sum, each times what a unit of it adds to the Lagrangian.
+        constant matrix, and their Hessian that of the sum of the values, each weighted by its derivative in the
+        Lagrangian.
 
         Parameters
         ----------
         x, p : variables and parameters of the program
-        of_parts : those among the parameters that the parts have
+        of_parts : the parameters of the parts
         objective, limits : in terms of x, p and ``symbols``
         """
         import casadi
@@ -146,52 +149,52 @@ class Separable:
 
 
 class _Fields:
-    """The numbers of all looks of all pieces, one call a field."""
+    """Values of fields at the lookups of all parts, read with one call per field."""
 
     def __init__(self, looks: Looks, n: int) -> None:
         self.callbacks: list[Any] = []
         self._looks, self._n = looks, n
 
     def numbers(self, variables: list[Any], columns: list[list[Any]]) -> list[Any]:
-        """The columns (n,) of the numbers of each look, one look after the other.
+        """Return the columns (n,) of the values of each lookup, lookup by lookup.
 
-        Together are read all looks up to the first whose place depends on one of them.
+        Lookups are read together, up to the first with a position that depends on the value of one of them.
         """
         import casadi
 
-        places, known = self._looks.places, self._looks.numbers
-        found: list[list[Any]] = []
-        while len(found) < len(places):
-            begin = end = len(found)
-            later = casadi.vertcat(*known[begin:])
-            while end < len(places) and (end == begin or not casadi.depends_on(places[end], later)):
+        positions, symbols = self._looks.places, self._looks.numbers
+        values: list[list[Any]] = []
+        while len(values) < len(positions):
+            begin = end = len(values)
+            later = casadi.vertcat(*symbols[begin:])
+            while end < len(positions) and (end == begin or not casadi.depends_on(positions[end], later)):
                 end += 1
-            given = [*columns, [column for numbers in found for column in numbers]]
+            inputs = [*columns, [column for numbers in values for column in numbers]]
             at = casadi.Function(
-                "places", [*variables, casadi.vertcat(*known[:begin])], [casadi.vertcat(*places[begin:end])]
+                "positions", [*variables, casadi.vertcat(*symbols[:begin])], [casadi.vertcat(*positions[begin:end])]
             )
-            found += self._read(self._looks.fields[begin:end], casadi.horzsplit(on_columns(at, given, self._n)[0]))
-        return [column for numbers in found for column in numbers]
+            values += self._read(self._looks.fields[begin:end], casadi.horzsplit(on_columns(at, inputs, self._n)[0]))
+        return [column for numbers in values for column in numbers]
 
     def _read(self, fields: list[Field], at: list[Any]) -> list[list[Any]]:
-        """The columns (n,) of the numbers of some looks, whose places are columns u and v in turns."""
+        """Return the columns (n,) of the values of some lookups; ``at`` has columns u and v of each in turn."""
         import casadi
 
         n = self._n
-        found: list[list[Any]] = [[] for _ in fields]
+        values: list[list[Any]] = [[] for _ in fields]
         for field in {id(field): field for field in fields}.values():
-            mine = [k for k, other in enumerate(fields) if other is field]
+            mine = [k for k, looked_up in enumerate(fields) if looked_up is field]
             function = Quadratics(field, n * len(mine))
             self.callbacks.append(function)
             u, v = (casadi.vertcat(*(at[2 * k + axis] for k in mine)) for axis in (0, 1))
             numbers = casadi.horzsplit(function(casadi.horzcat(u, v).T).T)
             for i, k in enumerate(mine):
-                found[k] = [number[i * n : (i + 1) * n] for number in numbers]
-        return found
+                values[k] = [number[i * n : (i + 1) * n] for number in numbers]
+        return values
 
 
 def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
-    """A function of scalars with a column (n,) in the place of each: results (n, outputs), one array an output."""
+    """Return a function of scalars applied to columns (n,): results (n, outputs), one array per output."""
     import casadi
 
     work: dict[int, Any] = {}
@@ -211,16 +214,17 @@ def on_columns(function: Any, columns: list[list[Any]], n: int) -> list[Any]:
         else:
             work[to[0]] = casadi.MX.binary(operation, work[of[0]], work[of[1]])
     return [
-        casadi.horzcat(*(one if one.numel() == n else casadi.repmat(one, n, 1) for one in result)) for result in results
+        casadi.horzcat(*(entry if entry.numel() == n else casadi.repmat(entry, n, 1) for entry in result))
+        for result in results
     ]
 
 
 def scattered(
     entries: Any, rows: IntArray, columns: IntArray, shape: tuple[int, int], times: FloatArray | float = 1.0
 ) -> Any:
-    """A sparse matrix whose entries (n, k) stand at rows and columns (k, n); those at one place are added up.
+    """Return a sparse matrix of entries (n, k) at rows and columns (k, n); entries at the same position are added.
 
-    times : (k, n), how often each is added
+    times : (k, n) factors of the entries
     """
     import casadi
 
@@ -228,14 +232,14 @@ def scattered(
         return casadi.MX(*shape)
 
     height, width = shape
-    places, which = np.unique((columns * height + rows).ravel(), return_inverse=True)
-    starts = np.searchsorted(places, height * np.arange(width + 1))
-    sparsity = casadi.Sparsity(height, width, starts.tolist(), (places % height).tolist())
+    cells, which = np.unique((columns * height + rows).ravel(), return_inverse=True)
+    starts = np.searchsorted(cells, height * np.arange(width + 1))
+    sparsity = casadi.Sparsity(height, width, starts.tolist(), (cells % height).tolist())
     add = casadi.DM.triplet(
         which.ravel().tolist(),
         list(range(which.size)),
         casadi.DM(np.broadcast_to(times, rows.shape).ravel()),
-        len(places),
+        len(cells),
         which.size,
     )
     return casadi.MX(sparsity, casadi.mtimes(add, casadi.vec(entries)))

@@ -1,4 +1,4 @@
-"""Paths of joints become splines: the planner, and what it works with."""
+"""The spline planner: paths of joints become splines."""
 
 from hpop.planners.programs.spline.planner import Spline
 

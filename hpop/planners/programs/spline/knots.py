@@ -1,12 +1,12 @@
-"""A spline as its knots: what the linear programs move, and what becomes a trajectory.
+"""Splines as knots, which linear programs move, and the costs of their pieces.
 
-Along the share u of the whole time T the joints q go through knots, a Hermite cubic from each to the next. With the
-slopes m = dq/du, speeds are q' = (dq/du) / T and accelerations q'' = (d²q/du²) / T², so their limits,
+Along the share u of the total time T the joints q pass through knots, on a Hermite cubic from each knot to the next.
+With slopes m = dq/du, speeds are q' = (dq/du) / T and accelerations q'' = (d²q/du²) / T². So their limits,
 
     |dq/du| <= v T,    |d²q/du²| <= a T²,
 
-are linear in knots and slopes, and in T the first is linear and the second convex: its tangent is never too kind. That
-is why neither durations of pieces nor speeds are variables.
+are linear in knots and slopes. In T the first is linear and the second convex, so that its tangent is conservative.
+Durations of pieces and speeds, in which they are not linear, are no variables.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 LAW = "spline"
-SHORT = 1e-6  # of a motion: a phase that lasts no longer has no piece of its own
+SHORT = 1e-6  # of a motion: shorter phases have no piece
 
 
 class SplineLaw(Curve, Protocol):
-    """A law of cubics from knot to knot, as models with "spline" have it.
+    """Law of cubics from knot to knot, of models that provide "spline".
 
     names          n joints
     speeds         (n,)  the greatest
@@ -47,16 +47,16 @@ class SplineLaw(Curve, Protocol):
     def accelerations(self) -> tuple[float, ...]: ...
 
     def knots(self, values: Sequence[Column], rates: Sequence[Column], clock: Column) -> States:
-        """States (N,) with n joints at their speeds, columns of numbers or symbols, at times, s."""
+        """Return states (N,) of n joints and their speeds, columns of numbers or symbols, at times, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Knots:
-    """A spline of N pieces for n joints.
+    """Spline of N pieces for n joints.
 
     values    (N + 1, n)  rad or m
-    slopes    (N + 1, n)  by the share of the whole time
-    shares    (N,)        of the whole time, of each piece
+    slopes    (N + 1, n)  by the share of the total time
+    shares    (N,)        of the total time, of each piece
     duration  s
     """
 
@@ -67,10 +67,10 @@ class Knots:
 
     @classmethod
     def along(cls, trajectory: Trajectory, law: SplineLaw, count: int, *, evenly: bool = False) -> Knots:
-        """Through what a trajectory passes, at its speeds there, at times spread over the phases of its motions.
+        """Return knots on a trajectory, with its speeds, at times spread over the phases of its motions.
 
-        Straight motions with even accelerations and splines stay what they are to the second, of others the way alone;
-        the duration is the least that the limits allow. ``evenly`` leaves the phases and takes halves of the motions.
+        Straight motions with constant accelerations and splines keep their timing, other motions only their path; the
+        duration is the least that the limits allow. With ``evenly``, motions are halved instead of split into phases.
         """
         lasts = trajectory.durations
         motions = np.flatnonzero(lasts > 0)
@@ -85,23 +85,25 @@ class Knots:
         values = np.stack([getattr(states, name) for name in law.names], axis=1)
         slopes = np.stack([np.broadcast_to(getattr(rates, name), times.shape) for name in law.names], axis=1)
         slopes = slopes * trajectory.duration
-        ends = np.concatenate([[0], np.cumsum(pieces)])[np.concatenate([[0], np.cumsum([len(one) for one in phases])])]
+        ends = np.concatenate([[0], np.cumsum(pieces)])[
+            np.concatenate([[0], np.cumsum([len(phase) for phase in phases])])
+        ]
         slopes[ends[:-1][~goes_on]] = slopes[ends[1:][~goes_on]] = 0.0  # at rest
         return cls(values, slopes, shares, 0.0).quickest(law)
 
     @property
     def secants(self) -> FloatArray:
-        """Mean slope (N, n) of each piece."""
+        """Mean slopes (N, n) of the pieces."""
         return np.diff(self.values, axis=0) / self.shares[:, None]
 
     @property
     def bends(self) -> tuple[FloatArray, FloatArray]:
-        """Second derivatives (N, n) by the share of the whole time where each piece begins and ends; linear between."""
+        """Second derivatives (N, n) by the share of the total time at both ends of each piece; linear between them."""
         width, secants, first, last = self.shares[:, None], self.secants, self.slopes[:-1], self.slopes[1:]
         return (6.0 * secants - 4.0 * first - 2.0 * last) / width, (-6.0 * secants + 2.0 * first + 4.0 * last) / width
 
     def quickest(self, law: SplineLaw) -> Knots:
-        """The same curve in the least time that the limits of speeds and accelerations allow."""
+        """Return this curve with the least duration that the limits of speeds and accelerations allow."""
         begin, end = self.bends
         changes = begin * end < 0
         at = np.where(changes, begin / np.where(changes, begin - end, 1.0), 0.0)
@@ -112,33 +114,33 @@ class Knots:
         return Knots(self.values, self.slopes, self.shares, float(max(by_speed, np.sqrt(by_acceleration))))
 
     def within(self, low: FloatArray, high: FloatArray) -> bool:
-        """Whether the control points of all pieces, and so the curve, keep limits of the joints."""
+        """Return whether the control points of all pieces, and so the curve, keep limits of the joints."""
         reach = self.shares[:, None] / 3.0
         points = (self.values, self.values[:-1] + reach * self.slopes[:-1], self.values[1:] - reach * self.slopes[1:])
         return all(bool(((low <= point) & (point <= high)).all()) for point in points)
 
     def columns(self) -> FloatArray:
-        """What costs depend on, (4 n + 1, N): knot and slope where each piece begins, those where it ends, and T."""
+        """Return the variables of the costs, (4 n + 1, N): knot and slope at both ends of each piece, and T."""
         rows = (self.values[:-1].T, self.slopes[:-1].T, self.values[1:].T, self.slopes[1:].T)
         return np.concatenate([*rows, np.full((1, self.shares.size), self.duration)])
 
     def at(self, fraction: float) -> FloatArray:
-        """Joints (N, n) at a fraction of each piece."""
+        """Return the joints (N, n) at a fraction of each piece."""
         ends = (self.values[:-1], self.slopes[:-1], self.values[1:], self.slopes[1:])
-        found = np.zeros_like(ends[0])
+        joints = np.zeros_like(ends[0])
         for weight, column in zip(hermite(fraction, self.shares[:, None]), ends, strict=True):
-            found += weight * column
-        return found
+            joints += weight * column
+        return joints
 
     def moved(self, values: FloatArray, slopes: FloatArray, law: SplineLaw) -> Knots:
-        """With the knots between start and goal moved by so much, (N - 1, n) each, as quick as may be."""
+        """Return the spline with inner knots and slopes moved by (N - 1, n) each, with the least duration."""
         moved, sloped = self.values.copy(), self.slopes.copy()
         moved[1:-1] += values
         sloped[1:-1] += slopes
         return Knots(moved, sloped, self.shares, 0.0).quickest(law)
 
     def trajectory(self, model: Model, law: SplineLaw) -> Trajectory:
-        """What is planned."""
+        """Return the trajectory of the spline."""
         clock = np.concatenate([[0.0], np.cumsum(self.shares)]) * self.duration
         return Trajectory(
             model, law.knots([*self.values.T], [*self.slopes.T / self.duration], clock), (LAW,) * self.shares.size
@@ -146,50 +148,52 @@ class Knots:
 
 
 def _phases(trajectory: Trajectory, motion: int) -> FloatArray:
-    """Seconds of the phases of a motion, those that last."""
-    start, end = (trajectory.states.take([place]) for place in (motion, motion + 1))
+    """Return the durations, s, of the phases of a motion, without negligible ones."""
+    start, end = (trajectory.states.take([state]) for state in (motion, motion + 1))
     phases = trajectory.model.laws[trajectory.kinds[motion]].phases(start, end)
     seconds = np.array([np.broadcast_to(phase.duration, 1)[0] for phase in phases])
     return np.asarray(seconds[seconds > SHORT * seconds.sum()])
 
 
 def hermite(fraction: Column, width: FloatArray) -> tuple[FloatArray, ...]:
-    """Weights of knot and slope where a piece of some width begins, and where it ends, at a fraction of it."""
-    rest, one = 1.0 - fraction, np.ones_like(width)
+    """Return the weights of knot and slope at the start and at the end of pieces, at a fraction of their widths."""
+    remaining, ones = 1.0 - fraction, np.ones_like(width)
     return (
-        rest * rest * (1.0 + 2.0 * fraction) * one,
-        fraction * rest * rest * width,
-        fraction * fraction * (3.0 - 2.0 * fraction) * one,
-        -fraction * fraction * rest * width,
+        remaining * remaining * (1.0 + 2.0 * fraction) * ones,
+        fraction * remaining * remaining * width,
+        fraction * fraction * (3.0 - 2.0 * fraction) * ones,
+        -fraction * fraction * remaining * width,
     )
 
 
-PANELS = 3  # of a piece, for what criteria integrate
+PANELS = 3  # of a piece, for the integrals of criteria
 
 
 class Slopes(NamedTuple):
-    """Costs and how they change.
+    """Costs of a spline and their gradients.
 
     costs      (k,)
-    gradients  (k, N, 4 n + 1)  by what each piece depends on (:meth:`.knots.Knots.columns`)
+    gradients  (k, N, 4 n + 1)  by the variables of each piece (:meth:`.knots.Knots.columns`)
     """
 
     costs: FloatArray
     gradients: FloatArray
 
 
-class Pieces:
-    """Costs of the pieces of splines in k criteria with gradients; built once, for splines of any number of pieces.
+class PieceCosts:
+    """Cost functions of a piece of a spline in k criteria with gradients; built once, for any number of pieces.
 
-    A criterion that takes the worst moment costs the worst of its pieces; its gradient is that of this piece.
+    The cost and gradient of a criterion that is a maximum are those of the worst piece.
     """
 
     def __init__(self, world: World, model: Model, criteria: Sequence[Criterion]) -> None:
         self.world, self.model, self.criteria = world, model, tuple(criteria)
 
     @classmethod
-    def with_gradients(cls, world: World, model: Model, criteria: Sequence[Criterion]) -> tuple[Pieces, dict[int, str]]:
-        """Pieces in those criteria that have a gradient, and why each, by its place, has none; "" where it has one."""
+    def with_gradients(
+        cls, world: World, model: Model, criteria: Sequence[Criterion]
+    ) -> tuple[PieceCosts, dict[int, str]]:
+        """Return cost functions of the criteria that have a gradient, and for each criterion why it has none, or ""."""
         pieces, reasons = cls(world, model, ()), dict[int, str]()
         costs = []
         for j, criterion in enumerate(criteria):
@@ -200,17 +204,17 @@ class Pieces:
             except UnsupportedCriterion as error:
                 reasons[j] = str(error)
         pieces.criteria = tuple(criteria[j] for j, reason in reasons.items() if not reason)
-        pieces.__dict__["_written"] = costs
+        pieces.__dict__["_formulas"] = costs
         return pieces, reasons
 
     @property
     def law(self) -> SplineLaw:
-        """The model's law."""
+        """Law of the model."""
         return cast(SplineLaw, self.model.laws[LAW])
 
     @cached_property
     def _symbols(self) -> tuple[list[Any], Motions]:
-        """The columns of a piece and its share, and the motion that they are."""
+        """Symbols of the variables of a piece and of its share, and their motion."""
         import casadi
 
         n = len(self.law.names)
@@ -227,34 +231,34 @@ class Pieces:
         return [columns, share], Motions(self.world, self.model, self.law, start, end, panels=PANELS)
 
     @cached_property
-    def _written(self) -> list[Any]:
-        """Costs of a piece, one a criterion, in its symbols."""
+    def _formulas(self) -> list[Any]:
+        """Symbolic costs of a piece, one per criterion."""
         return [on_symbols(criterion, self._symbols[1]) for criterion in self.criteria]
 
     @cached_property
     def _functions(self) -> tuple[Any, Any]:
-        """Costs of a piece, and those with their Jacobian, as CasADi functions of its columns and its share."""
+        """CasADi functions from the variables and share of a piece to its costs, and to costs and Jacobian."""
         import casadi
 
-        symbols, costs = self._symbols[0], casadi.vertcat(*self._written)
+        symbols, costs = self._symbols[0], casadi.vertcat(*self._formulas)
         jacobian = casadi.densify(casadi.jacobian(costs, symbols[0]))
         return casadi.Function("costs", symbols, [costs]), casadi.Function("slopes", symbols, [costs, jacobian])
 
-    def build(self) -> Pieces:
+    def build(self) -> PieceCosts:
         """Build the functions now."""
         _ = self._functions
         return self
 
     def costs(self, knots: Knots) -> FloatArray:
-        """Costs (k,) of a spline."""
+        """Return the costs (k,) of a spline."""
         return self._total(self._functions[0].map(knots.shares.size)(knots.columns(), knots.shares[None]).full())
 
     def slopes(self, knots: Knots) -> Slopes:
-        """Costs of a spline and how they change."""
+        """Return the costs of a spline and their gradients."""
         count, width = knots.shares.size, 4 * len(self.law.names) + 1
         costs, gradients = self._functions[1].map(count)(knots.columns(), knots.shares[None])
         each = costs.full()
-        # The norm of what does not move has no gradient; 0 is a subgradient.
+        # The norm of a velocity has no gradient at 0; 0 is a subgradient.
         change = np.nan_to_num(gradients.full().reshape(-1, count, width))
         for j, criterion in enumerate(self.criteria):
             if criterion.aggregate == "max":
@@ -262,6 +266,6 @@ class Pieces:
         return Slopes(self._total(each), change)
 
     def _total(self, each: FloatArray) -> FloatArray:
-        """Costs (k,) from those of the pieces (k, N)."""
+        """Return costs (k,) from those of the pieces (k, N)."""
         worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])
         return np.asarray(np.where(worst, each.max(axis=1), each.sum(axis=1)))
