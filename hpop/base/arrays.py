@@ -52,6 +52,20 @@ def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
     return copy
 
 
+def inserted(values: NDArray[N], before: IntArray, rows: NDArray[N]) -> NDArray[N]:
+    """Return rows (m, ...) with new rows (j, ...) inserted before rows of ascending indices (j,).
+
+    >>> inserted(np.array([1, 2, 3]), np.array([1, 1, 3]), np.array([7, 8, 9])).tolist()
+    [1, 7, 8, 2, 3, 9]
+    """
+    cuts, first, counts = np.unique(before, return_index=True, return_counts=True)
+    parts, begin = list[NDArray[N]](), 0
+    for cut, row, count in zip(cuts.tolist(), first.tolist(), counts.tolist(), strict=True):
+        parts += [values[begin:cut], rows[row : row + count].astype(values.dtype, copy=False)]
+        begin = cut
+    return np.concatenate([*parts, values[begin:]])
+
+
 def numbered(counts: IntArray) -> tuple[IntArray, IntArray]:
     """Return, for the elements of groups of some sizes one after another, the group of each and its number in that.
 

@@ -1,4 +1,4 @@
-"""Exact multi-objective search on plain graphs: arrays in, the whole front out; knows nothing of robots."""
+"""Exact multi-objective search on plain graphs: arrays in, the whole front out; independent of robots."""
 
 from typing import TYPE_CHECKING
 

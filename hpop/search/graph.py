@@ -1,51 +1,51 @@
-"""The graph that the exact search works on: arcs in compressed rows, integer costs, one aggregate a cost."""
+"""The graph of the exact search: arcs in compressed rows, integer costs, one aggregate per cost."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, IntArray, inserted
 from hpop.base.options import whole
 from hpop.base.text import shown
-from hpop.errors import GraphError, did_you_mean
-from hpop.search.networks import Edges, network
+from hpop.errors import GraphError
+from hpop.search.networks import Edges, network, unknown_label
 
 if TYPE_CHECKING:
     import networkx as nx
 
-N = TypeVar("N", bound=np.generic)
+
 MAX_COSTS = 6
 MOST_NODES = 100_000_000  # without a single arc they take 800 MB
 MAX_INDEX = 2**31 - 2  # nodes and arcs are counted in 32 bits
-MAX_SUM = 2**59  # a path cost, a bound of the rest and two arcs more fit a key of 62 bits
+MAX_SUM = 2**59  # so that a path cost, a bound of its remaining cost and two more arcs fit a key of 62 bits
 AGGREGATES = ("sum", "max")
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Graph:
-    """A directed graph with k non-negative integer costs on every arc.
+    """Directed graph with k non-negative integer costs on every arc.
 
-    Self-loops and parallel arcs are allowed. A cost adds up along a path ("sum") or counts its worst arc
+    Self-loops and parallel arcs are allowed. The cost of a path is the sum of its arcs ("sum") or that of its worst arc
     ("max", a bottleneck).
 
     indptr      (n + 1,)  int64  the arcs that leave node u are indptr[u] : indptr[u + 1]
-    heads       (m,)      int32  where an arc leads
+    heads       (m,)      int32  the node to which an arc leads
     costs       (m, k)    int64  non-negative, k from 1 to 6
-    arc         (m,)      int32  the index of the arc in what the caller gave
+    arc         (m,)      int32  the index of the arc in the caller's arrays
     aggregates  (k,)      "sum" or "max" for every cost
     labels      (n,)      the caller's names of the nodes, or None
-    edges                 the caller's edges and costs as they were given, of a graph from networkx, or None
+    edges                 the edges and costs of a graph from networkx, or None
     base                  the graph that this one extends (:meth:`extended`), or None
 
-    Arrays of these types that are read-only already are taken as they are, others are copied.
+    Read-only arrays of these types are used without a copy.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> graph.nodes, graph.arcs, graph.criteria
@@ -61,7 +61,7 @@ class Graph:
     aggregates: tuple[str, ...]
     labels: tuple[Hashable, ...] | None = None
     edges: Edges | None = None
-    base: Graph | None = field(default=None, init=False)  # a changed copy extends nothing
+    base: Graph | None = field(default=None, init=False)  # not kept by `replace`
 
     def __post_init__(self) -> None:
         indptr = _integers(self.indptr, "indptr", np.int64)
@@ -105,8 +105,9 @@ class Graph:
 
     @cached_property
     def largest(self) -> IntArray:
-        """Largest cost (k,) of any arc; column by column, which is far quicker than ``max(axis=0)``."""
-        return np.array([self.costs[:, j].max(initial=0) for j in range(self.criteria)], np.int64)
+        """Largest cost (k,) of any arc."""
+        columns = (self.costs[:, j] for j in range(self.criteria))  # much faster than max(axis=0)
+        return np.array([column.max(initial=0) for column in columns], np.int64)
 
     @property
     def arcs(self) -> int:
@@ -162,7 +163,7 @@ class Graph:
         *,
         aggregates: Sequence[str] | None = None,
     ) -> Self:
-        """Build the graph from arcs that are sorted by tail already.
+        """Build the graph from arcs that are sorted by tail.
 
         >>> Graph.from_csr([0, 1, 1], [1], [[7, 2]], aggregates=["sum", "max"]).aggregates
         ('sum', 'max')
@@ -182,19 +183,20 @@ class Graph:
         quanta: Mapping[str, float] | Sequence[float] | None = None,
         aggregates: Sequence[str] | None = None,
     ) -> Self:
-        """Build the graph from any networkx graph whose edges carry the costs as attributes, finite and not negative.
+        """Build the graph from any networkx graph with the costs as attributes of edges, finite and not negative.
 
         An undirected edge becomes two arcs, both with the index of the edge in `g.edges`; each of several parallel
-        edges of a multigraph is an arc of its own. The names of the nodes are the `labels` by which searches take
-        source and target, and paths are told.
+        edges of a multigraph is an arc of its own. The names of the nodes become the `labels` of source, target and
+        paths.
 
         Costs are counted in whole quanta, rounded up edge by edge (a millionth of a quantum is rounding noise).
-        `quanta` gives them by name, or one a cost, in the unit of the attribute; else a cost that is a whole number on
-        all edges has 1, and another one a billionth of the largest, as a power of ten
-        (:func:`hpop.frontier.default_quanta`). What a path really costs, added up from the attributes as they were
-        given, is in :attr:`.ParetoPaths.values`.
+        `quanta` gives the quanta by name, or one per cost, in the unit of the attribute. By default the quantum of a
+        cost that is a whole number on all edges is 1, that of another cost a billionth of the largest, as a power of
+        ten (:func:`hpop.frontier.default_quanta`). The exact costs of paths, as sums of the attributes, are in
+        :attr:`.ParetoPaths.values`.
 
-        Raises GraphError for another graph, an edge without the attribute, and a cost that is negative or no number.
+        Raises GraphError for an object that is no networkx graph, an edge without the attribute, and a cost that is
+        negative or no finite number.
 
         >>> import networkx as nx
         >>> g = nx.Graph()
@@ -208,10 +210,10 @@ class Graph:
         return replace(plain, arc=cast(Any, read.edge[plain.arc]), labels=read.labels, edges=read.edges)
 
     def to_networkx(self) -> nx.MultiDiGraph[Any]:
-        """The graph for networkx: an edge an arc, its key the arc's index in what the caller gave, costs as attributes.
+        """Return a networkx graph with an edge per arc, the arc's index as its key, and costs as attributes.
 
-        Of a graph that came from networkx nodes, attributes and their values are those that were given; of another
-        one nodes are numbers and costs are called "cost 0", "cost 1", ...
+        A graph that came from networkx keeps its nodes, attributes and their values; otherwise nodes are numbers and
+        costs are called "cost 0", "cost 1", ...
 
         >>> Graph.from_arcs(2, [0], [1], [[7, 2]]).to_networkx().edges(keys=True, data=True)
         OutMultiEdgeDataView([(0, 1, 0, {'cost 0': 7, 'cost 1': 2})])
@@ -222,54 +224,54 @@ class Graph:
         names = [f"cost {j}" for j in range(self.criteria)] if self.edges is None else self.edges.names
         table = self.costs if self.edges is None else self.edges.values[self.arc]
         tails = np.repeat(np.arange(self.nodes), np.diff(self.indptr))
-        made: nx.MultiDiGraph[Any] = nx.MultiDiGraph()
-        made.add_nodes_from(labels)
+        g: nx.MultiDiGraph[Any] = nx.MultiDiGraph()
+        g.add_nodes_from(labels)
         for tail, head, arc, costs in zip(
             tails.tolist(), self.heads.tolist(), self.arc.tolist(), table.tolist(), strict=True
         ):
-            made.add_edge(labels[tail], labels[head], arc, **dict(zip(names, costs, strict=True)))
-        return made
+            g.add_edge(labels[tail], labels[head], arc, **dict(zip(names, costs, strict=True)))
+        return g
 
     def among(self, nodes: IntArray) -> Self:
-        """Return the part of the graph on some nodes, numbered anew in their order; `arc` has the arcs' places here.
+        """Return the subgraph of some nodes, renumbered in their order; `arc` has the arcs' indices in this graph.
 
         >>> part = Graph.from_arcs(4, [0, 0, 1, 3], [1, 3, 2, 0], [[5], [6], [7], [8]]).among(np.array([0, 3]))
         >>> part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
         ([1, 0], [[6], [8]], [1, 3])
         """
-        place = np.full(self.nodes, -1)
-        place[nodes] = np.arange(len(nodes))
+        number = np.full(self.nodes, -1)
+        number[nodes] = np.arange(len(nodes))
         arcs = np.concatenate([np.arange(self.indptr[u], self.indptr[u + 1]) for u in nodes])
         tails = np.repeat(np.arange(len(nodes)), self.indptr[nodes + 1] - self.indptr[nodes])
-        inside = place[self.heads[arcs]] >= 0
+        inside = number[self.heads[arcs]] >= 0
         arcs, tails = arcs[inside], tails[inside]
-        part = self.from_arcs(len(nodes), tails, place[self.heads[arcs]], self.costs[arcs], aggregates=self.aggregates)
+        part = self.from_arcs(len(nodes), tails, number[self.heads[arcs]], self.costs[arcs], aggregates=self.aggregates)
         return replace(part, arc=cast(Any, arcs[part.arc]))
 
     def without(self, left_out: BoolArray) -> Self:
-        """Return the graph without the arcs that are marked (m,); `arc` has the places here of those that stay.
+        """Return the graph without marked arcs (m,); `arc` has the indices of the other arcs in this graph.
 
         >>> part = Graph.from_arcs(3, [0, 0, 1], [1, 2, 2], [[5], [6], [7]]).without(np.array([True, False, False]))
         >>> part.indptr.tolist(), part.heads.tolist(), part.costs.tolist(), part.arc.tolist()
         ([0, 1, 2, 2], [2, 2], [[6], [7]], [1, 2])
         """
-        kept = np.flatnonzero(~left_out).astype(np.int32)
+        stays = np.flatnonzero(~left_out).astype(np.int32)
         before = np.append(0, np.cumsum(left_out))
-        indptr, heads, costs = self.indptr - before[self.indptr], self.heads[kept], self.costs[kept]
-        _own(indptr, heads, costs, kept)
-        return replace(self, indptr=indptr, heads=heads, costs=costs, arc=kept)
+        indptr, heads, costs = self.indptr - before[self.indptr], self.heads[stays], self.costs[stays]
+        _own(indptr, heads, costs, stays)
+        return replace(self, indptr=indptr, heads=heads, costs=costs, arc=stays)
 
     def extended(
         self, nodes: int, tails: IntArray, heads: IntArray, costs: IntArray, *, is_reused: bool = False
     ) -> Self:
-        """Return the graph with further nodes at the end, and further arcs after those of each tail.
+        """Return the graph with more nodes at the end, and more arcs after those of each tail.
 
-        If this graph ``is_reused``, the other one keeps it as its :attr:`base`, and searches take what is known of it.
+        If this graph ``is_reused``, it is the :attr:`base` of the result, and searches of the result use its cache.
 
         Parameters
         ----------
-        nodes : how many there are then
-        tails, heads : (j,) of the further arcs, rising by their tails
+        nodes : number of nodes of the result
+        tails, heads : (j,) of the new arcs, sorted by tail
         costs : (j, k)
 
         >>> more = Graph.from_arcs(2, [0, 1], [1, 0], [[5], [6]]).extended(3, [0, 2], [2, 1], [[7], [8]])
@@ -280,9 +282,9 @@ class Graph:
         tails, heads = np.asarray(tails, np.int64), np.asarray(heads, np.int32)
         rows = np.append(self.indptr, np.full(nodes - self.nodes, self.arcs))
         more = np.append(0, np.cumsum(np.bincount(tails, minlength=nodes)))
-        places = rows[tails + 1]
-        all_heads = cast("NDArray[np.int32]", inserted(self.heads, places, heads))
-        all_costs: IntArray = inserted(self.costs, places, np.asarray(costs))
+        before = rows[tails + 1]
+        all_heads = cast("NDArray[np.int32]", inserted(self.heads, before, heads))
+        all_costs: IntArray = inserted(self.costs, before, np.asarray(costs))
         arcs = np.arange(self.arcs + tails.size, dtype=np.int32)
         _own(all_heads, all_costs, arcs)
         graph = type(self)(rows + more, all_heads, all_costs, arcs, self.aggregates)
@@ -290,24 +292,24 @@ class Graph:
         return graph
 
     @cached_property
-    def kept(self) -> dict[Hashable, Any]:
-        """What searches know of the graph, by name, for other searches of it and of graphs that extend it."""
+    def cache(self) -> dict[Hashable, Any]:
+        """Cache of searches, by name, for later searches of this graph and of graphs that extend it."""
         return {}
 
     def node(self, label: Hashable) -> int:
-        """Return the number of the node that the caller calls `label`."""
+        """Return the number of the node with a label; raises GraphError if there is none."""
         if self.labels is None:
             raise GraphError("this graph has no labels; build it with Graph.from_networkx, or use the numbers")
         number = self.number(label)
         if number is None:
-            raise GraphError(strange_node(self.labels, label))
+            raise GraphError(unknown_label(self.labels, label))
         return number
 
     def number(self, label: object) -> int | None:
-        """The number of the node that is called `label`; None where there is none, as of a graph without labels."""
+        """Return the number of the node with a label, or None if there is none."""
         try:
             return self._numbers.get(label)
-        except TypeError:  # a list, or another value that names nothing
+        except TypeError:  # a value that cannot be a label, such as a list
             return None
 
     @cached_property
@@ -318,7 +320,7 @@ class Graph:
         return f"<Graph: {self.nodes:,} nodes, {self.arcs:,} arcs, {self.criteria} costs ({', '.join(self._costs())})>"
 
     def _costs(self) -> tuple[str, ...]:
-        """Each cost in a word or three, for the repr."""
+        """Return a short description of each cost, for the repr."""
         if self.edges is None:
             return self.aggregates
         quanta = (f"{quantum:g}" for quantum in self.edges.quanta)
@@ -326,29 +328,8 @@ class Graph:
         return tuple(f"{aggregate} of {name} in {quantum}" for aggregate, name, quantum in named)
 
 
-def inserted(values: NDArray[N], places: IntArray, added: NDArray[N]) -> NDArray[N]:
-    """Return rows (m, ...) with further rows (j, ...) before some of their places (j,), which rise.
-
-    >>> inserted(np.array([1, 2, 3]), np.array([1, 1, 3]), np.array([7, 8, 9])).tolist()
-    [1, 7, 8, 2, 3, 9]
-    """
-    cuts, first, counts = np.unique(places, return_index=True, return_counts=True)
-    parts, begin = list[NDArray[N]](), 0
-    for cut, row, count in zip(cuts.tolist(), first.tolist(), counts.tolist(), strict=True):
-        parts += [values[begin:cut], added[row : row + count].astype(values.dtype, copy=False)]
-        begin = cut
-    return np.concatenate([*parts, values[begin:]])
-
-
-def strange_node(labels: Sequence[Hashable], label: object) -> str:
-    """What is said of something that is none of the names of a graph's nodes."""
-    known = ", ".join(map(shown, labels[:4])) + (", ..." if len(labels) > 4 else ".")
-    near = did_you_mean(label, [one for one in labels if isinstance(one, str)])
-    return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {known}{near}"
-
-
 def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
-    """Return a contiguous array of integers, an own copy unless it is read-only; refuse what is not a whole number."""
+    """Return a contiguous array of integers, a copy unless it is read-only; GraphError for other values."""
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
@@ -372,13 +353,13 @@ def _integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
 
 
 def _own(*arrays: NDArray[Any]) -> None:
-    """Mark arrays that nobody else has, so that they are not copied again."""
+    """Mark new arrays as read-only, so that they are not copied again."""
     for array in arrays:
         array.setflags(write=False)
 
 
 def _stable_order(nodes: IntArray) -> NDArray[np.int32]:
-    """Sort by node, ties as given: NumPy sorts 16-bit integers by radix, so do it in two halves."""
+    """Return a stable order of nodes, sorted in two halves, as NumPy sorts 16-bit integers by radix."""
     order = np.argsort((nodes & 0xFFFF).astype(np.uint16), kind="stable").astype(np.int32)
     if nodes.max() > 0xFFFF:
         order = order[np.argsort((nodes[order] >> 16).astype(np.uint16), kind="stable")]
@@ -398,7 +379,7 @@ def _aggregates(aggregates: Sequence[str] | None, costs: IntArray) -> tuple[str,
 
 
 def _check_sums(graph: Graph) -> None:
-    """Refuse costs whose sums could overflow: a path without cycles leaves every node at most once."""
+    """Raise GraphError for costs with sums that could overflow; a path without cycles leaves a node at most once."""
     leaving = graph.indptr[:-1][np.diff(graph.indptr) > 0]
     for j, aggregate in enumerate(graph.aggregates):
         worst = int(graph.largest[j])

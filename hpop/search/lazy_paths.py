@@ -1,10 +1,10 @@
-"""Lazy search: whether an arc is free is asked only where a path that was found takes it.
+"""Lazy search: an arc is checked only when a path of a front uses it.
 
-Search the graph as if all arcs were free, ask about those on the paths found until each path is known to be free or
-blocked (:mod:`.asked_arcs`), leave out what is blocked, and search again, until all paths of a front are free. That
-front is the one of the free part of the graph: what was left out is blocked, and to remove what was not asked about
-cannot improve a front whose paths all stay. Lazy roadmaps (Bohlin and Kavraki 2000, doi 10.1109/ROBOT.2000.844107) do
-so for one shortest path.
+The graph is searched as if all arcs were free. Then arcs of the paths are checked until each path is known to be free
+or blocked, blocked arcs are removed, and the graph is searched again, until all paths of a front are free. That front
+is the front of the free part of the graph: only blocked arcs were removed, and the removal of unchecked arcs could not
+improve a front that keeps all its paths. Lazy roadmaps (Bohlin and Kavraki 2000, doi 10.1109/ROBOT.2000.844107) do so
+for one shortest path.
 """
 
 from __future__ import annotations
@@ -25,96 +25,96 @@ from hpop.search.machinery.approximation import proven_gap
 from hpop.search.machinery.checkpoint import Arrays, Keeper, not_kept
 from hpop.search.queries import ParetoPaths
 
-# A path with a blocked arc is of no use whatever its others are, so of each path one arc is asked about at a time,
-# until one is blocked: first about the one whose ends have had the largest shares of blocked arcs. Such a choice is an
-# edge selector of LazySP (Dellin and Srinivasa 2016, arXiv 1603.03490), here for many paths at once.
+# One blocked arc suffices to reject a path, so one arc of each path is checked at a time, until one is blocked. The
+# first arc is the one with the largest shares of blocked arcs at its ends: an edge selector as in LazySP (Dellin and
+# Srinivasa 2016, arXiv 1603.03490), for many paths at once.
 
 
 UNKNOWN, FREE, BLOCKED = range(3)
-AT_ONCE = 1024  # most arcs asked about between two looks at the clock
+AT_ONCE = 1024  # most arcs checked between two looks at the clock
 
 Free = Callable[[IntArray], BoolArray]
-"""Which of some arcs (N,), by their places in the graph, are free."""
+"""Check of arcs (N,), by their indices in the graph; returns which are free."""
 
 
-class AskedArcs:
-    """What is known of the arcs of a graph.
+class ArcStates:
+    """States of the arcs of a graph, checked on demand.
 
     state  (m,)  UNKNOWN, FREE or BLOCKED
     """
 
     def __init__(self, graph: Graph, free: Free) -> None:
-        """Nothing is known yet; ``free`` is asked about each arc at most once."""
+        """Begin with unknown states; ``free`` is called at most once for each arc."""
         self.graph, self.free = graph, free
         self.state = np.zeros(graph.arcs, np.uint8)
-        self._known = np.zeros(graph.nodes, np.int64)  # arcs that are known, of those that leave or enter each node
-        self._blocked = self._known.copy()  # and those of them that are blocked
+        self._known = np.zeros(graph.nodes, np.int64)  # checked arcs that leave or enter each node
+        self._blocked = self._known.copy()  # blocked arcs among them
 
     @property
     def blocked(self) -> BoolArray:
-        """Which arcs (m,) are known to be blocked."""
+        """True for each arc (m,) that is known to be blocked."""
         return np.asarray(self.state == BLOCKED)
 
-    def know(self, arcs: IntArray, free: BoolArray) -> None:
-        """Note of arcs (N,), of which nothing is known yet, which are free."""
+    def record(self, arcs: IntArray, free: BoolArray) -> None:
+        """Record which of some unchecked arcs (N,) are free."""
         self.state[arcs] = np.where(free, FREE, BLOCKED)
         for ends in self._ends(arcs):
             np.add.at(self._known, ends, 1)
             np.add.at(self._blocked, ends, ~free)
 
     def settle(self, arcs: IntArray, lengths: IntArray, late: Callable[[], bool]) -> bool:
-        """Ask until each path is free all along, or an arc of it is blocked; False where it was late before.
+        """Check arcs until each path is free, or has a blocked arc; return False if the time was over before.
 
         Parameters
         ----------
-        arcs : (N,) of all paths, one path after another
+        arcs : (N,) of all paths, path by path
         lengths : (n,) of the paths
-        late : is asked after each AT_ONCE arcs
+        late : returns whether the time is over; called every AT_ONCE arcs
         """
-        asked = 0
-        while (some := self._next(arcs, lengths)[:AT_ONCE]).size:
-            if asked >= AT_ONCE and late():
+        checked = 0
+        while (batch := self._next(arcs, lengths)[:AT_ONCE]).size:
+            if checked >= AT_ONCE and late():
                 return False
-            self.know(some, self.free(some))
-            asked += some.size
+            self.record(batch, self.free(batch))
+            checked += batch.size
         return True
 
     def are_free(self, arcs: IntArray, lengths: IntArray) -> BoolArray:
-        """Which paths (n,) are known to be free all along; arcs and lengths as in :meth:`settle`."""
-        return ~_some(self.state[arcs] != FREE, lengths)
+        """Return which paths (n,) are known to be free; arcs and lengths as in :meth:`settle`."""
+        return ~_have_marked(self.state[arcs] != FREE, lengths)
 
     def _next(self, arcs: IntArray, lengths: IntArray) -> IntArray:
-        """Of each path that may be free, the arc of which nothing is known that is blocked most likely."""
+        """Return, for each path that may be free, the unchecked arc that is most likely to be blocked."""
         path = np.repeat(np.arange(lengths.size), lengths)
-        doubtful = (self.state[arcs] == UNKNOWN) & ~_some(self.state[arcs] == BLOCKED, lengths)[path]
-        arcs, path = arcs[doubtful], path[doubtful]
+        unchecked = (self.state[arcs] == UNKNOWN) & ~_have_marked(self.state[arcs] == BLOCKED, lengths)[path]
+        arcs, path = arcs[unchecked], path[unchecked]
         arcs = arcs[np.lexsort((-self._risk(arcs), path))]
         return distinct(arcs[np.unique(path, return_index=True)[1]])
 
     def _risk(self, arcs: IntArray) -> FloatArray:
-        """The shares of blocked arcs at the ends (N,) of arcs, added up; half where nothing is known."""
+        """Return the sum of the shares of blocked arcs at both ends of arcs (N,); half if no arc is checked."""
         tails, heads = ((self._blocked[ends] + 0.5) / (self._known[ends] + 1.0) for ends in self._ends(arcs))
         return np.asarray(tails + heads)
 
     def _ends(self, arcs: IntArray) -> tuple[IntArray, IntArray]:
-        """Tails and heads (N,) of arcs."""
+        """Return the tails and heads (N,) of arcs."""
         tails = np.searchsorted(self.graph.indptr, arcs, side="right") - 1
         return tails, self.graph.heads[arcs].astype(np.int64)
 
 
-def _some(marked: BoolArray, lengths: IntArray) -> BoolArray:
-    """Which paths (n,) have an arc that is marked (N,)."""
+def _have_marked(marked: BoolArray, lengths: IntArray) -> BoolArray:
+    """Return which paths (n,) have a marked arc (N,)."""
     path = np.repeat(np.arange(lengths.size), lengths)
     return np.asarray(np.bincount(path, marked, minlength=lengths.size) > 0)
 
 
-LEAST = 1e-9  # s: a budget that is left is positive
+LEAST = 1e-9  # s: least remaining time limit, as a limit must be positive
 ROUNDS, GENERATED, EXPANDED, COUNTS = range(4)
-KEPT = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # in a checkpoint
+SAVED = ("arcs_free", "arcs_blocked", "arcs_left_out", "rounds")  # in a checkpoint
 
 
 class LazyRun:
-    """One query on a graph of which some arcs may be blocked."""
+    """Lazy search for one query."""
 
     def __init__(
         self,
@@ -126,32 +126,32 @@ class LazyRun:
         keeper: Keeper | None,
         tolerance: IntArray,
     ) -> None:
-        """Begin, or go on from what the keeper has.
+        """Begin, or resume from the keeper's checkpoint.
 
         Parameters
         ----------
-        free : is asked about each arc at most once
-        search : finds the paths of a part of the graph, with what is left of the budget
+        free : checks arcs, each at most once
+        search : finds the paths of a part of the graph, within the remaining budget
         tolerance : (k,) of the search
         """
         self.graph, self.search, self.tolerance = graph, search, tolerance
         self.budget, self.progress, self.keeper = budget, progress, keeper
-        self.asked = AskedArcs(graph, self._reported(free))
-        self.left_out = np.zeros(graph.arcs, np.bool_)  # without which the graph is searched
+        self.states = ArcStates(graph, self._reported(free))
+        self.left_out = np.zeros(graph.arcs, np.bool_)  # arcs removed from the searched graph
         self.counts = np.zeros(COUNTS, np.int64)
-        self.before = self.counts.copy()  # those of the rounds that ended
+        self.before = self.counts.copy()  # of the finished rounds
         self.bounds_seconds = self.compiled = 0.0
         self.peak = 0
         self.began = perf_counter()
         self.paths: ParetoPaths | None = None  # of the last round
-        self.cover: ParetoPaths | None = None  # of the last round whose search ended by itself
+        self.cover: ParetoPaths | None = None  # of the last round with a complete search
         if keeper is not None:
             if keeper.saved is not None:
                 self._resume(keeper.saved.arrays, keeper.path)
             keeper.begin(self._arrays())
 
     def go(self) -> ParetoPaths:
-        """Search, ask, leave out, until a front is free, or a limit is passed."""
+        """Search, check and remove arcs, until a front is free or a limit is passed."""
         try:
             status = self._until_free()
         except KeyboardInterrupt:
@@ -168,7 +168,7 @@ class LazyRun:
     def _until_free(self) -> Status:
         while True:
             paths = self.paths = self._searched()
-            settled = self.asked.settle(paths.all_arcs, paths.lengths, self._late)
+            settled = self.states.settle(paths.all_arcs, paths.lengths, self._late)
             if not paths.status.is_final or self._rows(paths).all():
                 return paths.status
             if not settled:
@@ -178,20 +178,20 @@ class LazyRun:
                 self.keeper.keep()
 
     def _note(self, paths: ParetoPaths) -> None:
-        """What was learnt of the arcs of these paths: the next search begins with it, or the one that was stopped."""
-        ended = paths.status.is_final
-        if ended:
-            self.cover, self.left_out, self.before = paths, self.asked.blocked, self.counts.copy()
+        """Remove the blocked arcs if a search was complete, and pass the states of arcs to the checkpoint."""
+        is_complete = paths.status.is_final
+        if is_complete:
+            self.cover, self.left_out, self.before = paths, self.states.blocked, self.counts.copy()
         if self.keeper is not None:
-            self.keeper.begin(self._arrays()) if ended else self.keeper.amend(self._arrays())
+            self.keeper.begin(self._arrays()) if is_complete else self.keeper.amend(self._arrays())
 
     # A round
 
     def _searched(self) -> ParetoPaths:
-        """The paths of the graph without what is known to be blocked, their arcs as places in the whole graph."""
+        """Return the paths of the graph without removed arcs, with arcs as indices in the whole graph."""
         limit, most = self.budget.time_limit, self.budget.max_labels
         part = self.graph.without(self.left_out)
-        size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.asked.state.nbytes
+        size = part.costs.nbytes + part.heads.nbytes + part.arc.nbytes + part.indptr.nbytes + self.states.state.nbytes
         room = self.budget.max_memory
         left = replace(
             self.budget,
@@ -208,35 +208,35 @@ class LazyRun:
         return paths
 
     def _seconds(self) -> float:
-        """Seconds since the search began, without compiling."""
+        """Return the seconds since the search began, without compiling."""
         return perf_counter() - self.began - self.compiled
 
     def _late(self) -> bool:
-        """Whether the limit of time is passed."""
+        """Return whether the time limit is passed."""
         limit = self.budget.time_limit
         return limit is not None and self._seconds() >= limit
 
     def _reported(self, free: Free) -> Free:
-        """The same question, which reports how far asking is."""
+        """Return the check of arcs with progress reports."""
 
-        def asked(arcs: IntArray) -> BoolArray:
+        def check(arcs: IntArray) -> BoolArray:
             if self.progress is not None:
-                state = self.asked.state
-                known = np.count_nonzero(state)
-                detail = f"edges of front {self.counts[ROUNDS]}: {known:,} of {state.size:,} looked at"
+                state = self.states.state
+                checked = np.count_nonzero(state)
+                detail = f"edges of front {self.counts[ROUNDS]}: {checked:,} of {state.size:,} checked"
                 self.progress(Progress("checking", seconds=self._seconds(), detail=detail))
             return free(arcs)
 
-        return asked
+        return check
 
     def _rows(self, paths: ParetoPaths) -> BoolArray:
-        """Which paths (n,) are known to be free all along."""
-        return self.asked.are_free(paths.all_arcs, paths.lengths)
+        """Return which paths (n,) are known to be free."""
+        return self.states.are_free(paths.all_arcs, paths.lengths)
 
-    # What is answered
+    # The result
 
     def _counted(self, paths: ParetoPaths) -> ParetoPaths:
-        """The same with the counts of all rounds."""
+        """Return paths with the statistics of all rounds."""
         rounds, generated, expanded = self.counts.tolist()
         stats = replace(
             paths.stats,
@@ -246,56 +246,58 @@ class LazyRun:
             seconds_bounds=self.bounds_seconds,
             seconds_search=self._seconds() - self.bounds_seconds,
             seconds_compiled=self.compiled,
-            arcs_checked=int(np.count_nonzero(self.asked.state)),
-            arcs_blocked=int(np.count_nonzero(self.asked.blocked)),
+            arcs_checked=int(np.count_nonzero(self.states.state)),
+            arcs_blocked=int(np.count_nonzero(self.states.blocked)),
             rounds=rounds,
         )
-        return replace(paths, stats=stats, blocked=np.flatnonzero(self.asked.blocked))
+        return replace(paths, stats=stats, blocked=np.flatnonzero(self.states.blocked))
 
     def _stopped(self, paths: ParetoPaths, status: Status) -> ParetoPaths:
-        """What is known to be free of these paths and of the last front, and how much better others may be.
+        """Return the free paths among these and the last complete front, with the gap to missing ones.
 
-        Whatever is missing, some vector of a front that was searched to its end is nowhere larger, or of one that was
-        not, within its gap: so it is enough to compare those that are kept with those that are not.
+        Every missing vector is covered by a vector of the last front, within its gap. So the gap follows from comparing
+        the free paths with the paths of that front that are not known to be free.
         """
         cover = paths if self.cover is None else self.cover
-        several = paths if cover is paths else paths.and_those_of(cover)
-        rows = np.flatnonzero(self._rows(several))
-        rows = rows[np.lexsort(several.costs[rows].T[::-1])]
-        rows = rows[is_nondominated(several.costs[rows].astype(np.float64))] if rows.size else rows
-        kept = several.select(several.costs, rows)
-        front, lost = (np.maximum(costs - self.tolerance, 0) for costs in (kept.costs, cover.costs[~self._rows(cover)]))
+        merged = paths if cover is paths else paths.and_those_of(cover)
+        rows = np.flatnonzero(self._rows(merged))
+        rows = rows[np.lexsort(merged.costs[rows].T[::-1])]
+        rows = rows[is_nondominated(merged.costs[rows].astype(np.float64))] if rows.size else rows
+        free = merged.select(merged.costs, rows)
+        front, lost = (np.maximum(costs - self.tolerance, 0) for costs in (free.costs, cover.costs[~self._rows(cover)]))
         gap = (1 + cover.gap) * (1 + proven_gap(front, lost)) - 1
-        return self._counted(replace(kept, status=status, gap=gap))
+        return self._counted(replace(free, status=status, gap=gap))
 
     # A checkpoint
 
     def _arrays(self) -> Arrays:
-        """What is kept beside the search's own, with evidence that none of it is another."""
-        states = (np.flatnonzero(self.asked.state == state) for state in (FREE, BLOCKED))
-        known = dict(zip(KEPT, (*states, np.flatnonzero(self.left_out), self.before), strict=True))
-        return {**known, "known": _evidence(list(known.values()))}
+        """Return the arrays of a checkpoint beside those of the search, with a checksum."""
+        states = (np.flatnonzero(self.states.state == state) for state in (FREE, BLOCKED))
+        saved = dict(zip(SAVED, (*states, np.flatnonzero(self.left_out), self.before), strict=True))
+        return {**saved, "known": _checksum(list(saved.values()))}
 
     def _resume(self, arrays: Arrays, path: Path) -> None:
-        """Take what was known; raises CheckpointError where that cannot be."""
-        if any(name not in arrays or arrays[name].ndim != 1 for name in (*KEPT, "known")):
-            raise not_kept(path, "it lacks what is known of the arcs")
-        free, blocked, left_out, rounds = known = [arrays[name] for name in KEPT]
-        if _evidence(known).tolist() != arrays["known"].tolist() or len(rounds) != COUNTS or (rounds < 0).any():
-            raise not_kept(path, "what it knows of the arcs is not what was known")
-        for places in (free, blocked, left_out):
-            if (np.diff(places) <= 0).any() or places.min(initial=0) < 0 or places.max(initial=-1) >= self.graph.arcs:
+        """Restore the states of arcs; raises CheckpointError for invalid ones."""
+        if any(name not in arrays or arrays[name].ndim != 1 for name in (*SAVED, "known")):
+            raise not_kept(path, "it lacks the states of the arcs")
+        free, blocked, left_out, rounds = saved = [arrays[name] for name in SAVED]
+        if _checksum(saved).tolist() != arrays["known"].tolist() or len(rounds) != COUNTS or (rounds < 0).any():
+            raise not_kept(path, "the states of its arcs do not match their checksum")
+        for indices in (free, blocked, left_out):
+            if (np.diff(indices) <= 0).any() or not (
+                0 <= indices.min(initial=0) <= indices.max(initial=0) < self.graph.arcs
+            ):
                 raise not_kept(path, "it names other arcs than this graph has")
-        self.asked.know(blocked, np.zeros(blocked.size, np.bool_))
-        if self.asked.state[free].any() or (self.asked.state[left_out] != BLOCKED).any():
+        self.states.record(blocked, np.zeros(blocked.size, np.bool_))
+        if self.states.state[free].any() or (self.states.state[left_out] != BLOCKED).any():
             raise not_kept(path, "an arc cannot be free and blocked")
-        self.asked.know(free, np.ones(free.size, np.bool_))
+        self.states.record(free, np.ones(free.size, np.bool_))
         self.left_out[left_out] = True
         self.before = rounds
 
 
-def _evidence(arrays: list[IntArray]) -> IntArray:
-    """A number (1,) that tells arrays from others."""
+def _checksum(arrays: list[IntArray]) -> IntArray:
+    """Return a checksum (1,) of arrays."""
     checksum = hashlib.blake2b(digest_size=7)
     for array in arrays:
         checksum.update(len(array).to_bytes(8, "little") + array.tobytes())

@@ -1,4 +1,4 @@
-"""Multi-objective A* as published, in plain Python: to be read beside the literature, and to test against.
+"""Multi-objective A* as published, in plain Python: to read with the literature, and to test against.
 
 Accepts: every :class:`~hpop.search.graph.Graph`; sums and maxima; several targets.
 
@@ -7,11 +7,11 @@ Guarantees: every non-dominated cost vector once, each with one path that has it
 Sources: Stewart and White, "Multiobjective A*", JACM 38 (1991), MOA*; Mandow and Perez de la Cruz, "A new
 approach to multiobjective A* search", IJCAI 2005, and JACM 57 (2010), NAMOA*. Names below are NAMOA*'s: OPEN
 holds the partial paths not yet extended; G_op(n), G_cl(n) are the cost vectors of those that reach n and are
-open or closed; COSTS are the vectors found at a target. In each round the lexicographically least f in OPEN
+open or closed; COSTS are the vectors found at targets. In each round the lexicographically least f in OPEN
 is chosen, which is non-dominated, and its path is extended.
 
-Deviations: of equal vectors at a node the first is kept, not all parents (one representative a vector); for
-a maximum g grows by max(g, c, h), so f = g (a lower bound of the rest may be taken into a maximum at once).
+Deviations: of equal vectors at a node the first is kept, not all parents (one representative per vector); for
+a maximum g grows by max(g, c, h), so f = g (a maximum may include a lower bound of the remaining cost at once).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Vector = tuple[int, ...]
 
 
 class Partial(NamedTuple):
-    """A partial path: its cost g, where it ends, and what it extends."""
+    """Partial path: its cost g, its last node, and the path that it extends."""
 
     g: Vector
     node: int
@@ -42,14 +42,14 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
     >>> namoa_star(graph, 0, 2)
     [((2, 10), [0, 1, 2]), ((9, 1), [0, 2])]
     """
-    several = cast(Iterable[int], [targets] if is_whole(targets) else targets)
-    source, goals = int(source), {int(target) for target in several}
+    target_nodes = cast(Iterable[int], [targets] if is_whole(targets) else targets)
+    source, goals = int(source), {int(target) for target in target_nodes}
     h = [ideal_cost_to_go(graph, goals, j) for j in range(graph.criteria)]
     successors = _successors(graph)
     is_max = [aggregate == "max" for aggregate in graph.aggregates]
 
     def bound(node: int) -> Vector | None:
-        """Ideal point of the cost-to-go, None if no target can be reached."""
+        """Return the ideal point of the cost-to-go, or None if no target can be reached."""
         return tuple(h_j[node] for h_j in h) if node in h[0] else None
 
     def estimate(g: Vector, node: int) -> Vector:
@@ -66,7 +66,7 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
     count = 1
     while open_paths:
         f, _, path = heapq.heappop(open_paths)
-        if path.g not in g_op[path.node]:  # pruned after it was put there
+        if path.g not in g_op[path.node]:  # pruned after it entered OPEN
             continue
         g_op[path.node].remove(path.g)
         if any(covers(c, f) for c in costs):  # filtered by a solution
@@ -83,12 +83,12 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
                 max(a, c, b) if worst else a + c for a, c, b, worst in zip(path.g, arc, ahead, is_max, strict=True)
             )
             waiting, closed = g_op.setdefault(node, set()), g_cl.get(node, set())
-            if any(covers(other, g) for other in waiting | closed):
+            if any(covers(vector, g) for vector in waiting | closed):
                 continue
             f = estimate(g, node)
             if any(covers(c, f) for c in costs):
                 continue
-            waiting -= {other for other in waiting if covers(g, other)}
+            waiting -= {vector for vector in waiting if covers(g, vector)}
             waiting.add(g)
             heapq.heappush(open_paths, (f, count, Partial(g, node, path)))
             count += 1
@@ -96,7 +96,7 @@ def namoa_star(graph: Graph, source: int, targets: int | Iterable[int]) -> list[
 
 
 def covers(a: Vector, b: Vector) -> bool:
-    """Say whether a is nowhere larger than b (weak dominance).
+    """Return whether a is nowhere larger than b (weak dominance).
 
     >>> covers((1, 2), (1, 2)), covers((1, 2), (2, 1))
     (True, False)
@@ -105,7 +105,7 @@ def covers(a: Vector, b: Vector) -> bool:
 
 
 def ideal_cost_to_go(graph: Graph, targets: set[int], j: int) -> dict[int, int]:
-    """Least cost j from every node to its best target: Dijkstra backward; nodes without a way left out."""
+    """Return the least cost j from every node that can reach a target to its best target, by backward Dijkstra."""
     predecessors: dict[int, list[tuple[int, int]]] = {}
     for tail, successors in enumerate(_successors(graph)):
         for head, arc in successors:

@@ -1,8 +1,4 @@
-"""Networks of a user's own: the edges of a networkx graph as rows, their costs as whole quanta.
-
-networkx keeps names and attributes, and whatever else a user wants of a graph; a search takes arrays. What is here
-reads the one into the other, and remembers the edges, so that paths come back in their words.
-"""
+"""Graphs of networkx as arrays: rows of edges, with costs in whole quanta, and labels of nodes."""
 
 from __future__ import annotations
 
@@ -24,19 +20,19 @@ from hpop.frontier import default_quanta
 if TYPE_CHECKING:
     import networkx as nx
 
-WHOLE = 1e-6  # of a quantum: so much above a whole number is still that number
-MOST_QUANTA = 2**53  # of one edge: beyond, float64 does not tell one quantum from the next
+WHOLE = 1e-6  # of a quantum: rounding error allowed before a cost is rounded up
+MOST_QUANTA = 2**53  # of one edge: beyond, float64 cannot represent all whole numbers
 Edge = tuple[Hashable, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Edges:
-    """The edges that the arcs of a graph were made of, and their costs as they were given.
+    """Edges of the networkx graph from which a graph was built, with their exact costs.
 
-    ends    E       (tail, head), of a multigraph (tail, head, key): what `g.edges[...]` takes
+    ends    E       (tail, head), of a multigraph (tail, head, key): indices of `g.edges[...]`
     names   k       attributes that are the costs
-    values  (E, k)  as given: int64 if all of them are whole numbers, else float64
-    quanta  (k,)    what the whole numbers of the graph count, in the units of the values
+    values  (E, k)  int64 if all of them are whole numbers, else float64
+    quanta  (k,)    of the graph's integer costs, in the units of the values
     """
 
     ends: tuple[Edge, ...]
@@ -45,8 +41,8 @@ class Edges:
     quanta: FloatArray
 
 
-class Network(NamedTuple):
-    """A networkx graph in arrays: names of nodes, arcs (m,), the edge of each, whole costs (m, k), and the edges."""
+class NetworkArrays(NamedTuple):
+    """Networkx graph as arrays: labels of nodes, arcs (m,), the edge of each, integer costs (m, k), and the edges."""
 
     labels: tuple[Hashable, ...]
     tails: IntArray
@@ -57,20 +53,20 @@ class Network(NamedTuple):
 
 
 def is_network(graph: object) -> bool:
-    """Whether something is a graph of networkx, without importing that for others."""
+    """Return whether an object is a networkx graph, without importing networkx for other objects."""
     return any(cls.__module__.partition(".")[0] == "networkx" for cls in type(graph).__mro__)
 
 
 def network(
     g: nx.Graph[Any], costs: Sequence[str], quanta: Mapping[str, float] | Sequence[float] | None = None
-) -> Network:
-    """Read a networkx graph; an undirected edge becomes two arcs, each of several parallel edges an arc of its own.
+) -> NetworkArrays:
+    """Return a networkx graph as arrays; an undirected edge becomes two arcs, each parallel edge an arc of its own.
 
-    Raises GraphError for another graph, an attribute that an edge lacks, and what is no cost or no quantum.
+    Raises GraphError for another object, a missing attribute, and invalid costs or quanta.
     """
     if not is_network(g):
         raise GraphError(
-            f"expected a networkx graph, got {_article(g)}; Graph.from_arcs(n, tails, heads, costs) takes arrays of any"
+            f"expected a networkx graph, got {_type_of(g)}; Graph.from_arcs(n, tails, heads, costs) takes arrays"
         )
     labels = tuple(g.nodes)
     index = {label: i for i, label in enumerate(labels)}
@@ -87,7 +83,7 @@ def network(
     if not g.is_directed():
         tails, heads = np.concatenate([tails, heads]), np.concatenate([heads, tails])
         edge, counts = np.concatenate([edge, edge]), np.concatenate([counts, counts])
-    return Network(labels, tails, heads, edge, counts, Edges(ends, names, values, steps))
+    return NetworkArrays(labels, tails, heads, edge, counts, Edges(ends, names, values, steps))
 
 
 def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
@@ -95,31 +91,33 @@ def _names(costs: Sequence[str], data: Sequence[Mapping[str, Any]]) -> tuple[str
     if not names or len(set(names)) < len(names) or not all(isinstance(name, str) for name in names):
         raise GraphError(
             f"costs names the attributes of edges to minimise, such as costs=['length', 'risk'], none twice, got "
-            f"{shown(costs) if costs else 'none'}{_there(data)}"
+            f"{shown(costs) if costs else 'none'}{_attributes(data)}"
         )
     return names
 
 
 def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) -> FloatArray | IntArray:
-    """One attribute of all edges (E,), checked: finite numbers, none below zero."""
-    found = [python_value(row.get(name)) for row in data]
-    lacking = [place for place, value in enumerate(found) if value is None]
+    """Return an attribute of all edges (E,); GraphError unless all are finite numbers of at least 0."""
+    values = [python_value(row.get(name)) for row in data]
+    lacking = [edge for edge, value in enumerate(values) if value is None]
     if lacking:
-        known = {other for row in data for other in row if isinstance(other, str)}
-        many = f"{len(lacking):,} of {len(ends):,} edges have" if len(lacking) > 1 else "one edge has"
+        names = {attribute for row in data for attribute in row if isinstance(attribute, str)}
+        subject = f"{len(lacking):,} of {len(ends):,} edges have" if len(lacking) > 1 else "one edge has"
         raise GraphError(
-            f"{many} no attribute {shown(name)}, the first is {_said(ends[lacking[0]])}{_there(data)}."
-            f"{did_you_mean(name, known - {name})}"
+            f"{subject} no attribute {shown(name)}, the first is {_in_words(ends[lacking[0]])}{_attributes(data)}."
+            f"{did_you_mean(name, names - {name})}"
         )
-    for place, value in enumerate(found):
+    for edge, value in enumerate(values):
         if not isinstance(value, Real) or not math.isfinite(value) or value < 0:
+            hint = "; shift or flip what is to be maximised" if isinstance(value, Real) and value < 0 else ""
             raise GraphError(
                 f"costs must be finite numbers of at least 0, got {shown(value)} as {shown(name)} of "
-                f"{_said(ends[place])}{'; shift or flip what is to be maximised' * (_is_negative(value))}"
+                f"{_in_words(ends[edge])}{hint}"
             )
-    whole = all(isinstance(value, int) for value in found)
     try:
-        return np.array(found, np.int64) if whole else np.array([float(cast(Real, value)) for value in found])
+        if all(isinstance(value, int) for value in values):
+            return np.array(values, np.int64)
+        return np.array([float(cast(Real, value)) for value in values])
     except OverflowError:
         raise GraphError(f"{shown(name)} is beyond 64 bits on some edge; give it in a larger unit") from None
 
@@ -127,21 +125,19 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
 def _quanta(
     quanta: Mapping[str, float] | Sequence[float] | None, names: tuple[str, ...], columns: Sequence[NDArray[Any]]
 ) -> FloatArray:
-    """The quantum (k,) of each cost: as given, or else what its values suggest."""
+    """Return the quantum (k,) of each cost, by default derived from its values."""
     own = {
         name: 1.0 if column.dtype.kind == "i" else float(default_quanta(column[:, None])[0])
         for name, column in zip(names, columns, strict=True)
     }
-    given = quanta
-    if given is not None and not isinstance(given, Mapping):
-        listed = np.ndim(given) == 1 and len(given) == len(names)
-        if not listed:
+    if quanta is not None and not isinstance(quanta, Mapping):
+        if np.ndim(quanta) != 1 or len(quanta) != len(names):
             raise GraphError(
-                f"quanta has a step for each of {', '.join(names)}, or gives some by name, such as "
-                f"{{{names[0]!r}: 0.01}}, got {shown(given)}"
+                f"quanta has a quantum for each of {', '.join(names)}, or gives some by name, such as "
+                f"{{{names[0]!r}: 0.01}}, got {shown(quanta)}"
             )
-        given = dict(zip(names, given, strict=True))
-    for name, quantum in (given or {}).items():
+        quanta = dict(zip(names, quanta, strict=True))
+    for name, quantum in (quanta or {}).items():
         if name not in own:
             raise GraphError(
                 f"quanta has {shown(name)}, which is no cost here; these are {', '.join(names)}."
@@ -154,36 +150,39 @@ def _quanta(
 
 
 def _counts(name: str, column: NDArray[Any], quantum: float, ends: Sequence[Edge]) -> IntArray:
-    """A column (E,) in whole quanta, rounded up."""
+    """Return a column (E,) in whole quanta, rounded up."""
     if quantum == 1.0 and column.dtype.kind == "i":
         return column
     with np.errstate(over="ignore"):
         quotients = column / quantum
     if (beyond := np.flatnonzero(quotients > MOST_QUANTA)).size:
-        place = int(beyond[0])
+        edge = int(beyond[0])
         raise GraphError(
-            f"{shown(name)} of {_said(ends[place])} is {column[place]:.6g}, more quanta of {quantum:.6g} than float64 "
-            "tells apart; use a coarser quantum"
+            f"{shown(name)} of {_in_words(ends[edge])} is {column[edge]:.6g}, more quanta of {quantum:.6g} than "
+            "float64 tells apart; use a coarser quantum"
         )
     counts: IntArray = np.ceil(quotients - WHOLE).astype(np.int64)
     return counts
 
 
-def _is_negative(value: Any) -> bool:
-    return isinstance(value, Real) and value < 0
+def unknown_label(labels: Sequence[Hashable], label: object) -> str:
+    """Return the message for a label that no node has."""
+    examples = ", ".join(map(shown, labels[:4])) + (", ..." if len(labels) > 4 else ".")
+    near = did_you_mean(label, [name for name in labels if isinstance(name, str)])
+    return f"no node is called {shown(label)}; the {len(labels):,} nodes are called {examples}{near}"
 
 
-def _said(edge: Edge) -> str:
-    tail, head, *key = edge
-    return f"edge {shown(tail)} - {shown(head)}{''.join(f' (key {shown(one)})' for one in key)}"
+def _in_words(edge: Edge) -> str:
+    tail, head, *keys = edge
+    return f"edge {shown(tail)} - {shown(head)}{''.join(f' (key {shown(key)})' for key in keys)}"
 
 
-def _there(data: Iterable[Mapping[str, Any]]) -> str:
-    """Which attributes edges have, for a message."""
-    known = sorted({name for row in data for name in row if isinstance(name, str)})
-    return f"; edges have {', '.join(map(shown, known[:12]))}{', ...' * (len(known) > 12)}" if known else ""
+def _attributes(data: Iterable[Mapping[str, Any]]) -> str:
+    """Return the attributes of edges, for a message."""
+    names = sorted({name for row in data for name in row if isinstance(name, str)})
+    return f"; edges have {', '.join(map(shown, names[:12]))}{', ...' if len(names) > 12 else ''}" if names else ""
 
 
-def _article(graph: object) -> str:
+def _type_of(graph: object) -> str:
     cls = type(graph)
     return f"an object of {cls.__module__}.{cls.__qualname__}" if cls.__module__ != "builtins" else shown(graph)

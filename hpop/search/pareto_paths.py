@@ -1,4 +1,4 @@
-"""All non-dominated cost vectors from a source to a set of targets, one path each: the way in."""
+"""All non-dominated cost vectors from a source to a set of targets, with one path each: the main function."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock, Search
     from hpop.search.machinery.turns import Groups
 
-SMALL = 1024  # an index cost is small if some good path stays below it (others may dawdle where turns are free)
-SAMPLE = 10_000  # arcs that tell how many values a cost takes
+SMALL = 1024  # an index cost is small if some good path stays below it
+SAMPLE = 10_000  # arcs sampled to count the values of a cost
 
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Which paths are asked for.
+    """Query of a search.
 
-    targets    (t,)  numbers of nodes
+    targets    (t,)  nodes
     precision  how near to every non-dominated vector a returned one must be
-    at_most    (k,)  bounds on the costs, or none
+    at_most    (k,)  bounds on the costs, or empty
     """
 
     graph: Graph
@@ -57,11 +57,11 @@ class Question:
     def search(
         self, method: str, order: tuple[int, ...], h: IntArray, groups: Groups, clock: Clock, *, jointly: bool
     ) -> Search:
-        """Set up the search by a method, with the costs in the order of :func:`chosen_order`; may raise TooWide.
+        """Return the search of a method, with the costs in the order of :func:`chosen_order`; may raise TooWide.
 
         h        (k, n)  bounds
-        groups   of the order's index, or none, where the method is "staircase"
-        jointly  whether it may take joint bounds
+        groups   of the index cost, or none, for the method "staircase"
+        jointly  whether it may use joint bounds
         """
         ends = self.graph, self.source, self.targets
         if method == "staircase":
@@ -75,7 +75,7 @@ class Question:
 
 
 def chosen_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, int]:
-    """The method that "auto" stands for, and the column of the smallest small-integer cost, -1 if there is none."""
+    """Return the method of "auto", and the column of the smallest cost that is a small integer, or -1."""
     reach = samples.min(axis=0) if len(samples) else np.zeros(graph.criteria, np.int64)
     fit = [j for j in range(graph.criteria) if graph.aggregates[j] == "sum" and reach[j] < SMALL]
     fit = [j for j in fit if graph.largest[j] < SMALL]
@@ -96,7 +96,7 @@ def chosen_method(graph: Graph, method: str, samples: IntArray) -> tuple[str, in
 def chosen_order(
     graph: Graph, method: str, index: int, samples: IntArray, least: IntArray, groups: Groups
 ) -> tuple[int, ...]:
-    """The order of the costs: of the method "staircase" its index is the second.
+    """Return the order of the costs; for the method "staircase" the index cost is the second.
 
     method, index   of :func:`chosen_method`
     samples, least  costs (k, k) of the paths least in each cost, and these (k,)
@@ -104,13 +104,13 @@ def chosen_order(
     by_spread = _by_spread(samples, least)
     if method != "staircase":
         return _free_first(graph, by_spread, groups)
-    others = [j for j in by_spread if j != index]
-    others.sort(key=lambda j: _is_raised(graph, j, index, groups))  # free turns first
-    return (others[0], index, *others[1:])
+    remaining = [j for j in by_spread if j != index]
+    remaining.sort(key=lambda j: _is_raised(graph, j, index, groups))  # costs that turns do not raise come first
+    return (remaining[0], index, *remaining[1:])
 
 
 def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
-    """Whether any turn, an arc with a positive index, raises cost j."""
+    """Return whether any turn, an arc with a positive index cost, raises cost j."""
     if groups.column == index:
         return bool(groups.dearest[:, j].any())
     turns = graph.costs[:, index] > 0
@@ -118,30 +118,30 @@ def _is_raised(graph: Graph, j: int, index: int, groups: Groups) -> bool:
 
 
 def _by_spread(samples: IntArray, least: IntArray) -> list[int]:
-    """Order the costs: first the one that grows least, in proportion, on the way that is best in another cost.
+    """Return an order of the costs: by their least relative growth on the path that is best in another cost.
 
-    Found by measurement: on museum lattices it puts the length first, which took 0.6 of the time of starting
-    with the exposure, and the turns never, which took five times as long.
+    This order was found by measurement. On museum lattices the length comes first, which takes 0.6 of the time of
+    starting with the exposure, and turns, which take five times as long, never do.
     """
-    ratios = (samples + 1.0) / (least + 1.0)  # (k, k)  row i: the way best in i
+    ratios = (samples + 1.0) / (least + 1.0)  # (k, k)  row i: the path best in i
     np.fill_diagonal(ratios, np.inf)
     return [int(j) for j in np.argsort(ratios.min(axis=0), kind="stable")]
 
 
 def _free_first(graph: Graph, by_spread: list[int], groups: Groups) -> tuple[int, ...]:
-    """Where turns make groups, begin with a cost that they do not raise: then they are taken at once.
+    """Return an order that begins with costs that no turn of a group raises, so that turns are taken together.
 
-    If there are several, with the sum that takes most values: it drops out of the sets of vectors, which are the
-    smaller the fewer values the others take. Proximity before the length took 0.6 to 1.2 of the time, and less memory.
+    Of several such costs the sum with most values comes first: it drops out of the sets of vectors, which are smaller
+    if the other costs have few values. Proximity before length took 0.6 to 1.2 of the time, and less memory.
     """
     free = [j for j in by_spread if groups.column >= 0 and not groups.dearest[:, j].any()]
-    some = graph.costs[:SAMPLE]
-    free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(distinct(some[:, j]))))
+    sample = graph.costs[:SAMPLE]
+    free.sort(key=lambda j: (graph.aggregates[j] == "max", -len(distinct(sample[:, j]))))
     return (*free, *(j for j in by_spread if j not in free))
 
 
 METHODS = ("auto", "staircase", "general")
-MOST_COMPARED = 500_000  # costs of open labels: what is missing is proven of them in a tenth of a second
+MOST_COMPARED = 500_000  # costs of open labels from which the gap is computed within a tenth of a second
 
 
 @checked_arguments
@@ -162,35 +162,35 @@ def pareto_paths(
     checkpoint: CheckpointSpec | None = None,
     free: Free | None = None,
 ) -> ParetoPaths:
-    """Find every non-dominated cost vector of the paths from source to target, each with one path.
+    """Return every non-dominated cost vector of the paths from source to target, each with one path.
 
-    Vectors are compared componentwise, smaller is better; of paths with equal vectors one is kept. With
-    several targets, a path may end at any of them and all compete in one front. A path of no arcs costs 0.
+    Vectors are compared componentwise, smaller is better; of paths with equal vectors one is returned. With several
+    targets, a path may end at any of them, and all paths compete in one front. A path without arcs costs 0.
 
-    Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum; source and targets by their labels where it has
-    some, else by their numbers. Or a graph of networkx, directed or not, with parallel edges or without: `costs` then
-    names the attributes to minimise, `quanta` and `aggregates` are those of :meth:`.Graph.from_networkx`, and costs
-    with fractions are rounded up to quanta, edge by edge; see :attr:`.ParetoPaths.values`.
+    Accepts: any :class:`Graph` with 1 to 6 costs, each a sum or a maximum; source and targets are labels if the graph
+    has labels, else numbers. Or a graph of networkx, directed or not, also with parallel edges: `costs` then names the
+    attributes to minimise, `quanta` and `aggregates` are those of :meth:`.Graph.from_networkx`, and costs with
+    fractions are rounded up to quanta, edge by edge; see :attr:`.ParetoPaths.values`.
 
-    Guarantees: exact in integers. With `eps` or `tolerance` (counts, one a cost) every non-dominated vector p is
+    Guarantees: exact in integers. With `eps` or `tolerance` (counts, one per cost) every non-dominated vector p is
     covered by a returned one, r <= (1 + eps) p + tolerance, which need not be non-dominated itself. If a limit of
-    `budget` or Ctrl-C stops it, what is returned are the first ones in the order of the search, and `gap` says how
-    much better others may be. With `at_most` (one bound a cost, None for none) all this holds for the paths within it.
+    `budget` or Ctrl-C stops it, the first vectors in the order of the search are returned, and `gap` says how much
+    better missing ones may be. With `at_most` (one bound per cost, or None) all this holds for the paths within it.
 
-    Cost: `method` "staircase" (:mod:`.staircase.search`) needs one summed cost that is a small integer, and two or
-    three costs; "general" (:mod:`.general.search`) takes all. "auto" chooses, and so does the order of costs.
+    Cost: `method` "staircase" (:mod:`.staircase.search`) needs two or three costs, one of them a sum that is a small
+    integer; "general" (:mod:`.general.search`) takes all graphs. "auto" chooses the method; the order of the costs is
+    always chosen.
 
-    `checkpoint` is a file, or a :class:`.Checkpoint`, in which the search keeps its state. The same question with the
-    same file goes on from there, after a limit, Ctrl-C or kill -9, and ends as if it had never stopped; a limit of time
-    counts anew, one of labels does not. A search that is complete leaves the file as it is: remove it when the front
-    is safe. Raises CheckpointError for a file that is damaged, of another question or of another version of hpop.
-    Nobody can tell what a file from a stranger leaves out: :mod:`.checkpoint`.
+    `checkpoint` is a file, or a :class:`.Checkpoint`, in which the search saves its state. The same query with the same
+    file resumes the search, after a limit, Ctrl-C or kill -9, with the same result as without the stop; a time limit
+    counts anew, a limit of labels does not. A complete search leaves the file: remove it when the front is saved.
+    Raises CheckpointError for a file that is damaged, of another query or of another version of hpop. Resume only
+    from files that you trust: :mod:`.checkpoint`.
 
-    With `free`, which says of some arcs (N,), by their places in the graph, which are free, all this holds of the graph
-    without those that are blocked; it is asked only about arcs on paths that are found, once each, of a blocked path
-    not about all (:mod:`.lazy_paths`). Limits hold for all rounds together. What is returned is free all along, also
-    where a limit stops it; after a checkpoint as far as its file is true, and other arcs may have been asked about than
-    in one go.
+    `free` returns which of some arcs (N,), by their indices in the graph, are free. All this then holds for the graph
+    without its blocked arcs. Only arcs on paths of a front are checked, once each, and not all of a blocked path
+    (:mod:`.lazy_paths`). Limits hold for all rounds together. All returned paths are free, also after a limit. After
+    a resume this relies on the file, and different arcs may have been checked.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> paths = pareto_paths(graph, 0, 2)
@@ -215,8 +215,8 @@ def pareto_paths(
 
     precision = precision_of(graph, eps, tolerance)
     bounds = bounds_of(graph, at_most)
-    asked = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
-    keeper = Keeper.of(checkpoint, graph, start, targets, method, *asked, *["lazily"][: free is not None])
+    options = (float(precision.eps), precision.of(range(graph.criteria)), np.array(bounds, np.int64))
+    keeper = Keeper.of(checkpoint, graph, start, targets, method, *options, *["lazily"][: free is not None])
 
     def search(part: Graph, left: Budget) -> ParetoPaths:
         clock = Clock(left, progress)
@@ -227,7 +227,7 @@ def pareto_paths(
             status = Status.INTERRUPTED
         try:
             return run.result(clock, status)
-        except KeyboardInterrupt:  # a second one: what was found is worth more than to know how much is missing
+        except KeyboardInterrupt:  # a second one skips the gap
             return run.result(clock, Status.INTERRUPTED, proven=False)
 
     if free is None:
@@ -238,7 +238,7 @@ def pareto_paths(
 
 
 class _ParetoRun:
-    """One query: bounds, choice of the method and of the order, search."""
+    """Run of one query: bounds, choice of the method and of the order, search."""
 
     def __init__(
         self,
@@ -259,7 +259,7 @@ class _ParetoRun:
         self.after_bounds = 0.0
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; what it found is in `search`."""
+        """Run the query; `search` has the results."""
         prepared = self._prepare(clock)
         if isinstance(prepared, Status):
             return prepared
@@ -273,7 +273,7 @@ class _ParetoRun:
             return self.go(clock)
 
     def _prepare(self, clock: Clock) -> Search | Status:
-        """Set up the search with tables of its own, so that the bounds can be freed, or say why not."""
+        """Return the search with its own tables, so that the bounds can be freed, or the status that prevents it."""
         from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
         from hpop.search.machinery.turns import Groups, NoRoom
 
@@ -303,9 +303,9 @@ class _ParetoRun:
         return question.search(self.method, self.order, h, groups, clock, jointly=False)
 
     def result(self, clock: Clock, status: Status, *, proven: bool = True) -> ParetoPaths:
-        """What was found; ``proven`` says that the gap is, which takes seconds where millions of labels are open.
+        """Return the paths found; with ``proven`` also the gap, which takes seconds for millions of open labels.
 
-        After Ctrl-C somebody waits: it is then proven only of so few open labels that it takes a tenth of a second.
+        After Ctrl-C the gap is computed only if there are so few open labels that it takes a tenth of a second.
         """
         k = self.graph.criteria
         costs = np.zeros((0, k), np.int64)
@@ -313,9 +313,9 @@ class _ParetoRun:
         counts: dict[str, Any] = {}
         end = clock.seconds()
         if self.search is not None:
-            found, labels, generated, expanded, waiting = self.search.found()
-            costs = np.empty((len(found), k), np.int64)
-            costs[:, list(self.order)] = found[:, : len(self.order)]
+            vectors, labels, generated, expanded, waiting = self.search.found()
+            costs = np.empty((len(vectors), k), np.int64)
+            costs[:, list(self.order)] = vectors[:, : len(self.order)]
             rows = np.lexsort(costs.T[::-1])
             costs = costs[rows]
             paths = tuple(self.search.paths(labels[rows], clock))
@@ -326,7 +326,7 @@ class _ParetoRun:
             gap = math.inf
             awaited = status is not Status.INTERRUPTED or counts.get("labels_open", 0) * k <= MOST_COMPARED
             if proven and awaited and self.search is not None:
-                gap = max(self.precision.eps, proven_gap(found[:, :k], self.search.estimates()[:, :k]))
+                gap = max(self.precision.eps, proven_gap(vectors[:, :k], self.search.estimates()[:, :k]))
         stats = SearchStats(
             self.method,
             self.order,
@@ -341,7 +341,7 @@ class _ParetoRun:
 
 
 def _graph(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
-    """The graph to search, read from networkx if it comes from there."""
+    """Return the graph to search, converted if it is one of networkx."""
     if isinstance(graph, Graph):
         if costs is not None or quanta is not None or aggregates is not None:
             raise OptionError("costs, quanta and aggregates are for graphs of networkx; this Graph has its own")
@@ -350,7 +350,7 @@ def _graph(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
 
 
 def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:
-    """Of the search that such costs are likely to take, the kernel that takes longest to compile; a first answer's."""
+    """Return the slowest kernels to compile of the likely search for such costs, and of its first answer."""
     from hpop.search.supported.weighted_path import weighted_path
 
     if turns >= 0 and len(aggregates) == 3:

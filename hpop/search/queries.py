@@ -1,4 +1,4 @@
-"""A query of a search, checked, with its bounds and precision, and its result: parts of every way in."""
+"""Queries of all searches, checked, with bounds and precision, and their results."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from hpop.base.text import shown
 from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
 from hpop.frontier import Front
 from hpop.runtime.status import Budget, Status
-from hpop.search.graph import Graph, strange_node
+from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision
-from hpop.search.networks import WHOLE
+from hpop.search.networks import WHOLE, unknown_label
 
 UNLIMITED = Budget()
 
 
 @dataclass(frozen=True)
 class SearchStats:
-    """What a search did and what it cost.
+    """Statistics of a search.
 
     method            "staircase" or "general"; "auto" if a limit came before the choice
     order             columns of the costs in the order of the search
     labels_generated  count  partial paths put into the heap
     labels_expanded   count  partial paths taken out of it and followed
-    labels_open       count  partial paths that were waiting when it ended
+    labels_open       count  partial paths in the heap at the end
     peak_memory       bytes  arrays of the search
     seconds_bounds    s      lower bounds
-    seconds_search    s      the search itself, tables included
-    seconds_compiled  s      compiling kernels or loading them; 0 when they were in memory
-    arcs_checked      count  arcs of which it was asked whether they are free
-    arcs_blocked      count  those of them that are not
-    rounds            count  searches, each without the arcs that were known to be blocked
+    seconds_search    s      the search itself, with its tables
+    seconds_compiled  s      compiling or loading kernels; 0 if they were in memory
+    arcs_checked      count  arcs checked by a lazy search
+    arcs_blocked      count  blocked arcs among them
+    rounds            count  searches of a lazy search, each without the arcs known to be blocked
     """
 
     method: str
@@ -59,14 +59,14 @@ class SearchStats:
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class ParetoPaths:
-    """A front and its paths.
+    """Front of cost vectors with their paths.
 
     costs   (n, k)  int64  in the caller's columns, rows in lexicographic order
     status  COMPLETE, NO_PATH, or what stopped the search
     stats   what the search did
-    gap     every missing vector is covered by one of these within the factor 1 + gap, beside the tolerance asked for
-    blocked (b,)  places of the arcs that are known to be blocked, of those of which that was asked
-    asked   what is claimed beside completeness, in words: tolerance and bounds, if there were any
+    gap     every missing vector is covered by one of these within the factor 1 + gap, beside the query's tolerance
+    blocked (b,)  indices of the checked arcs that are blocked
+    asked   tolerance and bounds of the query, in words, for the certificate
     """
 
     KIND: ClassVar[str] = "all non-dominated vectors of paths"
@@ -85,39 +85,39 @@ class ParetoPaths:
         return len(self.costs)
 
     def select(self, costs: IntArray, rows: IntArray) -> ParetoPaths:
-        """The paths of some rows, in that order, with other costs (n, k) in the place of these."""
+        """Return the paths of some rows, in that order, with other costs (n, k)."""
         return replace(self, costs=costs[rows], _paths=tuple(self._paths[row] for row in rows))
 
     def on(self, graph: Graph) -> ParetoPaths:
-        """The same on the graph of which theirs is a part, as :meth:`.Graph.without` makes one."""
+        """Return these paths on the whole graph, if their graph is a part of it by :meth:`.Graph.without`."""
         return replace(self, _graph=graph, _paths=tuple(self._graph.arc[path].astype(np.int64) for path in self._paths))
 
     def and_those_of(self, other: ParetoPaths) -> ParetoPaths:
-        """These paths and others on the same graph."""
+        """Return these paths and others on the same graph, together."""
         return replace(self, costs=np.concatenate([self.costs, other.costs]), _paths=self._paths + other._paths)
 
     def nodes(self, i: int) -> IntArray:
-        """Nodes of path i, source and target included."""
+        """Return the nodes of path i, with source and target."""
         heads = self._graph.heads[self._paths[i]].astype(np.int64)
         return np.concatenate([np.array([self._source], np.int64), heads])
 
     def path(self, i: int) -> list[Hashable]:
-        """Nodes of path i as the caller calls them, source and target included; their numbers if they have no names."""
+        """Return the labels of the nodes of path i, with source and target; numbers for a graph without labels."""
         labels = self._graph.labels
         return [node if labels is None else labels[node] for node in self.nodes(i).tolist()]
 
     def edges(self, i: int) -> list[tuple[Hashable, ...]]:
-        """Edges of path i, (tail, head) as it goes, in a multigraph with the key: each is one of `g.edges`."""
+        """Return the edges of path i as (tail, head), with the key in a multigraph: each is one of `g.edges`."""
         nodes, edges = self.path(i), self._graph.edges
         keys = [() if edges is None else edges.ends[arc][2:] for arc in self.arcs(i).tolist()]
         return [(tail, head, *key) for tail, head, key in zip(nodes[:-1], nodes[1:], keys, strict=True)]
 
     @property
     def values(self) -> FloatArray | IntArray:
-        """What the paths cost (n, k) in the caller's units, added up from the attributes of the edges as they are.
+        """Exact costs (n, k) of the paths in the caller's units, from the attributes of the edges.
 
-        A cost here is at most `costs` times its quantum, and less by less than a quantum an edge. Where costs are
-        whole numbers, and count themselves, these are `costs`.
+        A value is at most its integer cost times the quantum, and smaller by less than a quantum per edge. If all
+        attributes are whole numbers with the quantum 1, these are `costs`.
         """
         edges = self._graph.edges
         if edges is None:
@@ -129,13 +129,13 @@ class ParetoPaths:
         return cast(FloatArray | IntArray, table.reshape(self.costs.shape))
 
     def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> Front[list[Hashable]]:
-        """The front of these paths: `values` as costs, each with its path as a list of nodes, to choose from and save.
+        """Return the front of these paths, to choose from and save: `values` as costs, paths as lists of nodes.
 
-        Paths whose values, added up as they are, turn out dominated by another's are left out: roundings along a path
-        may add up to more than a quantum.
+        Paths with values that are dominated by another path's are left out; this may occur because roundings along a
+        path add up to more than a quantum.
 
-        names  k  of the costs; else the attributes of a graph from networkx, or "f1", "f2", ...
-        units  k  of the costs; else "1"
+        names  k  of the costs; by default the attributes of a graph from networkx, or "f1", "f2", ...
+        units  k  of the costs; by default "1"
         """
         edges = self._graph.edges
         if names is None and edges is not None:
@@ -151,7 +151,7 @@ class ParetoPaths:
         )
 
     def _claim(self) -> str:
-        """What is claimed of the paths, as a certificate."""
+        """Return the certificate."""
         edges = self._graph.edges
         kind = self.KIND if self.status.is_final else f"not complete: some of {self.KIND}"
         steps = "" if edges is None else ", ".join(f"{n} {q:g}" for n, q in zip(edges.names, edges.quanta, strict=True))
@@ -161,39 +161,39 @@ class ParetoPaths:
 
     @property
     def lengths(self) -> IntArray:
-        """Arcs (n,) of each path."""
+        """Numbers (n,) of arcs of the paths."""
         return np.array([path.size for path in self._paths], dtype=np.int64)
 
     @property
     def places(self) -> list[IntArray]:
-        """Places of the arcs of each path in the graph."""
+        """Indices in the graph of the arcs of each path."""
         return list(self._paths)
 
     @property
     def all_arcs(self) -> IntArray:
-        """Places (N,) of the arcs of all paths in the graph, one path after another."""
+        """Indices (N,) in the graph of the arcs of all paths, path by path."""
         return np.concatenate([np.zeros(0, np.int64), *self._paths])
 
     def through(self, rows: IntArray) -> tuple[IntArray, IntArray]:
-        """Nodes (N,) of the paths of some rows (r,), one path after another, and how many (r,) each has."""
-        several = [self._paths[row] for row in rows]
-        sizes = np.array([path.size for path in several], dtype=np.int64) + 1
+        """Return the nodes (N,) of the paths of some rows (r,), path by path, and the numbers (r,) of nodes."""
+        paths = [self._paths[row] for row in rows]
+        sizes = np.array([path.size for path in paths], dtype=np.int64) + 1
         nodes = np.full(sizes.sum(), self._source, dtype=np.int64)
         heads = np.delete(np.arange(nodes.size), np.cumsum(sizes) - sizes)
-        nodes[heads] = self._graph.heads[np.concatenate([np.zeros(0, np.int64), *several])]
+        nodes[heads] = self._graph.heads[np.concatenate([np.zeros(0, np.int64), *paths])]
         return nodes, sizes
 
     def suffixes(self, node: int) -> list[IntArray]:
-        """What is left of each path that passes a node, from there on: places of arcs in the graph, as known paths."""
-        rest = []
+        """Return the remaining arcs of each path after a node that it passes, as indices in the graph."""
+        suffixes = []
         for i, path in enumerate(self._paths):
             at = np.flatnonzero(self.nodes(i) == node)
             if at.size:
-                rest.append(path[at[-1] :])
-        return rest
+                suffixes.append(path[at[-1] :])
+        return suffixes
 
     def arcs(self, i: int) -> IntArray:
-        """Arcs of path i, as indices into the arcs that the caller gave."""
+        """Return the arcs of path i, as indices in the caller's arcs."""
         return self._graph.arc[self._paths[i]].astype(np.int64)
 
     def __repr__(self) -> str:
@@ -203,7 +203,7 @@ class ParetoPaths:
 
 
 def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
-    """Costs (n, k) of paths, the arcs of each as places in the graph; a path of no arcs costs 0."""
+    """Return the costs (n, k) of paths, given by indices of arcs in the graph; a path without arcs costs 0."""
     worst = np.array(graph.aggregates) == "max"
     costs = np.zeros((len(paths), graph.criteria), np.int64)
     for row, arcs in zip(costs, paths, strict=True):
@@ -213,7 +213,7 @@ def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:
 
 
 def checked_graph(graph: Any) -> Graph:
-    """A graph of :mod:`hpop.search`; GraphError for anything else."""
+    """Return a graph of :mod:`hpop.search`; raises GraphError for another object."""
     if not isinstance(graph, Graph):
         raise GraphError(
             f"expected a Graph of hpop.search, got {shown(graph)}; Graph.from_networkx and Graph.from_arcs make one"
@@ -222,49 +222,51 @@ def checked_graph(graph: Any) -> Graph:
 
 
 def checked_node(graph: Graph, node: Any, name: str) -> int:
-    """The number of a node, which is given by its label where the graph has labels; QueryError for anything else."""
+    """Return the number of a node, given by its label if the graph has labels; raises QueryError if there is none."""
     if graph.labels is None:
         hint = "only a graph from networkx has names"
         return whole(name, node, 0, graph.nodes - 1, "a node", hint=hint, error=QueryError)
     number = graph.number(python_value(node))
     if number is None:
-        raise QueryError(f"{name}: {strange_node(graph.labels, node)}")
+        raise QueryError(f"{name}: {unknown_label(graph.labels, node)}")
     return number
 
 
 def checked_targets(graph: Graph, target: Any) -> IntArray:
-    """The numbers of one or several nodes, in order; raises QueryError for anything else."""
+    """Return the sorted numbers of one or several nodes; raises QueryError for anything else."""
     target = python_value(target)
     if graph.number(target) is not None or isinstance(target, int | str):
         return np.array([checked_node(graph, target, "target")], np.int64)
     if isinstance(target, tuple) and graph.labels is not None and not any(graph.number(t) is not None for t in target):
-        raise QueryError(f"target: {strange_node(graph.labels, target)}")  # a name, of the form of (row, column)
+        raise QueryError(
+            f"target: {unknown_label(graph.labels, target)}"
+        )  # a label that is a tuple, such as (row, column)
     try:
-        several = {checked_node(graph, t, "target") for t in target}
+        numbers = {checked_node(graph, t, "target") for t in target}
     except TypeError:
         raise QueryError(f"target must be a node or several nodes, got {shown(target)}") from None
-    if not several:
+    if not numbers:
         raise QueryError("target must name at least one node, got none")
-    return np.array(sorted(several), np.int64)
+    return np.array(sorted(numbers), np.int64)
 
 
 def bounds_of(graph: Graph, at_most: Any) -> tuple[int, ...]:
-    """One bound a cost (k,), ANYTHING for none; empty if there are none at all."""
-    given = _one_a_cost(graph, at_most, "at_most", "a whole number or None", None)
+    """Return one bound per cost (k,), ANYTHING for no bound, or () if no cost is bounded."""
+    values = _one_a_cost(graph, at_most, "at_most", "a whole number or None", None)
     name = f"at_most is a whole number or None for each of {graph.criteria} costs: a bound"
     first = "" if graph.edges is None else graph.edges.names[0]
     hint = f"or give bounds by name, in units, such as {{{first!r}: 30.0}}" * bool(first)
-    bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1, hint=hint), ANYTHING) for b in given)
+    bounds = tuple(ANYTHING if b is None else min(whole(name, b, 0, 2**63 - 1, hint=hint), ANYTHING) for b in values)
     return bounds if any(b < ANYTHING for b in bounds) else ()
 
 
 def precision_of(graph: Graph, eps: float, tolerance: Any) -> Precision:
-    """By a factor and a tolerance for each cost; raises OptionError for what is none."""
+    """Return the precision of a factor and of a tolerance per cost; raises OptionError for invalid values."""
     return Precision(eps, _one_a_cost(graph, tolerance, "tolerance", "a whole number", 0))
 
 
 def asked_in_words(graph: Graph, precision: Precision, at_most: tuple[int, ...]) -> str:
-    """What was asked beside all vectors, as part of a certificate."""
+    """Return the bounds and the tolerance of a query, in words, as part of a certificate."""
     names = graph.edges.names if graph.edges is not None else [f"cost {j}" for j in range(graph.criteria)]
     quanta = graph.edges.quanta.tolist() if graph.edges is not None else [1] * graph.criteria
     steps, bounds = precision.of(range(graph.criteria)).tolist(), at_most or [ANYTHING] * graph.criteria
@@ -273,16 +275,18 @@ def asked_in_words(graph: Graph, precision: Precision, at_most: tuple[int, ...])
     return f" of at most {', '.join(within)}" * bool(within) + f" within a tolerance of {', '.join(near)}" * bool(near)
 
 
-def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, nothing: int | None) -> tuple[Any, ...]:
-    """What is given for each cost, or for none of them, as counts; by name in units, ``nothing`` where not named."""
+def _one_a_cost(graph: Graph, values: Any, name: str, kind: str, missing: int | None) -> tuple[Any, ...]:
+    """Return one count per cost, from a list of counts or from amounts by name, ``missing`` for costs not named."""
     if isinstance(values, Mapping):
         if graph.edges is None:
-            raise OptionError(f"{name} is {kind} for each of {graph.criteria} costs: this graph's have no names")
-        counts: dict[str, int | None] = dict.fromkeys(graph.edges.names, nothing)
+            raise OptionError(
+                f"{name} is {kind} for each of {graph.criteria} costs: the costs of this graph have no names"
+            )
+        counts: dict[str, int | None] = dict.fromkeys(graph.edges.names, missing)
         for cost, amount in amounts(name, values, MOST_COUNTED).items():
             if cost not in counts:
-                known = ", ".join(counts)
-                raise OptionError(f"{name} has {shown(cost)}; the costs are {known}.{did_you_mean(cost, counts)}")
+                names = ", ".join(counts)
+                raise OptionError(f"{name} has {shown(cost)}; the costs are {names}.{did_you_mean(cost, counts)}")
             quantum = graph.edges.quanta[graph.edges.names.index(cost)]
             counts[cost] = min(math.floor(amount / quantum + WHOLE), 2**62)
         return tuple(counts.values())

@@ -1,7 +1,7 @@
-"""What a process that compiles beside does: the search of a tiny graph, for which all kernels get their types.
+"""Program of a background process that compiles kernels: the search of a tiny graph, with the types of a real one.
 
-The parts are "search" (queue and dominance), "bounds" and "weights" (of first answers); kernels that come before run as
-plain Python, since the process that plans compiles these meanwhile.
+Its parts are "search" (queue and dominance), "bounds" and "weights" (of first answers). Kernels of earlier parts run as
+plain Python, since the planning process compiles them.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from hpop.search.machinery.turns import Groups
 from hpop.search.supported.supported_paths import SupportedRun
 
 SIDE, HEADINGS = 3, 8  # of the lattice
-FAR = 2000  # a move costs at least so much: only turns are a small whole number
+FAR = 2000  # least cost of a move, so that only turns are a small integer cost
 NICENESS = 5
 
 
 class _Rehearsal(Clock):
-    """A clock that compiles kernels, or has them run as plain Python."""
+    """Clock that compiles kernels, or runs them as plain Python."""
 
     def __init__(self) -> None:
         super().__init__(Budget(), None)
@@ -50,7 +50,7 @@ class _Rehearsal(Clock):
 
 
 def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
-    """Search a tiny lattice, and compile what a part of that takes."""
+    """Search a tiny lattice, and compile the kernels of one part."""
     graph, target = lattice(aggregates, turns), np.array([SIDE * SIDE * HEADINGS - 1])
     clock = _Rehearsal()
     groups = Groups.of(graph, clock)
@@ -68,8 +68,8 @@ def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
     if turns >= 0 and graph.criteria == 3:
         from hpop.search.staircase.search import Staircase
 
-        others = [j for j in range(3) if j != turns]
-        search = Staircase(graph, 0, target, h, (others[0], turns, others[1]), groups, clock, width=1)
+        moving = [j for j in range(3) if j != turns]
+        search = Staircase(graph, 0, target, h, (moving[0], turns, moving[1]), groups, clock, width=1)
     else:
         from hpop.search.general.search import General
 
@@ -80,13 +80,13 @@ def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
 
 
 def lattice(aggregates: Sequence[str], turns: int) -> Graph:
-    """A small lattice with costs drawn by chance."""
+    """Return a small lattice with random costs."""
     rng = np.random.default_rng(0)
-    places = np.arange(SIDE * SIDE)[:, None] * HEADINGS
+    positions = np.arange(SIDE * SIDE)[:, None] * HEADINGS
     a, b = np.nonzero(~np.eye(HEADINGS, dtype=bool))
     step = np.arange(SIDE * SIDE - 1)[:, None] * HEADINGS + np.arange(HEADINGS)
-    tails = np.concatenate([(places + a).ravel(), step.ravel()])
-    heads = np.concatenate([(places + b).ravel(), step.ravel() + HEADINGS])
+    tails = np.concatenate([(positions + a).ravel(), step.ravel()])
+    heads = np.concatenate([(positions + b).ravel(), step.ravel() + HEADINGS])
     is_turn = tails // HEADINGS == heads // HEADINGS
     costs = np.where(is_turn[:, None], FAR, rng.integers(FAR, 2 * FAR, (len(tails), len(aggregates))))
     if turns >= 0:
@@ -95,8 +95,8 @@ def lattice(aggregates: Sequence[str], turns: int) -> Graph:
 
 
 def main() -> None:
-    """Compile the parts that the command line names, for the costs that it describes."""
-    if os.cpu_count() == 1 and hasattr(os, "nice"):  # elsewhere a search waits for this, and nothing stands in its way
+    """Compile the parts named on the command line, for the costs that it describes."""
+    if os.cpu_count() == 1 and hasattr(os, "nice"):  # with more processors a search waits for it
         os.nice(NICENESS)
     garbage.seldom()
     parts, turns, *aggregates = sys.argv[1:]

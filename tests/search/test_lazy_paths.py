@@ -179,7 +179,7 @@ def test_a_file_that_knows_other_things_of_its_arcs_is_refused(stopped, name: st
     saved = Saved.read(file)
     assert len(saved.arrays[name]), "nothing to forge"
     replace(saved, arrays={**saved.arrays, name: FORGERIES[kind](saved.arrays[name])}).write(file)
-    with pytest.raises(CheckpointError, match="does not hold what this search keeps"):
+    with pytest.raises(CheckpointError, match="does not fit this search"):
         lazy(graph, doors, checkpoint=file)
 
 
@@ -188,7 +188,7 @@ def test_a_file_without_what_is_known_of_its_arcs_is_refused(stopped) -> None:
     saved = Saved.read(file)
     for name in (*module.KEPT, "known"):
         replace(saved, arrays={key: array for key, array in saved.arrays.items() if key != name}).write(file)
-        with pytest.raises(CheckpointError, match="it lacks what is known of the arcs"):
+        with pytest.raises(CheckpointError, match="it lacks the states of the arcs"):
             lazy(graph, doors, checkpoint=file)
 
 
@@ -200,5 +200,5 @@ def test_arcs_that_are_sealed_as_free_and_blocked_are_refused(stopped) -> None:
         arrays["arcs_free"] = arcs
         arrays["known"] = module._evidence([arrays[name] for name in module.KEPT])
         replace(saved, arrays=arrays).write(file)
-        with pytest.raises(CheckpointError, match="does not hold what this search keeps"):
+        with pytest.raises(CheckpointError, match="does not fit this search"):
             lazy(graph, doors, checkpoint=file)

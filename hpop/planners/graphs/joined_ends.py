@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied, inserted
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
@@ -24,7 +24,6 @@ from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph
 from hpop.planners.needs import elsewhere
 from hpop.search import Graph
-from hpop.search.graph import inserted
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem

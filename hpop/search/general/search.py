@@ -4,22 +4,20 @@ Accepts: every :class:`~hpop.search.graph.Graph`.
 
 Guarantees: every non-dominated cost vector once, each with one path that has it.
 
-Label setting in lexicographic order of f = g + h with consistent h (NAMOA*, Mandow and Perez de la Cruz 2010;
-for a maximum f = max(g, c, h), g the same). What was closed at a node before a label has no larger first
-cost, so the test compares the other k - 1 only (NAMOA*dr, Pulido et al. 2015), and is asked when a label is
-made and again when it leaves the heap (the lazy check of BOA*, Hernandez et al. 2023, and of LTMOA*,
-Hernandez et al. 2023). k = 1 is A*, and for k = 2 the set of a node is one number, as in BOA*; for k >= 3 see
-:mod:`.vector_sets`. At one node f differs from g by a constant, so the sets hold f, and the set of the targets, which
-is asked about every label, is one more of them.
+Label setting in lexicographic order of f = g + h with consistent h (NAMOA*, Mandow and Perez de la Cruz 2010; for a
+maximum f = g = max(g, c, h)). Labels that were closed before at a node have no larger first cost, so the dominance test
+compares the other k - 1 costs only (NAMOA*dr, Pulido et al. 2015). It is made when a label is generated and again when
+it leaves the heap (the lazy check of BOA*, Hernandez et al. 2023, and of LTMOA*, Hernandez et al. 2023). k = 1 is A*,
+and for k = 2 the set of a node is one number, as in BOA*; for k >= 3 see :mod:`.general.tables`. At one node f differs
+from g by a constant, so the sets hold f, and the set of the targets, which tests every label, is one more of them.
 
-Where turns make groups of nodes (:mod:`.machinery.turns`) and cost nothing in the first cost, they are taken at once:
-with a label that leaves the heap come those that it turns into. These enter the sets of their nodes; they need not
-wait, since their first cost is the same, nor turn again, since no turn costs more than two. On lattices with four to
-six costs that leaves a quarter of the labels. Only turns to a target wait as other arcs do, since solutions have to
-come in order.
+If turns form groups of nodes (:mod:`.machinery.turns`) and do not raise the first cost, they are taken at once: a label
+that leaves the heap is expanded together with its turns. These enter the sets of their nodes. They need not wait, as
+their first cost is equal, nor turn again, as no turn costs more than two. On lattices with four to six costs this
+leaves a quarter of the labels. Only turns to a target wait as other arcs do, as solutions must be found in order.
 
-One heap with all open labels was measured against T-MDA's (one label a node in the heap, the others wait at the arcs
-they came by) and against buckets on the first cost: see docs/benchmarks.md.
+One heap with all open labels was measured against that of T-MDA (one label per node in the heap, the others at their
+arcs) and against buckets on the first cost: see docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -60,7 +58,7 @@ from hpop.search.machinery.turns import SIZE as GROUP_SIZE
 from hpop.search.machinery.turns import Groups
 
 MAX_KEY = 2**WORD_BITS - 1
-WORD = 8  # members of a set that are compared in one elementary step
+WORD = 8  # members of a set compared in one elementary step
 
 
 @lean
@@ -74,7 +72,7 @@ def follow(
     after: NDArray[Any],
     f: NDArray[Any],
 ) -> None:
-    """Costs and estimate (k,) of a label g (k,) that takes arc a to node x."""
+    """Write costs and estimate (k,) of a label with costs g (k,) after arc a to node x."""
     for j in range(len(g)):
         if is_max[j]:
             after[j] = max(g[j], arcs[a, j + 1], nodes[x, j])
@@ -110,7 +108,7 @@ def advance(
     bound: int,
     scratch: tuple[IntArray, tuple[NDArray[Any], ...]],
 ) -> int:
-    """Expand labels until the work is done or an array is full; return why."""
+    """Expand labels until the work is done or an array is full; return the reason."""
     word, shift, limit, words = plan
     key, (f, g, turned, moved, reach) = scratch
     k = len(word)
@@ -130,7 +128,7 @@ def advance(
             f[j] = (keys[word[j]] >> shift[j]) & limit[j]
             g[j] = f[j] if is_max[j] else f[j] - nodes[v, j]
             tight |= g[j] + rise[j] > limit[j]
-        if f[0] > bound:  # and so are all that follow
+        if f[0] > bound:  # as are all later labels
             code = DONE
             break
         at_goal = sets[goal, SIZE]
@@ -174,7 +172,7 @@ def advance(
         closed[done] = value
         done += 1
         parent = done
-        for b in range(start[v] - 1, plain[v]):  # the label as it is, and after each turn
+        for b in range(start[v] - 1, plain[v]):  # the label itself, and after each turn
             u, now = v, g
             if b >= start[v]:
                 u, now = np.int64(arcs[b, 0]), turned
@@ -207,7 +205,7 @@ def advance(
 
 
 class General(HeapSearch):
-    """The search on one graph for one query, costs taken in the given order."""
+    """Search on one graph for one query, with costs in a given order."""
 
     def __init__(
         self,
@@ -226,9 +224,9 @@ class General(HeapSearch):
         k, n, m = graph.criteria, graph.nodes, graph.arcs
         columns = np.array(order, np.int64)
         most = graph.largest[columns]
-        far = h.max(axis=1, where=reached, initial=0)[columns]
+        farthest = h.max(axis=1, where=reached, initial=0)[columns]
         turn = -1 if groups.dearest[:, order[0]].any() else groups.column
-        rise = ((most if turn < 0 else 2 * most) + far).tolist()
+        rise = ((most if turn < 0 else 2 * most) + farthest).tolist()
         f = h[columns, source].tolist()
         small = 4 * (max(f) + max(rise)) < INT32_LIMIT and not any(INT32_LIMIT < b < ANYTHING for b in at_most)
         self.dtype: type[Any] = np.int32 if small else np.int64
@@ -244,10 +242,10 @@ class General(HeapSearch):
         self.start, self.plain = clock.call(build, graph.indptr, graph.heads, graph.costs, *tables)
         self.sets = np.zeros((n + 1, SET_COLUMNS), np.int64)
         self.pool = np.zeros(1024, self.dtype)
-        turns, others = self.plain - self.start[:-1], self.start[1:] - self.plain
-        super().__init__(f, rise, (1 + int(turns.max())) * int(others.max()))
+        turns, plain = self.plain - self.start[:-1], self.start[1:] - self.plain
+        super().__init__(f, rise, (1 + int(turns.max())) * int(plain.max()))
         self.most = at_most[order[0]] if at_most else ANYTHING
-        for j in range(1, k):  # as if a solution were known that only exceeds the bound
+        for j in range(1, k):  # bounds enter as solutions that exceed them by 1
             if not at_most or at_most[order[j]] == ANYTHING:
                 continue
             beyond = np.zeros(k, self.dtype)
@@ -288,26 +286,26 @@ class General(HeapSearch):
         return int(code)
 
     def close(self, arcs: BoolArray) -> None:
-        """Let no path take some arcs (m,) of the graph: they then lead back to where they begin, for nothing."""
-        places = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
-        self.table[places, 0] = np.searchsorted(self.start, places, side="right") - 1
+        """Close arcs (m,) of the graph: they become loops, which no path uses."""
+        rows = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
+        self.table[rows, 0] = np.searchsorted(self.start, rows, side="right") - 1
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Nodes (n,) and estimates (n, k) of labels."""
+        """Return the nodes (n,) and estimates (n, k) of labels."""
         f = np.zeros((len(values), len(self.order)), self.dtype)
         most = np.full(f.shape[1], INT32_LIMIT if self.dtype is np.int32 else MAX_KEY)
         graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)
         return clock.call(retrace, values, closed, *graph, self.source, most, at, f), f
 
     def widen(self) -> bool:
-        """Take 64 bits for costs that have outgrown 32."""
+        """Use 64 bits for costs; return False if they have 64 bits already."""
         narrow = self.dtype is np.int32
         while self.dtype is np.int32:
             self._widen_keys()
         return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the sets of the nodes and that of the targets."""
+        """Fill the sets of the nodes and the set of the targets."""
         eps, tolerance = float(self.precision.eps), self.precision.of(self.order)
         reach = np.zeros_like(solved)
         for j in range(solved.shape[1]):
@@ -316,24 +314,24 @@ class General(HeapSearch):
         self._enter_sets(nodes, closed, closed[:0], clock)
         self._enter_sets(np.full(len(ends), len(self.sets) - 1, np.int32), reach, solved, clock)
 
-    def _enter_sets(self, at: Nodes, vectors: NDArray[Any], asked: NDArray[Any], clock: Clock) -> None:
+    def _enter_sets(self, at: Nodes, vectors: NDArray[Any], tested: NDArray[Any], clock: Clock) -> None:
         def enter(begin: int) -> int:
-            new = (at, vectors, asked, begin)
+            new = (at, vectors, tested, begin)
             return int(clock.call(enter_all, self.sets, self.pool, *new, self.counters, N_ROWS))
 
         enter_each(len(at), enter, self._grow_pool)
 
     def weight_of_sets(self, clock: Clock) -> int:
-        """A sum over the members of all sets."""
+        """Return a checksum of the members of all sets."""
         return int(clock.call(weigh, self.sets, self.pool, len(self.order) - 1))
 
     def arrays(self) -> list[NDArray[Any]]:
-        """List the tables of the graph, the sets and the heap."""
+        """Return the tables of the graph, the sets and the heap."""
         tables = [self.table, self.nodes, self.origin, self.start, self.plain, self.is_target]
         return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the pool of the sets."""
+        """Return how to double the pool of the sets, or to grow the heap."""
         if code == ROWS:
             return self.pool.nbytes, self._grow_pool
         extra, grow = super().growth(code)
@@ -352,6 +350,6 @@ class General(HeapSearch):
                 setattr(self, name, getattr(self, name).astype(np.int64))
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Places of the arcs of solutions in the graph, from the source on."""
+        """Return the indices of the arcs of solutions in the graph, from the source on."""
         ends, steps = clock.call(trace, self.origin, self.closed, labels)
         return [part[::-1] for part in np.split(steps, ends)[:-1]]

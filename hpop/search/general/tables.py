@@ -1,4 +1,4 @@
-"""Tables of the general search: nodes and arcs in its order of costs, the way back from labels, and sets of vectors."""
+"""Tables of the general search: nodes and arcs in its order of costs, paths of labels, and sets of vectors."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ def build(
     nodes: NDArray[Any],
     origin: NDArray[np.int32],
 ) -> tuple[IntArray, IntArray]:
-    """Fill the tables of arcs and nodes in the order of the search; arcs that lead nowhere are left out.
+    """Fill the tables of arcs and nodes in the order of the search, without arcs that reach no target.
 
     order    (k,)         columns of the costs
-    turn                  column of the cost that the arcs raise which are to be taken at once, -1 for none
-    group    (n,)         the group in which they stay
+    turn                  column of the cost that turns raise, if they are taken at once, or -1
+    group    (n,)         group of each node, within which turns are taken at once
     arcs     (m, 1 + k)   head and costs
     nodes    (n, k)       lower bounds
-    origin   (m,)         where the arc is in the graph
+    origin   (m,)         index of the arc in the graph
 
-    Returns where the arcs of a node begin (n + 1,), and where those begin that are not taken at once (n,).
+    Returns offsets (n + 1,) of the arcs of nodes, and offsets (n,) of those that are not taken at once.
     """
     n = len(indptr) - 1
     start = np.zeros(n + 1, np.int64)
@@ -67,7 +67,7 @@ def build(
 def trace(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tuple[IntArray, IntArray]:
     """Follow labels back to the source.
 
-    Returns where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on.
+    Returns the ends (n,) of the paths in the list of all arcs, and this list, with each path from its last arc on.
     """
     ends = np.empty(len(labels), np.int64)
     steps = np.empty(1024, np.int64)
@@ -84,29 +84,28 @@ def trace(origin: NDArray[np.int32], closed: IntArray, labels: IntArray) -> tupl
     return ends, steps[:size]
 
 
-# The members of a set lie cost by cost: cost j of its members is pool[start + j * room :][:size]. So a dominance test
-# is a loop without branches over neighbouring numbers, which the compiler turns into vector instructions: some twenty
-# times as fast as going from member to member up to the first cost that is larger, where the processor guesses wrong at
-# each (measured: 512 members of three costs in 46 ns instead of 1340). The newest piece comes first, for what dominates
-# is found there most often.
+# The members of a set are stored cost by cost: cost j of its members is pool[start + j * room :][:size]. So a dominance
+# test is a loop without branches over neighbouring numbers, which the compiler vectorises: about twenty times as fast
+# as comparing member by member up to the first larger cost, with a wrong branch prediction at each (measured: 512
+# members of three costs in 46 ns instead of 1340). The newest piece is tested first, as it dominates most often.
 #
-# All leave out the first cost, which the order of the search answers for. With two costs a set is one number.
+# Members have no first cost, as the order of the search compares it. With two costs a set is one number.
 
 
 START, SIZE, ROOM, SET_COLUMNS = range(4)  # columns of the table of sets
-PIECE = 64  # members that are compared at a time
+PIECE = 64  # members compared at a time
 
-# Unsigned places below: no place is negative, so numba need not ask, and only then can the loops be vectorised.
+# Indices below are unsigned: numba then leaves out the check for negative ones, so that loops are vectorised.
 _0, _1, _PIECE = np.uint64(0), np.uint64(1), np.uint64(PIECE)
 
 
 @lean
 def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> bool:
-    """Ask whether a member is nowhere larger than f, which has the type of the pool."""
+    """Return whether a member is nowhere larger than f, which has the type of the pool."""
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     while end > _0:
         piece = (end - _1) // _PIECE * _PIECE
-        least = pool.dtype.type(1)  # over the members, what the worst cost exceeds f by
+        least = pool.dtype.type(1)  # over the members, the largest excess of a cost over f
         for i in range(begin + piece, begin + end):
             worst = pool.dtype.type(pool[i] - f[0])
             for j in range(_1, np.uint64(len(f))):
@@ -120,12 +119,12 @@ def covers(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, .
 
 @lean
 def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[Any, ...]) -> int:
-    """Drop the members that f is nowhere larger than; return how many are left."""
+    """Drop the members that f covers; return the number of the others."""
     begin, stride, end = np.uint64(start), np.uint64(room), np.uint64(size)
     left = end
     while end > _0:
         piece = (end - _1) // _PIECE * _PIECE
-        most = pool.dtype.type(-1)  # over the members, what the best cost exceeds f by
+        most = pool.dtype.type(-1)  # over the members, the least excess of a cost over f
         for i in range(begin + piece, begin + end):
             best = pool.dtype.type(pool[i] - f[0])
             for j in range(_1, np.uint64(len(f))):
@@ -137,7 +136,7 @@ def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[
                 covered = True
                 for j in range(np.uint64(len(f))):
                     covered &= pool[begin + end + j * stride] >= f[j]
-                if covered:  # the last member, seen already, takes its place
+                if covered:  # the last member, already tested, takes its place
                     left -= _1
                     for j in range(np.uint64(len(f))):
                         pool[begin + end + j * stride] = pool[begin + left + j * stride]
@@ -147,7 +146,7 @@ def drop_covered(pool: NDArray[Any], start: int, room: int, size: int, f: tuple[
 
 @lean
 def is_covered(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any]) -> bool:
-    """Ask whether a member of set s is nowhere larger than f (k,) without its first cost."""
+    """Return whether a member of set s is nowhere larger than f (k,) without its first cost."""
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
     if len(f) == 1:
         return bool(size > 0)
@@ -168,21 +167,21 @@ def enter_all(
     pool: NDArray[Any],
     where: NDArray[np.int32],
     vectors: NDArray[Any],
-    asked: NDArray[Any],
+    tested: NDArray[Any],
     begin: int,
     counters: IntArray,
     used: int,
 ) -> int:
-    """Add vectors (n, k) to the sets of their places (n,), from the one at `begin` on.
+    """Add vectors (n, k) to sets (n,), from the one at `begin` on.
 
-    asked  (n, k) what must not be covered before; (0, k) for nothing
-    used   which counter says how much of the pool is in use
+    tested  (n, k) vectors that no member may cover, or (0, k)
+    used    index of the counter of the pool's size in use
 
-    Returns n, the place where the pool has too little room, or minus one and the place of a vector that is covered.
+    Returns n, or i if the pool has too little room for vector i, or -1 - i if tested vector i is covered.
     """
     for i in range(begin, len(where)):
         s = np.int64(where[i])
-        if len(asked) > 0 and is_covered(sets, pool, s, asked[i]):
+        if len(tested) > 0 and is_covered(sets, pool, s, tested[i]):
             return -1 - i
         if counters[used] + needs(sets, s, vectors.shape[1]) > len(pool):
             return i
@@ -191,13 +190,13 @@ def enter_all(
 
 
 @kernel
-def weigh(sets: IntArray, pool: NDArray[Any], rest: int) -> int:
-    """A sum over the members of all sets, each without its first cost (rest,), however they lie; it may overflow."""
+def weigh(sets: IntArray, pool: NDArray[Any], width: int) -> int:
+    """Return a checksum of the members of all sets, of ``width`` costs each; it may overflow."""
     total = np.int64(0)
     for s in range(len(sets)):
         start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
         total += (s + 1) * size
-        for j in range(rest):
+        for j in range(width):
             for i in range(size):
                 total += (s + 1) * (2 * j + 3) * np.int64(pool[start + j * room + i])
     return int(total)
@@ -205,37 +204,37 @@ def weigh(sets: IntArray, pool: NDArray[Any], rest: int) -> int:
 
 @lean
 def needs(sets: IntArray, s: int, k: int) -> int:
-    """How much more of the pool :func:`enter` may use."""
+    """Return how much more of the pool :func:`enter` may use."""
     return int(max(1, 2 * sets[s, ROOM]) * (k - 1))
 
 
 @lean
 def enter(sets: IntArray, pool: NDArray[Any], s: int, f: NDArray[Any], used: int) -> int:
-    """Add f (k,), which is not covered, without its first cost to set s and drop what it covers.
+    """Add f (k,), which is not covered, without its first cost to set s and drop the members that it covers.
 
-    Returns how much of the pool is in use. A set that is full moves to its end, with twice the room.
+    Returns the size of the pool in use. A full set moves to the end of the pool, with twice the room.
     """
-    rest = len(f) - 1
+    width = len(f) - 1
     start, size, room = sets[s, START], sets[s, SIZE], sets[s, ROOM]
-    if rest < 2:
+    if width < 2:
         size = 0
-    elif rest == 2:
+    elif width == 2:
         size = drop_covered(pool, start, room, size, (f[1], f[2]))
-    elif rest == 3:
+    elif width == 3:
         size = drop_covered(pool, start, room, size, (f[1], f[2], f[3]))
-    elif rest == 4:
+    elif width == 4:
         size = drop_covered(pool, start, room, size, (f[1], f[2], f[3], f[4]))
     else:
         size = drop_covered(pool, start, room, size, (f[1], f[2], f[3], f[4], f[5]))
     if size == room:
         twice = max(1, 2 * room)
-        for j in range(rest):
+        for j in range(width):
             for i in range(size):
                 pool[used + j * twice + i] = pool[start + j * room + i]
         start, room = used, twice
-        used += rest * twice
+        used += width * twice
         sets[s, START], sets[s, ROOM] = start, room
-    for j in range(rest):
+    for j in range(width):
         pool[start + j * room + size] = f[j + 1]
     sets[s, SIZE] = size + 1
     return used

@@ -1,1 +1,1 @@
-"""What the searches share: labels, slices of time, bounds, groups that turns make, checkpoints, approximation."""
+"""Machinery of all searches: labels, slices of time, bounds, groups of turns, checkpoints, approximation."""

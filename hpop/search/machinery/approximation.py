@@ -1,9 +1,9 @@
-"""Approximation with a certificate: what covers what, and how large the gap of a search is that was stopped.
+"""Approximation with a certificate: coverage within a precision, and the gap of a search that was stopped.
 
-A vector r covers a vector p if r <= (1 + eps) p + tolerance in every cost. A label whose estimate f is covered by a
-solution need not be followed: f is a lower bound of whatever comes of it, so the solution covers all of that. So it is
-enough to put into the front, in the place of a solution, the least estimate that it covers: the tests stay what they
-are. Warburton, "Approximation of Pareto optima in multiple-objective, shortest-path problems", 1987, has the notion.
+A vector r covers a vector p if r <= (1 + eps) p + tolerance in every cost. A label with an estimate f that a solution
+covers need not be followed: f is a lower bound of all its completions, so the solution covers these too. To use this
+with the tests of the exact search, the front holds, for each solution, the least estimate that it covers. Source:
+Warburton, "Approximation of Pareto optima in multiple-objective, shortest-path problems", 1987.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import MOST, MOST_COUNTED, set_reals, whole
 from hpop.frontier import is_nondominated
 
-ANYTHING = MOST_COUNTED  # no cost of a path is larger
-CHUNK = 1024  # open labels that are compared with the front at once
+ANYTHING = MOST_COUNTED  # bound that no cost of a path exceeds: no bound
+CHUNK = 1024  # open labels compared with the front at once
 
 
 @dataclass(frozen=True)
 class Precision:
-    """How near to every non-dominated vector a returned one must be.
+    """Precision of a front: how near to every non-dominated vector a returned one must be.
 
     eps        relative, one for all costs
-    tolerance  (k,) counts added to that; none is 0 everywhere
+    tolerance  (k,) counts added to it; () is 0 for all costs
 
-    Raises OptionError for what is negative or no number.
+    Raises OptionError for values that are negative or no numbers.
     """
 
     eps: float = 0.0
@@ -42,25 +42,25 @@ class Precision:
 
     @property
     def is_exact(self) -> bool:
-        """Whether nothing may be missing."""
+        """True if every non-dominated vector is returned."""
         return self.eps == 0 and not any(self.tolerance)
 
     def of(self, columns: Sequence[int]) -> IntArray:
-        """The tolerance of some columns; -1 is a cost that is always 0."""
+        """Return the tolerances of some columns; column -1 is a cost that is always 0."""
         return np.array([self.tolerance[j] if self.tolerance and j >= 0 else 0 for j in columns], np.int64)
 
 
 EXACT = Precision()
 
 
-def thinned(costs: IntArray, kept: IntArray, eps: float, tolerance: IntArray) -> IntArray:
-    """Choose rows of costs (n, k), in lexicographic order, that with those kept (m, k) already cover all of them.
+def thinned(costs: IntArray, chosen: IntArray, eps: float, tolerance: IntArray) -> IntArray:
+    """Return rows of costs (n, k), in lexicographic order, that cover all rows together with ``chosen`` ones (m, k).
 
-    The first that is uncovered is covered by the last one that can, and so on.
+    The first uncovered row is covered by the last row that can cover it, and so on.
     """
     most = costs + np.floor(np.minimum(eps * costs, ANYTHING)).astype(np.int64) + tolerance
     left = np.ones(len(costs), np.bool_)
-    for row in kept:
+    for row in chosen:
         left &= (row > most).any(axis=1)
     rows = []
     while left.any():
@@ -71,10 +71,10 @@ def thinned(costs: IntArray, kept: IntArray, eps: float, tolerance: IntArray) ->
 
 
 def proven_gap(front: IntArray, estimates: IntArray) -> float:
-    """How much better a missing vector may be: some vector of the front is below (1 + gap) times any estimate.
+    """Return the least gap such that some vector of the front is at most (1 + gap) times each estimate.
 
     front      (n, k)  found so far
-    estimates  (m, k)  lower bounds of whatever is missing; none is no gap
+    estimates  (m, k)  lower bounds of all missing vectors; without any the gap is 0
     """
     if not len(estimates):
         return 0.0
@@ -88,7 +88,7 @@ def proven_gap(front: IntArray, estimates: IntArray) -> float:
 
 
 def _excess(front: FloatArray, estimates: FloatArray) -> FloatArray:
-    """By how much (m,) the nearest vector of the front exceeds each estimate, relative to it."""
+    """Return the relative excess (m,) of the nearest vector of the front over each estimate."""
     best = np.full(len(estimates), math.inf)
     positive = estimates > 0
     divisor = np.where(positive, estimates, 1.0)

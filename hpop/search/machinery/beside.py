@@ -1,8 +1,8 @@
-"""Kernels that other processes compile beside this one; numba's cache is where they meet.
+"""Compilation of kernels in background processes, which share numba's cache with this process.
 
-Threads would not help: numba compiles under Python's lock. What to compile is found by a rehearsal
-(:mod:`.rehearsal`), and a process says on its output which kernel it is at. Whoever needs that one waits, all others
-are compiled where they are needed, so nothing is compiled twice, and nothing depends on a process that fails.
+Threads would not help, as numba compiles under Python's lock. A background process runs a rehearsal (:mod:`.rehearsal`)
+and prints the name of the kernel that it compiles. This process waits for a kernel only while a background process
+compiles it, and compiles other kernels itself. So no kernel is compiled twice, and a failing process does no harm.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 from hpop.runtime.interrupts import interrupts_held
 
-PARTS = ("search", "bounds", "weights")  # of a rehearsal, in the order of their need
-# The kernels of a search in the order in which it takes them.
+PARTS = ("search", "bounds", "weights")  # of a rehearsal, the most urgent first
+# The kernels of a search in the order of their use.
 ORDER = (
     "number_groups",
     "part_arcs",
@@ -34,38 +34,38 @@ ORDER = (
 )
 REHEARSAL = "from hpop.search.rehearsal import main; main()"
 Kernels = Callable[[Sequence[str], int], tuple[Any, Any]]
-POLL = 0.02  # s between two looks at what a process says
+POLL = 0.02  # s between two looks at the output of processes
 
 _processes: list[_Process] = []
-_awaited: list[_Awaited] = []  # while there is something to compile
+_awaited: list[_Awaited] = []  # not empty while kernels are to be compiled
 
 
 class _Process:
-    """A process that compiles, and the kernel that it is at."""
+    """Background process, and the kernel that it compiles."""
 
     def __init__(self, parts: Sequence[str], aggregates: Sequence[str], turns: int) -> None:
         command = [sys.executable, "-P", "-c", REHEARSAL, ",".join(parts), str(turns), *aggregates]
-        # A session of its own: Ctrl-C on the terminal is not meant for it.
+        # A separate session, so that Ctrl-C on the terminal does not reach it.
         self._process = Popen(command, stdin=DEVNULL, stdout=PIPE, stderr=DEVNULL, start_new_session=True)
         assert self._process.stdout is not None
-        self._said = self._process.stdout
-        os.set_blocking(self._said.fileno(), False)
-        self._rest = b""
+        self._output = self._process.stdout
+        os.set_blocking(self._output.fileno(), False)
+        self._line = b""
         self.at = ""
         self.ended = False
 
     def is_at(self, name: str) -> bool:
-        """Whether the process compiles the kernel of this name."""
+        """Return whether the process compiles the kernel of a name at the moment."""
         self._listen()
         return self.at == name and not self.ended
 
     def _listen(self) -> None:
-        """Take what the process said since."""
+        """Read the new output of the process."""
         while not self.ended:
             with suppress(BlockingIOError):
-                more = os.read(self._said.fileno(), 4096)
+                more = os.read(self._output.fileno(), 4096)
                 self.ended = not more
-                *lines, self._rest = (self._rest + more).split(b"\n")
+                *lines, self._line = (self._line + more).split(b"\n")
                 self.at = lines[-1].decode() if lines else self.at
                 continue
             return
@@ -74,18 +74,18 @@ class _Process:
         """End the process."""
         self._process.kill()
         self._process.wait()
-        self._said.close()
+        self._output.close()
 
 
 class Onset(StrEnum):
-    """When other processes begin to compile, in words for the user."""
+    """Time at which background processes begin to compile, in words for the user."""
 
     AT_ONCE = "from now on"
     AFTER_FIRST = "after a first answer and its map"
 
 
 class _Awaited(NamedTuple):
-    """What is to be compiled: for which costs, and the kernel that a first answer would take."""
+    """Kernels to be compiled: the costs that they are for, and the kernel of a first answer."""
 
     aggregates: Sequence[str]
     turns: int
@@ -94,12 +94,12 @@ class _Awaited(NamedTuple):
 
 @contextmanager
 def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernels: Kernels) -> Iterator[Onset | None]:
-    """Compile the kernels of a search beside what is done in a ``with``; tells when, None where they are kept.
+    """Compile the kernels of a search in the background of a ``with`` block; the value is when, or None if cached.
 
-    After a first answer that begins with :func:`begin`: who waits for it and its picture has the machine for these.
+    With ``Onset.AFTER_FIRST`` compilation begins with :func:`begin`, so that a first answer and its map come sooner.
 
-    turns    the cost that counts turns, -1 for none
-    kernels  gives, for these, the kernel that takes longest to compile and the one that a first answer takes
+    turns    column of the cost that counts turns, or -1
+    kernels  returns, for these costs, the kernel that takes longest to compile and that of a first answer
     """
     from hpop.runtime.compiled import can_be_kept, is_kept  # numba: on first use
 
@@ -117,22 +117,22 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
 
 
 def begin() -> None:
-    """Begin to compile, if there is anything to compile and that has not begun."""
+    """Start the background processes, if kernels are to be compiled and none was started."""
     if not _awaited or _processes:
         return
     aggregates, turns, _ = _awaited[0]
-    with suppress(OSError), interrupts_held():  # where no process can be had, this one compiles
+    with suppress(OSError), interrupts_held():  # if no process can be started, this one compiles
         count = 2 if (os.cpu_count() or 1) > 2 else 1
         _processes.extend(_Process(PARTS[part::count], aggregates, turns) for part in range(count))
 
 
 def is_compiling() -> bool:
-    """Whether something that the search takes was not compiled when this began."""
+    """Return whether kernels of the search were missing in the cache at the beginning."""
     return bool(_awaited)
 
 
 def first_is_awaited() -> bool:
-    """Whether what a first answer takes is compiled beside: then one is sought without."""
+    """Return whether the kernel of a first answer is not compiled yet, so that the answer must do without it."""
     if not _awaited:
         return False
     from hpop.runtime.compiled import is_kept
@@ -141,7 +141,7 @@ def first_is_awaited() -> bool:
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:
-    """Wait while a process is at this kernel, and report now and then."""
+    """Wait while a background process compiles a kernel, with progress reports."""
     if not _processes:
         return
     from hpop.runtime.compiled import compiling_elsewhere
@@ -154,7 +154,7 @@ def wait_for(compiled: Any, report: Callable[[], None]) -> None:
 
 
 def words(compiled: Any) -> str:
-    """What is compiled and how far that is, for the user."""
+    """Return the kernel that is compiled and its number among all, for the user."""
     name = compiled.py_func.__name__
     if name not in ORDER:
         return f"{name} (once)"
@@ -162,5 +162,5 @@ def words(compiled: Any) -> str:
 
 
 def name_of(compiled: Any) -> str:
-    """Module and name of a kernel."""
+    """Return the module and name of a kernel."""
     return f"{compiled.py_func.__module__}.{compiled.py_func.__name__}"

@@ -1,12 +1,11 @@
-"""Consistent lower bounds of the cost-to-go: one backward scalar search a cost, from all targets at once.
+"""Consistent lower bounds of the cost-to-go: one backward scalar search per cost, from all targets at once.
 
-h_j(v) is the least cost j of any path from v to a target: Dijkstra for a sum, bottleneck Dijkstra for a
-maximum. It is exact a cost, so consistent: h(u) <= c(u, v) + h(v), and h(u) <= max(c(u, v), h(v)).
-Where turns make groups (:mod:`.machinery.turns`) no path needs two turns in a row, so a node whose way on begins with a
-turn is not turned to. Where all turns of a group are alike, only the node of it that is reached first is: later ones
-are farther from the target and could not improve the others. Source: Mandow and Perez de la Cruz, "Multiobjective A*
-search with consistent heuristics", JACM 2010 (the ideal-point heuristic of Tung and Chew 1992). Parallel arcs need no
-care: each is relaxed.
+h_j(v) is the least cost j of any path from v to a target, by Dijkstra for a sum and bottleneck Dijkstra for a maximum.
+It is exact for each cost and therefore consistent: h(u) <= c(u, v) + h(v), and h(u) <= max(c(u, v), h(v)). If turns
+form groups (:mod:`.machinery.turns`), no path needs two turns in a row, so the backward search does not turn to a node
+with a path that begins with a turn. If all turns of a group have equal costs, it turns only to the node that is reached
+first: later nodes are farther from the target and could not improve the others. Source: Mandow and Perez de la Cruz,
+"Multiobjective A* search with consistent heuristics", JACM 2010 (the ideal-point heuristic of Tung and Chew 1992).
 """
 
 from __future__ import annotations
@@ -40,9 +39,9 @@ def reverse(
     tails: NDArray[np.int32],
     weights: IntArray,
 ) -> None:
-    """Sort arcs by head (a counting sort): write their tails (m,) and costs (k, m) in that order.
+    """Sort arcs by head, with a counting sort, and write their tails (m,) and costs (k, m) in that order.
 
-    first (n + 2,) is 0 before; its first n + 1 are then the offsets.
+    first (n + 2,) must be 0; its first n + 1 entries receive the offsets.
     """
     n, m = len(start) - 1, len(heads)
     for a in range(m):
@@ -51,16 +50,16 @@ def reverse(
         first[v + 2] += first[v + 1]
     for u in range(n):
         for a in range(start[u], start[u + 1]):
-            place = first[heads[a] + 1]
-            first[heads[a] + 1] = place + 1
-            tails[place] = u
+            position = first[heads[a] + 1]
+            first[heads[a] + 1] = position + 1
+            tails[position] = u
             for j in range(costs.shape[1]):
-                weights[j, place] = costs[origin[a], j]
+                weights[j, position] = costs[origin[a], j]
 
 
 @lean
 def bits(x: int) -> int:
-    """Bits of a number that is not negative; without the second one a double holds the number's size exactly."""
+    """Return the number of bits of a non-negative number, from the exponent of a double without rounding."""
     return max(0, int(np.float64(x & ~(x >> 1)).view(np.int64) >> 52) - 1022)
 
 
@@ -94,7 +93,7 @@ def cost_to_go(
     group: IntArray,
     rows: IntArray,
     dearest: IntArray,
-    alike: bool,
+    uniform: bool,
     turns: IntArray,
     targets: IntArray,
     out: IntArray,
@@ -107,12 +106,12 @@ def cost_to_go(
 ) -> None:
     """Search backward from the targets in one cost; out and parent (n,) receive cost and next node.
 
-    turned, of groups, and turning (n,), whether the way on begins with a turn, are 0, and tops (PILES,) -1 before;
+    turned, of groups, and turning (n,), of nodes with a path that begins with a turn, must be 0, and tops (PILES,) -1;
     above and below (n,) are scratch.
 
-    Open nodes lie in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990): pile b has those whose cost differs from
-    the last one taken, d, first in bit b (counted from 1; 0: not at all). When pile 0 is empty d becomes the least cost
-    of the next pile, which is dealt anew.
+    Open nodes are in a radix heap (Ahuja, Mehlhorn, Orlin and Tarjan 1990): pile b has the nodes with a cost that
+    differs from the last one taken, d, first in bit b (counted from 1; 0: not at all). When pile 0 is empty, d becomes
+    the least cost of the next pile, and the nodes of that pile are distributed again.
     """
     n = len(start) - 1
     lowest = d = np.int64(0)  # not 0: numba would compile the helpers once for that number alone
@@ -148,7 +147,7 @@ def cost_to_go(
         offset, members = rows[g, OFFSET], rows[g, SIZE]
         entering = start[v + 1] - start[v]
         more = entering
-        if members > 1 and turning[v] == 0 and not (alike and turned[g]):
+        if members > 1 and turning[v] == 0 and not (uniform and turned[g]):
             more += members
             turned[g] = 1
         for i in range(more):
@@ -159,15 +158,15 @@ def cost_to_go(
             if i < entering:
                 w = weights[a]
             else:
-                w = dearest[g] if alike else turns[rows[g, TURNS] + (u - offset) * members + v - offset]
-            far = max(d, w) if is_max else d + w
-            if far < out[u]:
+                w = dearest[g] if uniform else turns[rows[g, TURNS] + (u - offset) * members + v - offset]
+            cost = max(d, w) if is_max else d + w
+            if cost < out[u]:
                 if out[u] < UNREACHABLE:
                     leave(u, bits(out[u] ^ d), tops, above, below)
-                out[u] = far
+                out[u] = cost
                 parent[u] = v
                 turning[u] = i >= entering
-                enter(u, bits(far ^ d), tops, above, below)
+                enter(u, bits(cost ^ d), tops, above, below)
 
 
 @lean
@@ -182,7 +181,7 @@ def cost_along(
     source: int,
     total: IntArray,
 ) -> None:
-    """Add up in total (k,) the costs of the path that is least in one cost, following `parent` from the source."""
+    """Add up in total (k,) the costs of the path that is least in one cost, along `parent` from the source."""
     k = costs.shape[1]
     u = source
     while parent[u] >= 0:
@@ -204,11 +203,10 @@ def cost_along(
 def lower_bounds(
     graph: Graph, source: int, targets: IntArray, clock: Clock, groups: Groups | None = None
 ) -> tuple[IntArray, IntArray, Status | None]:
-    """Compute h (k, n), the cost vectors (k, k) of the paths least in each cost, and the limit passed.
+    """Return h (k, n), the cost vectors (k, k) of the paths least in each cost, and the limit passed, if any.
 
-    Where there is no room for it, h is empty (k, 0): memory is counted before it is taken, scratch included.
-
-    A node from which no target is reached has UNREACHABLE; an unreachable source has no vectors (0, k).
+    Nodes that reach no target have UNREACHABLE; an unreachable source has no vectors (0, k). Without enough memory, h
+    is empty (k, 0).
     """
     n, k = graph.nodes, graph.criteria
     clock.report("bounds")
@@ -228,14 +226,14 @@ def lower_bounds(
 def costs_to_go(
     graph: Graph, targets: IntArray, clock: Clock, groups: Groups, columns: Sequence[int] | None = None
 ) -> tuple[IntArray, NDArray[np.int32]]:
-    """Compute h (k, n) of k columns, all where None, and the next node (k, n) on a way of that cost, -1 for none."""
+    """Return h (k, n) of some or all columns, and the next node (k, n) on a path of that cost, or -1."""
     columns = range(graph.criteria) if columns is None else columns
     n, k, m = graph.nodes, len(columns), len(groups.heads)
     is_max = _is_max(graph)
     group = np.repeat(np.arange(len(groups.rows)), groups.rows[:, SIZE])
     begin, tails, weights = np.zeros(n + 2, np.int64), np.empty(m, np.int32), np.empty((graph.criteria, m), np.int64)
     clock.call(reverse, groups.start, groups.heads, groups.origin, graph.costs, begin, tails, weights)
-    same = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
+    in_order = (groups.nodes[:-1] < groups.nodes[1:]).all()  # no node was renumbered
     h = np.empty((k, n), np.int64)
     parents = np.empty((k, n), np.int32)
     dearest = np.ascontiguousarray(groups.dearest.T)
@@ -248,14 +246,14 @@ def costs_to_go(
         return (begin[:-1], tails, weights[j], bool(is_max[j]), *turns, ends, h[row], parents[row], *marks, *piles)
 
     clock.call_all(cost_to_go, [arguments(row, j) for row, j in enumerate(columns)])
-    for j in range(k if not same else 0):
+    for j in range(k if not in_order else 0):
         h[j] = h[j][groups.place]
         parents[j] = np.where(parents[j] < 0, -1, groups.nodes[parents[j]])[groups.place]
     return h, parents
 
 
 def costs_of_least(graph: Graph, source: int, h: IntArray, onward: NDArray[np.int32], clock: Clock) -> IntArray:
-    """The cost vectors (k, k) of the paths that :func:`costs_to_go` found least in each cost; none (0, k) without."""
+    """Return the cost vectors (k, k) of the paths of :func:`costs_to_go`, (0, k) for an unreachable source."""
     k = graph.criteria
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):

@@ -1,19 +1,18 @@
-"""Checkpoints: the labels of a search in a file, from which it goes on as if it had never stopped.
+"""Checkpoints: the labels of a search in a file, from which the search resumes without a loss.
 
-What follows from the question and the labels (costs, keys, sets) is made again, see :mod:`.machinery.labels`; a
-fingerprint tells which question the file belongs to: the graph, its ends, the options. A search runs in slices of equal
-work, and is saved between two of them; so the one that goes on makes the same expansions in the same order, and ends
-with the same front, paths and counts of labels.
+Costs, keys and sets follow from the query and the labels and are computed again (:mod:`.machinery.labels`). A
+fingerprint of the graph, its ends and the options identifies the query. A search runs in slices of equal work and is
+saved between two slices, so a resumed search makes the same expansions in the same order, and ends with the same front,
+paths and numbers of labels.
 
-The file: MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, name, type
-and shape of each array), the arrays one after the other, a checksum of all this. It is written beside its place,
-and moved there once it is whole and on the disk: whoever is killed leaves the last whole one.
+The file has MAGIC, the length of a header, the header in JSON (format, version of hpop, method, fingerprint, name, type
+and shape of each array), the arrays one after the other, and a checksum of all this. It is written to a temporary file
+and moved to its place when it is complete and on the disk, so a killed process leaves the last complete file.
 
-The checksum tells accidents, it is no signature. Whatever the numbers of a file are, nothing in it is run, no place
-outside a table is read, and what a search has found after it went on are paths of the graph with their true costs. But
-nobody can tell without searching again whether labels are missing: a file from a stranger proves nothing about what is
-*not* there, and a front that comes of it may lack points. A lazy search also takes from it which arcs
-are free. Go on from files that you, or whom you trust, have written.
+The checksum detects accidents, not forgery. Whatever the numbers in a file are, no code in it is run, no table is read
+out of its range, and the paths of the resumed search are paths of the graph with their true costs. But missing labels
+can be detected only by searching again: after a resume from a forged file, a front may lack points. A lazy search also
+takes from the file which arcs are free. Resume only from files that you trust.
 """
 
 from __future__ import annotations
@@ -45,28 +44,28 @@ if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock, Search
 
 MAGIC = b"hpop checkpoint\n"
-FORMAT = 5  # raise it when the file, or what a search means by one of its arrays, changes
+FORMAT = 5  # to be raised when the file or the meaning of an array changes
 LENGTH = 8  # bytes of the header's length
 CHECKSUM = 32  # bytes
 MAX_HEADER = 2**20  # bytes
 TYPE = np.dtype(np.int64).str  # of all numbers
-NONE = ""  # the method of no search
-SHARE = 30  # the pause between two checkpoints is so many times what writing the last one took: three in a hundred
+NONE = ""  # method of a checkpoint without a search
+SHARE = 30  # least pause between two checkpoints, in times of writing the last one: 3 % of the time
 
 Arrays = dict[str, NDArray[Any]]
 
 
 class CheckpointError(OutputError):
-    """A checkpoint cannot be read or written, or belongs to another search."""
+    """Error of a checkpoint that cannot be read or written, or belongs to another search."""
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Checkpoint:
-    """The file in which a search keeps its state; one run at a time may use it.
+    """File in which a search saves its state; only one run at a time may use it.
 
-    path   of the file; if it is there, the search goes on from it
-    every  s  between two checkpoints, or more where writing takes long; one more is written when the search is stopped
+    path   of the file; if it exists, the search resumes from it
+    every  s  between two checkpoints, or more if writing takes long; another one is written when the search stops
     """
 
     path: str | os.PathLike[str]
@@ -79,11 +78,11 @@ class Checkpoint:
 
     @classmethod
     def of(cls, spec: CheckpointSpec) -> Checkpoint:
-        """A checkpoint from a path, or itself."""
+        """Return a checkpoint from a path, or itself."""
         return spec if isinstance(spec, Checkpoint) else cls(spec)
 
     def place(self) -> Path:
-        """Where the file is, links followed; raises CheckpointError where it cannot be written, or is none of these."""
+        """Return the path with links resolved; raises CheckpointError if it is no checkpoint or not writable."""
         try:
             path = Path(os.path.realpath(self.path))
             _refuse_other(path)
@@ -97,12 +96,12 @@ class Checkpoint:
 
 
 def _refuse_other(path: Path) -> None:
-    """Raise CheckpointError where something is that is no checkpoint: it is not overwritten."""
+    """Raise CheckpointError if the path is no checkpoint, which is not overwritten."""
     if not path.exists():
         return
     if not path.is_file():
-        what = "a folder" if path.is_dir() else "no ordinary file"
-        raise CheckpointError(f"the checkpoint {path} is {what}; give the path of a file")
+        kind = "a folder" if path.is_dir() else "no ordinary file"
+        raise CheckpointError(f"the checkpoint {path} is {kind}; give the path of a file")
     with path.open("rb") as file:
         if file.read(len(MAGIC)) != MAGIC:
             raise CheckpointError(f"{path} is no checkpoint of hpop, so it is not overwritten; choose another file")
@@ -112,13 +111,13 @@ CheckpointSpec: TypeAlias = str | os.PathLike[str] | Checkpoint
 
 
 class Keeper:
-    """The checkpoint of one question: what the file holds, and when to write the next.
+    """Reader and writer of the checkpoint of one query.
 
-    beside  what is kept beside the labels of a search: what was known before that search began
+    extra  arrays beside the labels of the search, such as the states of arcs of a lazy search
     """
 
     def __init__(self, checkpoint: Checkpoint, question: str) -> None:
-        """Read the file, if it is there; raises CheckpointError where it is not of this question, or not writable."""
+        """Read the file if it exists; raises CheckpointError if it is of another query, or not writable."""
         self.question, self.every = question, checkpoint.every
         self.path = checkpoint.place()
         self.begin({})
@@ -126,33 +125,33 @@ class Keeper:
         self.saved = Saved.read(self.path) if self.path.exists() else None
         if self.saved is not None and self.saved.question != question:
             raise CheckpointError(
-                f"the checkpoint {self.path} is of another problem: its graph, start, goal or options differ from what "
-                "is asked. Give another file, or remove this one if its search is no longer wanted"
+                f"the checkpoint {self.path} is of another problem: its graph, start, goal or options differ. "
+                "Give another file, or remove this one if its search is no longer wanted"
             )
 
     @classmethod
     def of(cls, checkpoint: CheckpointSpec | None, graph: Graph, *question: Any) -> Self | None:
-        """The keeper for a question about a graph; None where no checkpoint is wanted."""
+        """Return the keeper of a query of a graph, or None without a checkpoint."""
         return None if checkpoint is None else cls(Checkpoint.of(checkpoint), fingerprint(graph, *question))
 
     @property
     def method(self) -> str | None:
-        """The method of the search that the file holds."""
+        """Method of the search in the file."""
         return None if self.saved is None else self.saved.method
 
     def run(self, search: Search, method: str, clock: Clock) -> Status:
-        """Let a new search go on from the file, if there is one, and save it now and then, and when it is stopped."""
+        """Run a search, resumed from the file if there is one; save it at intervals, and when it stops."""
         if self.saved is not None and self.saved.method == method:
             began = clock.seconds()
-            own = {name: array for name, array in self.saved.arrays.items() if name not in self.beside}
+            own = {name: array for name, array in self.saved.arrays.items() if name not in self.extra}
             restore(search, own, clock, self.path)
-            clock.begin += clock.seconds() - began  # is no search
-        self.saved = None  # a search by another method, which takes over, begins anew
+            clock.begin += clock.seconds() - began  # restoring is not charged
+        self.saved = None  # a search by another method begins anew
 
-        def made() -> Saved:
-            return Saved(method, self.question, {**vars(search.labels(clock)), **self.beside})
+        def snapshot() -> Saved:
+            return Saved(method, self.question, {**vars(search.labels(clock)), **self.extra})
 
-        self.made = made
+        self.snapshot = snapshot
         try:
             status = search.run(clock, self.keep)
         except KeyboardInterrupt:
@@ -162,36 +161,36 @@ class Keeper:
             self.save()
         return status
 
-    def begin(self, beside: Arrays) -> None:
-        """Before a search: what is known beside it."""
-        self.beside = beside
-        self.made = lambda: Saved(NONE, self.question, self.beside)
+    def begin(self, extra: Arrays) -> None:
+        """Set the extra arrays before a search."""
+        self.extra = extra
+        self.snapshot = lambda: Saved(NONE, self.question, self.extra)
 
-    def amend(self, beside: Arrays) -> None:
-        """What is known beside a search that was stopped."""
-        self.beside = beside
+    def amend(self, extra: Arrays) -> None:
+        """Set the extra arrays of a search that was stopped."""
+        self.extra = extra
 
     def keep(self) -> None:
-        """Save, if it is time."""
+        """Save if the interval has passed."""
         began = perf_counter()
         if began >= self.due:
             self.save()
             self.due = perf_counter() + max(self.every, SHARE * (perf_counter() - began))
 
     def save(self) -> None:
-        """Write what there is; if that fails, warn: what was saved before stays, and the search goes on."""
-        if self.saved is not None:  # nothing went on from it yet
+        """Write a checkpoint; if that fails, warn, leave the last one and continue the search."""
+        if self.saved is not None:  # not resumed yet
             return
         try:
             if Saved.question_in(self.path) not in (None, self.question):
                 warnings.warn(
-                    f"the checkpoint {self.path} has become that of another search, so this one is not kept; give each "
-                    "search a file of its own",
+                    f"the checkpoint {self.path} was overwritten by another search, so this one is not saved; give "
+                    "each search a file of its own",
                     HpopWarning,
                     stacklevel=2,
                 )
                 return
-            self.made().write(self.path)
+            self.snapshot().write(self.path)
         except OSError as error:
             reason = error.strerror or error
             warnings.warn(
@@ -201,14 +200,14 @@ class Keeper:
 
 @dataclass(frozen=True)
 class Saved:
-    """What a checkpoint holds."""
+    """Content of a checkpoint."""
 
     method: str
     question: str
     arrays: Arrays
 
     def write(self, path: Path) -> None:
-        """Write a checkpoint, whole or not at all."""
+        """Write the checkpoint, completely or not at all."""
         header = {
             "format": FORMAT,
             "hpop": __version__,
@@ -227,7 +226,7 @@ class Saved:
 
     @classmethod
     def question_in(cls, path: Path) -> str | None:
-        """Return the question of the checkpoint in a file, None where there is none that can be read."""
+        """Return the fingerprint of the query in a file, or None if it cannot be read."""
         try:
             with path.open("rb") as file:
                 length = int.from_bytes(file.read(len(MAGIC) + LENGTH)[len(MAGIC) :], "little")
@@ -237,7 +236,7 @@ class Saved:
 
     @classmethod
     def read(cls, path: Path) -> Saved:
-        """Read a checkpoint; raises CheckpointError where it is a damaged one, or of another version."""
+        """Return the checkpoint in a file; raises CheckpointError if it is damaged or of another version."""
         try:
             with path.open("rb") as file:
                 return cls._of(file, path)
@@ -289,14 +288,14 @@ class Saved:
 
 
 def _table(name: Any, dtype: Any, shape: Any) -> tuple[str, np.dtype[Any], tuple[int, ...]]:
-    """Name, type and shape of an array as the header gives them; raises ValueError or TypeError for nonsense."""
+    """Return name, type and shape of an array from the header; raises ValueError or TypeError for invalid ones."""
     if dtype != TYPE or not all(type(n) is int and 0 <= n < 2**40 for n in shape) or len(shape) > 2:
         raise ValueError
     return str(name), np.dtype(dtype), tuple(shape)
 
 
 def fingerprint(graph: Graph, *question: Any) -> str:
-    """A hash of a graph and of what is asked about it: numbers, words and arrays."""
+    """Return a hash of a graph and of the parts of a query: numbers, words and arrays."""
     tables = (graph.indptr, graph.heads, graph.costs)
     checksum = hashlib.blake2b(digest_size=CHECKSUM)
     for part in (graph.aggregates, *tables, *question):
@@ -308,7 +307,7 @@ def fingerprint(graph: Graph, *question: Any) -> str:
 
 
 def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
-    """Let a new search go on from labels; raises CheckpointError where they are not those of its question."""
+    """Resume a new search from labels; raises CheckpointError if they do not belong to its query."""
     from hpop.search.machinery.labels import Labels, Unsound  # numba: on first use
 
     try:
@@ -318,12 +317,12 @@ def restore(search: Search, arrays: Arrays, clock: Clock, path: Path) -> None:
 
 
 def not_kept(path: Path, why: object) -> CheckpointError:
-    """What to raise where a file does not hold what a search of its question keeps."""
+    """Return the error for a file with invalid content."""
     return CheckpointError(
-        f"the checkpoint {path} does not hold what this search keeps ({why}); remove it, the search then begins anew"
+        f"the checkpoint {path} does not fit this search ({why}); remove it, the search then begins anew"
     )
 
 
 def _bytes(array: NDArray[Any]) -> memoryview:
-    """The bytes of an array, not copied."""
+    """Return the bytes of an array, without a copy."""
     return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data

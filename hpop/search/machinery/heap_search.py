@@ -1,4 +1,4 @@
-"""A search whose open labels wait in one heap, ordered by all their costs."""
+"""Base of searches with all open labels in one heap, ordered by all their costs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from hpop.search.machinery.slices import HEAP, KEYS, N_OPEN, Clock, Search
 
 
 class HeapSearch(Search):
-    """The heap of a search: keys of one or more words, and the labels that they belong to."""
+    """Search with a heap: keys of one or more words, and the labels that they belong to."""
 
     keys: IntArray
     values: IntArray
 
     def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
-        """Start with one label: f (k,) its estimate; rise (k,) what f may grow by in one expansion."""
+        """Start with one label: f (k,) is its estimate, rise (k,) the largest growth of f in one expansion."""
         super().__init__(len(f), fan)
         self.rise = np.array(rise, np.int64)
         self.plan = plan_keys([2 * (a + b) for a, b in zip(f, rise, strict=True)])
@@ -31,11 +31,11 @@ class HeapSearch(Search):
             self.keys[self.plan[0][j]] |= value << int(self.plan[1][j])
 
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """List the arrays of the heap."""
+        """Return the arrays of the heap."""
         return [self.keys, self.values]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the heap, or widen the keys."""
+        """Return how to double the heap, or to widen the keys."""
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == KEYS:
@@ -43,17 +43,17 @@ class HeapSearch(Search):
         raise AssertionError(f"a kernel asks for room {code} that no search has, please report")
 
     def estimates(self) -> IntArray:
-        """Estimates (m, k) of the labels still open."""
+        """Return the estimates (m, k) of open labels."""
         word, shift, limit, words = self.plan
         keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
         return (keys[:, word] >> shift) & limit
 
     def opened(self) -> tuple[IntArray, IntArray]:
-        """The labels still open, all in the heap."""
+        """Return the open labels, all in the heap."""
         return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap with labels, and their estimates."""
+        """Fill the heap with labels and their estimates."""
         if len(waiting):
             raise Unsound("labels wait outside the heap")
         n = len(heap)

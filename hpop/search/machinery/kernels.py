@@ -1,4 +1,4 @@
-"""Kernels that searches share: compilation, a 4-ary heap of keys of one or more words, coverage and the proven gap."""
+"""Kernels that searches share: compilation, a 4-ary heap with keys of one or more words, coverage, the gap."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from hpop.runtime.interrupts import interrupts_held
 # Imported on first use only, because importing numba takes half a second.
 
 
-WORD_BITS = 62  # of a key word: non-negative as int64
+WORD_BITS = 62  # of a key word, so that it is non-negative as int64
 
 
-# In a kernel an array is assigned element by element: numba compiles what an assignment of arrays says of shapes that
-# differ, and to put words together takes two seconds.
+# Kernels assign arrays element by element: for an assignment of arrays, numba compiles the error message for different
+# shapes, which takes two seconds.
 
 
 def signature(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Types of the arguments, as numba sees them."""
+    """Return numba's types of arguments."""
     typeof: Callable[[Any], Any] = numba.typeof
     return tuple(typeof(a) for a in arguments)
 
 
 def is_ready(compiled: Any, *arguments: Any) -> bool:
-    """Say whether a kernel is in memory for arguments of these types.
+    """Return whether a kernel is in memory for arguments of these types.
 
-    numba takes a third of a millisecond to tell the types of a search's arguments, and slices are short: what was once
-    ready is known by the layout of its arguments.
+    numba takes a third of a millisecond to find the types of a search's arguments, which is long for a slice. So
+    kernels that are ready are remembered by the layout of their arguments.
     """
-    known = compiled, _layout(arguments)
-    if known in _ready:
+    key = compiled, _layout(arguments)
+    if key in _ready:
         return True
     if signature(arguments) not in compiled.overloads:
         return False
-    _ready.add(known)
+    _ready.add(key)
     return True
 
 
@@ -57,7 +57,7 @@ def _layout(argument: Any) -> Any:
 def make_ready(compiled: Any, *arguments: Any) -> None:
     """Compile a kernel for these arguments, or load it from the cache.
 
-    Ctrl-C waits for the latter, which is short: llvmlite calls Python meanwhile, and forgets what is raised there.
+    Ctrl-C waits for a load, which is short, as llvmlite drops exceptions that are raised during it.
     """
     with interrupts_held() if is_kept(compiled) else nullcontext():
         compiled.compile(signature(arguments))
@@ -65,7 +65,7 @@ def make_ready(compiled: Any, *arguments: Any) -> None:
 
 @lean
 def push(keys: IntArray, values: IntArray, size: int, words: int, key: IntArray, value: int) -> None:
-    """Add an entry to a heap of `size` entries. keys (capacity * words,), key (words,)."""
+    """Add an entry to a heap of `size` entries; keys (capacity * words,), key (words,)."""
     i = size
     if words == 1:
         first = key[0]
@@ -144,7 +144,7 @@ def drop_first(keys: IntArray, values: IntArray, size: int, words: int) -> None:
 
 @lean
 def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
-    """Compare two entries of a heap lexicographically."""
+    """Return whether an entry of a heap is lexicographically less than another."""
     for w in range(words):
         a, b = keys[i * words + w], keys[j * words + w]
         if a != b:
@@ -153,9 +153,9 @@ def precedes(keys: IntArray, i: int, j: int, words: int) -> bool:
 
 
 def plan_keys(largest: list[int]) -> tuple[IntArray, IntArray, IntArray, int]:
-    """Pack columns of non-negative integers into as few key words as keep the lexicographic order.
+    """Return a packing of columns of non-negative integers into the fewest key words that keep the lexicographic order.
 
-    Returns the word, the shift and the largest value of every column, and the number of words.
+    It has the word, the shift and the largest value of every column, and the number of words.
 
     >>> word, shift, limit, words = plan_keys([1000, 63, 5])
     >>> words, shift.tolist(), limit.tolist()
@@ -185,7 +185,7 @@ def repack(
     new: tuple[IntArray, IntArray, IntArray, int],
     out: IntArray,
 ) -> None:
-    """Write the keys of a heap to `out` (zeros) in another packing; their order, so the heap, stays."""
+    """Write the keys of a heap to `out`, which must be 0, in another packing, in the same order."""
     for i in range(size):
         for j in range(len(old[0])):
             value = (keys[i * old[3] + old[0][j]] >> old[1][j]) & old[2][j]
@@ -193,22 +193,22 @@ def repack(
 
 
 @lean
-def excess(one: FloatArray, least: FloatArray) -> float:
-    """By how much a vector (k,) exceeds an estimate (k,), relative to it, in the worst cost."""
+def excess(vector: FloatArray, least: FloatArray) -> float:
+    """Return the largest relative excess of a vector (k,) over an estimate (k,) in any cost."""
     worst = 0.0
-    for j in range(len(one)):
+    for j in range(len(vector)):
         if least[j] > 0:
-            worst = max(worst, one[j] / least[j] - 1.0)
-        elif one[j] > 0:
+            worst = max(worst, vector[j] / least[j] - 1.0)
+        elif vector[j] > 0:
             return np.inf
     return worst
 
 
 @lean
 def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
-    """Find the gap within which some vector of the front (n, k) covers each estimate (m, k); `most` or more is enough.
+    """Return the gap within which the front (n, k) covers each estimate (m, k); stop early at a gap of `most` or more.
 
-    Neighbours in a queue are alike, so the vector that covered one estimate is asked first about the next one.
+    Neighbours in a queue are similar, so the vector that covered one estimate is tried first for the next one.
     """
     gap = 0.0
     last = 0
@@ -217,9 +217,9 @@ def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
             continue
         best = np.inf
         for r in range(len(front)):
-            far = excess(front[r], estimates[i])
-            if far < best:
-                best = far
+            gap_of_vector = excess(front[r], estimates[i])
+            if gap_of_vector < best:
+                best = gap_of_vector
                 last = r
                 if best <= gap:
                     break
@@ -230,7 +230,7 @@ def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
 
 
 def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
-    """As :func:`hpop.search.machinery.approximation.proven_gap`; where that is `most` or more, some gap of so much."""
+    """Return the gap of :func:`hpop.search.machinery.approximation.proven_gap`, or any value from `most` on."""
     if not len(estimates):
         return 0.0
     if not len(front):
@@ -240,10 +240,10 @@ def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
 
 @kernel
 def least_covered(cost: int, eps: float, tolerance: int) -> int:
-    """Find the least estimate that a cost covers: the smallest f >= 0 with f + floor(eps f) + tolerance >= cost."""
+    """Return the least estimate that a cost covers: the smallest f >= 0 with f + floor(eps f) + tolerance >= cost."""
     if cost <= tolerance:
         return 0
-    rounding = 2 + (cost >> 50)  # of the quotient, with room to spare
+    rounding = 2 + (cost >> 50)  # bound on the rounding of the quotient
     f = max(np.int64(0), np.int64((cost - tolerance) / (1.0 + eps)) - rounding)
     while f + np.int64(f * eps) + tolerance < cost:
         f += 1

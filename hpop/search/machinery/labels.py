@@ -1,15 +1,15 @@
-"""The labels of a search, which is all that a checkpoint holds of it: the rest is made of them again.
+"""The labels of a search, from which a checkpoint restores its state.
 
-A label names its parent and the arc that it came by, so its costs, its key in the queue and what the sets of its node
-hold follow from the graph. What a file says is therefore a path of this graph with its true costs, or it is refused:
-no kernel ever sees a number from a file that is no place in its tables. A search that goes on from labels asks that
+A label has its parent and its arc, so its costs, its key in the queue and the sets of its node follow from the graph. A
+label in a file is therefore a path of this graph with its true costs, or it is refused; no number in a file is used as
+an index before it is checked. A resumed search checks that
 
-- each label comes by an arc that leaves its parent's node, its parent was closed before it, and no two are the same;
-- labels were closed, and solutions found, in the order of the search, none covered by those before;
-- the labels still open make a heap, and none of them should have come before one that is closed;
-- the evidence is right: sums over the costs of the open labels, the front, and what the sets hold.
+- the arc of each label leaves its parent's node, its parent was closed before it, and all labels differ;
+- labels were closed, and solutions found, in the order of the search, none covered by earlier ones;
+- the open labels form a heap, and none should have been closed before a closed label;
+- the checksums are right: of the costs of open labels, of the front, and of the sets.
 
-What is not asked, for it would be to search again, is whether labels are missing that should be open.
+It does not check whether open labels are missing, as that would take the whole search.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ OPEN, FRONT, SETS, EVIDENCE = range(4)
 
 
 class Unsound(ValueError):
-    """Labels are not those of the search that shall go on from them; the message says why."""
+    """Error of labels that do not belong to the search that resumes from them; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
 class Labels:
-    """What a search knows.
+    """State of a search.
 
-    closed     (c,)  in the order in which they were closed; a parent is 1 + its place here
+    closed     (c,)  in the order in which they were closed; a parent is 1 + its index here
     heap       (h,)  open, in the order of the heap
     waiting    (w,)  open, and not yet in the heap, in the order of their buckets
     solutions  (s,)  in the order in which they were found
     counts     (2,)  labels generated and expanded
     order      (k,)  columns of the costs, in the order of the search
-    evidence   (3,)  sums that tell whether these labels were the ones: of the open ones, the front, the sets
+    evidence   (3,)  checksums of the open labels, the front and the sets
     """
 
     closed: IntArray
@@ -57,33 +57,33 @@ class Labels:
 
     @classmethod
     def of(cls, arrays: dict[str, NDArray[Any]]) -> Self:
-        """Labels from arrays by name."""
+        """Return labels from arrays by name; raises Unsound for invalid arrays."""
         names = [field.name for field in fields(cls)]
         if sorted(arrays) != sorted(names) or any(a.dtype != np.int64 or a.ndim != 1 for a in arrays.values()):
             raise Unsound("its arrays are other ones")
-        made = cls(**arrays)
-        if len(made.counts) != COUNTS or len(made.evidence) != EVIDENCE:
+        labels = cls(**arrays)
+        if len(labels.counts) != COUNTS or len(labels.evidence) != EVIDENCE:
             raise Unsound("its arrays are other ones")
-        if not 0 <= made.counts[EXPANDED] <= made.counts[GENERATED] + 1 <= 2**62:
-            raise Unsound("its counts of labels are none")
-        return made
+        if not 0 <= labels.counts[EXPANDED] <= labels.counts[GENERATED] + 1 <= 2**62:
+            raise Unsound("its counts of labels are impossible")
+        return labels
 
     @property
     def all(self) -> IntArray:
-        """The closed ones, the open ones and the solutions."""
+        """Closed labels, open labels and solutions."""
         return np.concatenate([self.closed, self.heap, self.waiting, self.solutions])
 
 
 def weight(values: IntArray, costs: IntArray) -> int:
-    """A sum over labels (n,) and their costs (n, k) that tells whether they are the same; overflow is part of it."""
+    """Return a checksum of labels (n,) and their costs (n, k); it may overflow."""
     parts = np.arange(3, 3 + 2 * costs.shape[1], 2, dtype=np.int64)
     return int(((2 * values + 1) * (costs.astype(np.int64) @ parts)).sum(dtype=np.int64))
 
 
 def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]) -> None:
-    """Raise Unsound where labels of these estimates (n, k) did not come in the order of the search.
+    """Raise Unsound if labels with these estimates (n, k) are not in the order of the search.
 
-    The closed ones, among them some that come of turns taken at once, are ordered by the first cost alone.
+    Closed labels are ordered by the first cost alone, as some of them come from turns that are taken at once.
     """
     if not (_ordered(closed[:, :1]) and _ordered(solved)):
         raise Unsound("its labels are not in the order of the search")
@@ -91,23 +91,24 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
         return
     for j in range(opened.shape[1]):
         opened = opened[opened[:, j] == opened[:, j].min()]
-    first = opened[:1]  # of the open ones
+    first = opened[:1]  # the first open label
     if not (
         _ordered(np.concatenate([closed[-1:, :1], first[:, :1]])) and _ordered(np.concatenate([solved[-1:], first]))
     ):
-        raise Unsound("an open label should have come before those that have")
+        raise Unsound("an open label should have come before closed ones")
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
-    """Raise Unsound where closed labels are at targets, or solutions are not, or exceed the bound on the first cost."""
+    """Raise Unsound if closed labels are at targets, or solutions are not, or exceed the first bound."""
     if is_target[nodes].any() or not is_target[ends].all() or (first > most).any():
-        raise Unsound("a solution is none")
+        raise Unsound("a solution is not at a target, or a label at a target is not a solution")
 
 
 def enter_each(count: int, enter: Callable[[int], int], grow: Callable[[], None]) -> None:
-    """Let a kernel enter so many labels into sets, from a place on until there is no more room, which is then made.
+    """Enter labels into sets by a kernel, and grow the sets whenever it runs out of room.
 
-    Raises Unsound where the kernel returns what is negative: a label that would not have been closed.
+    ``enter`` takes the index of the first label and returns the index of the first that it could not enter. Raises
+    Unsound if it returns a negative number, for a label that the search would not have closed.
     """
     begin = 0
     while begin < count:
@@ -119,14 +120,14 @@ def enter_each(count: int, enter: Callable[[int], int], grow: Callable[[], None]
 
 
 def _ordered(rows: NDArray[Any]) -> bool:
-    """Whether rows (n, k) are in lexicographic order."""
+    """Return whether rows (n, k) are in lexicographic order."""
     before, after = rows[:-1], rows[1:]
     less = np.zeros(len(before), np.bool_)
-    same = np.ones(len(before), np.bool_)
+    equal = np.ones(len(before), np.bool_)
     for j in range(rows.shape[1]):
-        less |= same & (before[:, j] < after[:, j])
-        same &= before[:, j] == after[:, j]
-    return bool((less | same).all())
+        less |= equal & (before[:, j] < after[:, j])
+        equal &= before[:, j] == after[:, j]
+    return bool((less | equal).all())
 
 
 @kernel
@@ -144,14 +145,14 @@ def retrace(
     at: NDArray[np.int32],
     f: NDArray[Any],
 ) -> int:
-    """Find the node (n,) and the estimate (n, k) of labels (n,), the closed ones first.
+    """Write the node (n,) and the estimate (n, k) of labels (n,), the closed ones first.
 
-    start    (n + 1,)  where the arcs of a node begin; heads (m,), arcs (m, k) their costs
+    start    (n + 1,)  offsets of the arcs of nodes; heads (m,), arcs (m, k) their costs
     h        (n, k)    lower bounds
-    is_last  (n,)      nodes whose labels are not followed
-    most     (k,)      of estimates
+    is_last  (n,)      nodes with labels that are not followed
+    most     (k,)      largest estimates
 
-    Returns n, or the place of a label that is none; minus one and its place where its costs are too large.
+    Returns n, or i for an invalid label i, or -1 - i for a label i with too large costs.
     """
     for i in range(len(values)):
         value = values[i]
@@ -182,7 +183,7 @@ def retrace(
 
 @kernel
 def is_heap(keys: IntArray, size: int, words: int) -> bool:
-    """Whether no entry of a 4-ary heap precedes the one above it."""
+    """Return whether no entry of a 4-ary heap precedes its parent."""
     sound = True
     for i in range(1, size):
         sound &= not precedes(keys, i, (i - 1) >> 2, words)

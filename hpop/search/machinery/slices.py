@@ -1,8 +1,8 @@
-"""A search in slices: the kernel runs for a while, then Python reports, checks the budget, grows arrays.
+"""Base of searches in slices: a kernel runs for a while, then Python reports progress, checks the budget, grows arrays.
 
-The kernels (:mod:`.general.search`, :mod:`.staircase.search`) keep one heap of labels still open, the labels closed so
-far and the front. A label is one int64: (closed parent + 1) << 32 | (arc + 1), and 0 is the source. Its costs are its
-key in the heap, so a closed label is eight bytes.
+The kernels (:mod:`.general.search`, :mod:`.staircase.search`) have a heap of open labels, the closed labels and the
+front. A label is one int64: (closed parent + 1) << 32 | (arc + 1), and 0 is the source. Its costs are its key in the
+heap, so a closed label takes eight bytes.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from hpop.search.machinery import beside
 from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, weight
 
-# What a kernel returns: the first two, or the array that has no room left for the next expansion.
+# Return values of a kernel: the first two, or the array that has too little room for the next expansion.
 DONE, SLICE, HEAP, CLOSED, FRONT, WIDTH, ROWS, KEYS, CHUNKS, BUCKETS = range(10)
 # The counters that a kernel and its driver share.
 N_OPEN, N_CLOSED, N_FRONT, N_GENERATED, N_EXPANDED, N_ROWS, COUNTERS = range(7)
-PARTS = 8  # of a table that is worked on side by side
-WORK = 2_000_000  # elementary steps a slice: some 20 milliseconds
-SMALL = 2**18  # bytes of the arrays of a call that is over before a thread has begun
-INT32_LIMIT = 2**30  # below it, costs and their sums are kept in 32 bits
+PARTS = 8  # of a table, computed in parallel
+WORK = 2_000_000  # elementary steps per slice: about 20 milliseconds
+SMALL = 2**18  # bytes of arrays below which a call is faster than starting a thread
+INT32_LIMIT = 2**30  # smaller costs and sums are stored in 32 bits
 
 
 class Clock:
-    """The budget of one search. Compiling is reported and measured, but not charged to the time limit."""
+    """Clock and budget of one search. Compiling is reported and measured, but not charged to the time limit."""
 
     def __init__(self, budget: Budget, progress: ProgressCallback | None) -> None:
         self.budget = budget
@@ -47,7 +47,7 @@ class Clock:
         self.peak = 0
 
     def silent(self, labels: int, memory: int) -> Clock:
-        """A clock for a part of the search that reports nothing: it may take what these leave of the budget."""
+        """Return a clock without reports for a part of the search, with the remaining budget."""
         most, room = self.budget.max_labels, self.budget.max_memory
         left = replace(
             self.budget,
@@ -64,18 +64,18 @@ class Clock:
         return WORK
 
     def seconds(self) -> float:
-        """Seconds since the search began, without compiling."""
+        """Return the seconds since the search began, without compiling."""
         return perf_counter() - self.begin - self.compiled
 
     def report(self, stage: str, counters: Sequence[int] | IntArray | None = None, memory: int = 0) -> None:
-        """Tell the caller how far the search is."""
+        """Report the progress of the search."""
         if self.progress is None:
             return
         c = [0] * COUNTERS if counters is None else [int(x) for x in counters]
         self.progress(Progress(stage, c[N_GENERATED], c[N_OPEN], c[N_FRONT], memory, self.seconds()))
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
-        """Compile a kernel for arguments of these types; report and measure that."""
+        """Compile a kernel for arguments of these types, with reports and measured time."""
         if is_ready(compiled, *arguments):
             return
         began = perf_counter()
@@ -91,12 +91,12 @@ class Clock:
         self.compiled += perf_counter() - began
 
     def call(self, compiled: Any, *arguments: Any) -> Any:
-        """Call a kernel; report and measure its compilation first."""
+        """Call a kernel, compiled first if necessary."""
         self.prepare(compiled, *arguments)
         return compiled(*arguments)
 
     def call_all(self, compiled: Any, calls: Sequence[tuple[Any, ...]]) -> list[Any]:
-        """Call a kernel with each of some lists of arguments, all of the same types, on all cores if they are large."""
+        """Call a kernel with several lists of arguments of equal types, on all cores if they are large."""
         self.prepare(compiled, *calls[0])
         with interrupts_held():
             if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
@@ -105,7 +105,7 @@ class Clock:
                 return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; ``record`` says that the memory is taken, not only wanted."""
+        """Return the limit that is passed, or None; with ``record`` the memory is in use, not only requested."""
         if record:
             self.peak = max(self.peak, memory)
         limit = self.budget
@@ -119,7 +119,7 @@ class Clock:
 
 
 class Search(ABC):
-    """The arrays of one search, and its loop. A subclass adds the structure that dominance tests use."""
+    """Search with its arrays and its loop; a subclass adds the data of its dominance tests."""
 
     counters: IntArray
     closed: IntArray
@@ -128,7 +128,7 @@ class Search(ABC):
     order: tuple[int, ...]  # (k,)       columns of the costs
 
     def __init__(self, costs: int, fan: int) -> None:
-        """Start with one label open; `fan` is how many more one expansion can make."""
+        """Start with one open label; `fan` is the largest number of new labels of an expansion."""
         self.fan = fan
         self.counters = np.zeros(COUNTERS, np.int64)
         self.closed = np.zeros(1024, np.int64)
@@ -138,26 +138,27 @@ class Search(ABC):
 
     @abstractmethod
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel for that much work; return why it stopped."""
+        """Run the kernel for an amount of work; return why it stopped."""
 
     @abstractmethod
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """List the arrays that the search allocated, for the memory count."""
+        """Return the arrays of the subclass, for the memory count."""
 
     @abstractmethod
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Say how many bytes the structure of the subclass needs for more room, and how to get it."""
+        """Return the bytes that an array of the subclass needs to grow, and a function that grows it."""
 
     def run(self, clock: Clock, keep: Callable[[], None] | None = None) -> Status:
-        """Search to the end, or to a limit; Ctrl-C leaves the front found so far.
+        """Search to the end, or to a limit; after Ctrl-C the front found so far remains.
 
-        ``keep`` is called between slices. With it, Ctrl-C waits for the end of one: the arrays then fit each other.
+        ``keep`` is called between slices. With it, Ctrl-C waits for the end of a slice, so that the arrays are
+        consistent.
         """
-        whole = nullcontext if keep is None else interrupts_held
+        guarded = nullcontext if keep is None else interrupts_held
         memory = self.memory()
         status = clock.exceeded(0, memory)
         while status is None:
-            with whole():
+            with guarded():
                 code = self.advance(clock, self.slice_work(clock))
             if code == DONE:
                 return Status.COMPLETE if self.counters[N_FRONT] else Status.NO_PATH
@@ -167,7 +168,7 @@ class Search(ABC):
                 status = clock.exceeded(0, memory + extra, record=False)
                 if status is not None:
                     break
-                with whole():
+                with guarded():
                     grow()
             memory = self.memory()
             if code == SLICE:
@@ -178,12 +179,12 @@ class Search(ABC):
         return status
 
     def slice_work(self, clock: Clock) -> int:
-        """Work of the next slice: less when the label limit is near, so that it is kept closely."""
+        """Return the work of the next slice: less near the label limit, so that it is kept closely."""
         limit = clock.budget.max_labels
         return clock.work if limit is None else min(clock.work, max(1, limit - int(self.counters[N_GENERATED])))
 
     def memory(self) -> int:
-        """Bytes of all arrays."""
+        """Return the bytes of all arrays."""
         own = (self.closed, self.front, self.solutions)
         return sum(a.nbytes for a in own) + sum(a.nbytes for a in self.arrays())
 
@@ -202,44 +203,44 @@ class Search(ABC):
         self.solutions.resize(2 * len(self.solutions), refcheck=False)
 
     def found(self) -> tuple[IntArray, IntArray, int, int, int]:
-        """Costs (n, k) and labels (n,) of the front so far; labels generated, expanded and open."""
+        """Return costs (n, k) and labels (n,) of the front so far; numbers of labels generated, expanded and open."""
         n = int(self.counters[N_FRONT])
         generated, expanded, waiting = (int(self.counters[c]) for c in (N_GENERATED, N_EXPANDED, N_OPEN))
         return self.front[:n], self.solutions[:n], generated, expanded, waiting
 
     @abstractmethod
     def estimates(self) -> IntArray:
-        """Estimates (m, k) of the labels still open, costs in the order of the search; as in :meth:`opened`."""
+        """Return estimates (m, k) of open labels in the order of :meth:`opened`, costs in the search's order."""
 
     @abstractmethod
     def opened(self) -> tuple[IntArray, IntArray]:
-        """The labels still open: those in the heap, in its order, and those that wait for it."""
+        """Return the open labels: those in the heap, in its order, and those in buckets."""
 
     @abstractmethod
     def weight_of_sets(self, clock: Clock) -> int:
-        """A sum over what the sets hold, however they lie."""
+        """Return a checksum of the sets, independent of their order in memory."""
 
     def solved(self) -> IntArray:
-        """The labels of the front, as far as these cannot be told from the closed ones."""
+        """Return the labels of the front that are not closed labels."""
         return self.solutions[: int(self.counters[N_FRONT])]
 
     def labels(self, clock: Clock) -> Labels:
-        """All that a search must keep to go on."""
+        """Return the state from which the search can resume."""
         heap, waiting = self.opened()
         counts = self.counters[[N_GENERATED, N_EXPANDED]]
         closed = self.closed[: int(self.counters[N_CLOSED])]
         return Labels(closed, heap, waiting, self.solved(), counts, np.array(self.order), self._evidence(clock))
 
     def resume(self, labels: Labels, clock: Clock) -> None:
-        """Go on from labels that a search of the same question kept; raises Unsound where they are not such.
+        """Resume from the labels of a search of this query; raises Unsound if they are invalid.
 
-        This search is a new one. Until all is known to be sound it says that it has found nothing.
+        This search must be new; it stays without results until all labels are checked.
         """
         if labels.order.tolist() != list(self.order):
             raise Unsound("it takes the costs in another order")
         values, c, o = labels.all, len(labels.closed), len(labels.heap) + len(labels.waiting)
         if not len(values) or (np.diff(np.sort(values)) == 0).any() or (c > 0 and labels.closed[0] != 0):
-            raise Unsound("a label is there twice, or none begins")
+            raise Unsound("a label occurs twice, or the first is missing")
         nodes, costs = self._retraced(values, c, clock)
         closed, opened, solved = costs[:c], costs[c : c + o], costs[c + o :]
         check_order(closed, opened, solved)
@@ -248,20 +249,20 @@ class Search(ABC):
         capacity = len(self.closed)
         while capacity < c:
             capacity *= 2
-        kept = np.zeros(capacity, np.int64)
-        kept[:c] = labels.closed
-        found = len(solved)
+        closed_labels = np.zeros(capacity, np.int64)
+        closed_labels[:c] = labels.closed
+        count = len(solved)
         if len(labels.solutions):
-            while len(self.solutions) < found:
+            while len(self.solutions) < count:
                 self._grow_front()
-            self.front[:found], self.solutions[:found] = solved, labels.solutions
+            self.front[:count], self.solutions[:count] = solved, labels.solutions
         with interrupts_held():
-            self.closed = kept
+            self.closed = closed_labels
             if len(labels.solutions):
-                self.counters[N_FRONT] = found
+                self.counters[N_FRONT] = count
             self.counters[[N_OPEN, N_CLOSED, N_GENERATED, N_EXPANDED]] = o, c, *labels.counts
         if self._evidence(clock).tolist() != labels.evidence.tolist():
-            raise Unsound("its labels are not those whose costs it knew")
+            raise Unsound("its labels do not match their checksums")
 
     def _evidence(self, clock: Clock) -> IntArray:
         n = int(self.counters[N_FRONT])
@@ -270,7 +271,7 @@ class Search(ABC):
         return np.array([opened, front, self.weight_of_sets(clock)], np.int64)
 
     def _retraced(self, values: IntArray, closed: int, clock: Clock) -> tuple[Nodes, NDArray[Any]]:
-        """Nodes (n,) and estimates (n, k) of labels (n,), the closed ones first."""
+        """Return the nodes (n,) and estimates (n, k) of labels (n,), the closed ones first."""
         at = np.zeros(len(values), np.int32)
         while True:
             reached, f = self.retrace(values, closed, at, clock)
@@ -281,42 +282,42 @@ class Search(ABC):
 
     @abstractmethod
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Fill in the nodes (n,) of labels (n,), the closed ones first; their number, and their estimates (n, k).
+        """Write the nodes (n,) of labels (n,), the closed ones first; return n and their estimates (n, k).
 
-        The place of a label that is none; minus one and its place where its costs are too large.
+        Instead of n it returns i for an invalid label i, or -1 - i for a label i with too large costs.
         """
 
     def widen(self) -> bool:
-        """Take more bits for costs; False where there are no more."""
+        """Use more bits for costs; return False if that is impossible."""
         return False
 
     @abstractmethod
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the sets: closed labels at nodes, with their estimates, and solutions; raises Unsound."""
+        """Fill the sets with closed labels at nodes, their estimates, and solutions; may raise Unsound."""
 
     @abstractmethod
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the queue with labels, and their estimates; raises Unsound."""
+        """Fill the queue with labels and their estimates; raises Unsound for invalid ones."""
 
     @abstractmethod
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Places of the arcs of solutions in the graph, from the source on."""
+        """Return the indices of the arcs of solutions in the graph, from the source on."""
 
 
-STEPS = 6e6  # a second, at the least: what a step takes depends on the memory that it waits for
-SHORT_SLICE, LEAST = 120_000, 2_000  # steps of a slice: 2 to 20 ms, and what is not worth a call
-END, LABEL = 1.5e-3, 16e-9  # s that an answer takes, and for each label: its gap is proven, its paths are told
-ROOM = 1.2e-9  # s for each byte of an array that grows: it is copied, and the rest of it is filled
+STEPS = 6e6  # per second, at least; it depends on the speed of the memory
+SHORT_SLICE, LEAST = 120_000, 2_000  # steps of a slice, 2 to 20 ms, and the fewest that are worth a call
+END, LABEL = 1.5e-3, 16e-9  # s for a result, and in addition per label, for its gap and paths
+ROOM = 1.2e-9  # s per byte of an array that grows, for the copy
 
 
 class Deadline(Clock):
-    """A clock that ends a search so early that its answer, gap and paths included, is there in time.
+    """Clock that ends a search early enough for its result, with gap and paths, to be ready at a deadline.
 
-    Compiling is not charged, as always.
+    Compiling is not charged.
 
-    share   of all limits that the search may spend for now
-    labels  count  that other searches of the same question have generated
-    memory  bytes  that these hold
+    share   of all limits that the search may use for now
+    labels  count  generated by other searches of the same query
+    memory  bytes  of these searches
     """
 
     def __init__(self, seconds: float | None, budget: Budget, progress: ProgressCallback | None) -> None:
@@ -325,44 +326,44 @@ class Deadline(Clock):
         self.started = thread_time()
         self.share = 1.0
         self.labels = self.memory = 0
-        self._answer, self._taken = END, 0  # s that the answer will take, bytes that are taken
+        self._answer, self._taken = END, 0  # s for the result, bytes in use
 
     @property
     def is_limited(self) -> bool:
-        """Whether the search may have to end before it is complete."""
+        """True if the search may have to end before it is complete."""
         limits = self.deadline, self.budget.time_limit, self.budget.max_labels
         return any(limit is not None for limit in limits)
 
     @property
     def left(self) -> float:
-        """Seconds that are left; infinitely many without a deadline."""
+        """Remaining seconds; inf without a deadline."""
         if self.deadline is None:
             return float("inf")
         return self.share * self.deadline - (thread_time() - self.started)
 
     @property
     def work(self) -> int:
-        """What there is time for, however slow steps are: less and less towards the end."""
+        """Steps of the next slice that the remaining time allows, even if they are slow."""
         if self.deadline is None:
             return super().work
         return int(min(SHORT_SLICE, max(LEAST, (self.left - self._answer) * STEPS)))
 
     def silent(self, labels: int, memory: int) -> Deadline:
-        """As of any clock; of the same deadline."""
+        """Return a clock without reports for a part of the search, with the same deadline."""
         plain = super().silent(self.labels + labels, self.memory + memory)
         clock = Deadline(self.deadline, plain.budget, None)
         clock.begin, clock.started, clock.share = plain.begin, self.started, self.share
         return clock
 
     def prepare(self, compiled: Any, *arguments: Any) -> None:
-        """Compile a kernel, or load it."""
+        """Compile a kernel, or load it, outside of the deadline."""
         before, spent = thread_time(), self.compiled
         super().prepare(compiled, *arguments)
         if self.compiled > spent:
             self.started += thread_time() - before
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
-        """Return the limit that is passed, or None; the deadline is passed when the answer's share of it begins."""
+        """Return the limit that is passed, or None; the deadline counts as passed when the result must be prepared."""
         labels += self.labels
         status = super().exceeded(labels, memory + self.memory, record=record)
         if status is not None:

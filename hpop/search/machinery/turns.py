@@ -1,20 +1,20 @@
-"""The groups that turns make of nodes, and what they save the search.
+"""Groups of nodes that are joined by turns, by which a search saves labels.
 
-Call the arcs with a positive cost in one chosen column (the index) turns, but for those that begin where nothing leads
-to or end where nothing leads on: a start and a goal beside the groups may be joined to them by arcs that turn and move.
-Turns make groups where every ordered pair of nodes joined by turns is joined by exactly one, all raise the index alike,
-and no turn costs more, in any cost, than two turns on the same way. All is checked, arc by arc, so nothing is assumed
-of the graph. Then
+Call the arcs with a positive cost in one chosen column (the index) turns, except those from a node that no arc enters
+or to a node that no arc leaves: a start and a goal outside of the groups may be joined to them by arcs that turn and
+move. Turns form groups if every ordered pair of nodes joined by turns is joined by exactly one, all raise the index by
+the same amount, and no turn costs more, in any cost, than two turns from and to the same nodes. All of this is checked
+arc by arc, so nothing is assumed of the graph. Then
 
-- a path never needs two turns in a row. So a label is made only where a plain arc arrives (or a turn reaches a
+- a path never needs two turns in a row. So a label is generated only where a plain arc arrives (or a turn reaches a
   target); its successors are "an arc" and "a turn, then an arc".
-- if no turn costs anything in the first cost of the search, a label g at a node of a group is also dominated if some
-  closed label of any node of the group is nowhere larger after the dearest turn of the group: that one could turn to
-  this node. First costs compare, because their bound is the same at all nodes of a group.
-- likewise what a label becomes by a turn counts as closed at that node: all that follows from it is made at once.
-- if moreover all turns of a group cost the same, a label that is no better than a closed one of its group, whatever
-  the node, has no use for turns: the other one has made them. For lower bounds likewise, the best node of a group
-  speaks for all.
+- if turns do not raise the first cost of the search, a label g at a node of a group is also dominated if a closed label
+  of any node of the group is nowhere larger after the dearest turn of the group, as that label could turn to this node.
+  First costs are comparable, because their bound is the same at all nodes of a group.
+- likewise a label after a turn counts as closed at its node, as all its successors are generated at once.
+- if moreover all turns of a group have equal costs, a label that is no better than a closed one of its group, at any
+  node, needs no turns: the other label has made them. For lower bounds likewise, the best node of a group represents
+  all.
 
 Becerra et al. 2020 (arXiv 2002.10696) have such turns between the headings of a cell.
 """
@@ -27,36 +27,36 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import IntArray, inserted
 from hpop.runtime.compiled import kernel, lean
 from hpop.runtime.status import Status
-from hpop.search.graph import Graph, inserted
+from hpop.search.graph import Graph
 from hpop.search.machinery.slices import PARTS, Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
-NODE, ARC = 24, 8  # bytes of a node in groups, as of one while they are looked for, and of an arc that is no turn
+NODE, ARC = 24, 8  # bytes of a node in groups, also while they are searched, and of an arc that is no turn
 
 
 class NoRoom(Exception):
-    """Groups would take more memory than the budget of the search has."""
+    """Error of groups that need more memory than the budget of the search has."""
 
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """Nodes renumbered so that each group is a range, and the arcs that are no turns; a lone node is a group too.
+    """Nodes renumbered so that each group is a range, and the arcs that are no turns; a single node is a group too.
 
-    column    of the costs that turns raise; -1 if there are no groups, and then no turns either
-    step      by how much they raise it
+    column    of the costs that turns raise; -1 if there are no groups and no turns
+    step      by how much turns raise it
     nodes     (n,)      node of the graph at each new number
     place     (n,)      new number of each node of the graph
-    rows      (g, 3)    first node, number of nodes, where the turns of each group begin in ``turns``
+    rows      (g, 3)    first node, number of nodes, offset in ``turns`` of each group
     dearest   (g, k)    costs of the dearest turn of each group
-    alike     (k,)      whether all turns of a group cost the same
-    turns     (k, t)    costs of turns, one a pair of places (from, to) of a group; none where all are alike
+    alike     (k,)      whether all turns of each group have equal costs
+    turns     (k, t)    costs of turns, one per pair of nodes (from, to) of a group; empty if all are alike
     start     (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
-    heads     (m,)      where they lead
-    origin    (m,)      which arcs of the graph they are
+    heads     (m,)      heads of the plain arcs
+    origin    (m,)      their indices in the graph
     """
 
     column: int
@@ -79,9 +79,9 @@ class Groups:
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock) -> Self:
-        """The groups that turns make, counted in the sum that single arcs raise least; none where they make none.
+        """Return the groups of turns, with the sum that single arcs raise least as index; without groups, single nodes.
 
-        Raises NoRoom, before memory is taken, where the clock's budget has less.
+        Raises NoRoom, before memory is allocated, if the clock's budget does not suffice.
         """
         most = graph.largest.tolist()
         sums = [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum" and 0 < most[j] < MOST]
@@ -90,19 +90,19 @@ class Groups:
 
     @classmethod
     def of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
-        """The groups that the turns of a column make; None where they make none."""
+        """Return the groups of the turns of a column, or None if they form none."""
         if graph.base is None or not _only_ends(graph, column):
             return cls._of_column(graph, column, clock)
-        kept = graph.base.kept
+        cache = graph.base.cache
         name = ("groups", column)
-        if name not in kept:
-            kept[name] = cls._of_column(graph.base, column, clock)
-        groups: Self | None = kept[name]
+        if name not in cache:
+            cache[name] = cls._of_column(graph.base, column, clock)
+        groups: Self | None = cache[name]
         _check_room(clock, 0 if groups is None else groups.nbytes)
         return None if groups is None else groups._extended(graph, graph.base)
 
     def _extended(self, graph: Graph, base: Graph) -> Self:
-        """The groups of a graph that extends the one that these are of, by nodes that are only starts or only goals."""
+        """Return the groups of a graph that extends the graph of these by nodes that are only starts or only goals."""
         more, j = graph.nodes - base.nodes, _added(graph, base)
         ends = np.arange(base.nodes, graph.nodes)
         rows = np.zeros((more, GROUP_COLUMNS), np.int64)
@@ -112,7 +112,7 @@ class Groups:
         tails = np.searchsorted(graph.indptr, j, side="right") - 1
         order = np.argsort(place[tails], kind="stable")
         at = np.append(self.start, np.full(more, self.start[-1]))
-        places = at[place[tails[order]] + 1]
+        before = at[place[tails[order]] + 1]
         shift = graph.indptr[: base.nodes] - base.indptr[:-1]  # of the arcs of each node of the base
         origin = self.origin + np.repeat(shift[self.nodes], np.diff(self.start)).astype(np.int32)
         counts = np.bincount(place[tails], minlength=graph.nodes)
@@ -125,8 +125,8 @@ class Groups:
             dearest=np.concatenate([self.dearest, zeros]),
             turns=np.concatenate([self.turns, zeros.T], axis=1) if self.turns.size else self.turns,
             start=at + np.append(0, np.cumsum(counts)),
-            heads=inserted(self.heads, places, place[graph.heads[j[order]]].astype(np.int32)),
-            origin=inserted(origin, places, j[order].astype(np.int32)),
+            heads=inserted(self.heads, before, place[graph.heads[j[order]]].astype(np.int32)),
+            origin=inserted(origin, before, j[order].astype(np.int32)),
         )
 
     @classmethod
@@ -151,7 +151,7 @@ class Groups:
 
     @classmethod
     def none(cls, graph: Graph, clock: Clock) -> Self:
-        """Every node on its own, every arc a plain one."""
+        """Return groups of single nodes, with all arcs plain."""
         rows = np.zeros((graph.nodes, GROUP_COLUMNS), np.int64)
         rows[:, OFFSET], rows[:, SIZE] = np.arange(graph.nodes), 1
         return cls._with_arcs(graph, -1, 0, np.arange(graph.nodes), rows, graph.arcs, clock)
@@ -185,7 +185,7 @@ def _check_room(clock: Clock, memory: int) -> None:
 
 
 def _added(graph: Graph, base: Graph) -> IntArray:
-    """Places (j,) of the arcs of a graph that the one which it extends does not have: the last of each tail."""
+    """Return the indices (j,) of the arcs that a graph adds to its base: the last arcs of each tail."""
     own = np.diff(base.indptr, append=np.full(graph.nodes - base.nodes, base.arcs))
     more = np.diff(graph.indptr) - own
     tails = np.flatnonzero(more)
@@ -196,7 +196,7 @@ def _added(graph: Graph, base: Graph) -> IntArray:
 
 
 def _only_ends(graph: Graph, column: int) -> bool:
-    """Whether added arcs that raise a column begin at added nodes that none leads to, or end where none leads on."""
+    """Return whether added arcs that raise a column start at added sources or end at added sinks."""
     assert graph.base is not None
     j = _added(graph, graph.base)
     tails, heads = np.searchsorted(graph.indptr, j, side="right") - 1, graph.heads[j]
@@ -218,11 +218,11 @@ def number_groups(
     entered: NDArray[np.bool_],
     group: IntArray,
     size: IntArray,
-    seen: IntArray,
+    last_tail: IntArray,
 ) -> tuple[int, Any, int]:
-    """Number the groups (n,); returns how many, the common index of all turns, 0 where they make none, and how many.
+    """Number the groups (n,); return their number, the index cost of a turn, and the number of turns.
 
-    entered (n,) says where arcs lead; size (n,) of the groups is 0, group and seen (n,) are -1 before.
+    entered (n,) marks nodes that arcs enter; size (n,) of the groups must be 0, group and last_tail (n,) -1.
     """
     count, turns = 0, 0
     step: Any = np.int64(0)
@@ -232,7 +232,7 @@ def number_groups(
             group[u] = count
             size[count] = 1
             count += 1
-        found = 1
+        joined = 1
         for a in range(indptr[u], indptr[u + 1] if entered[u] else indptr[u]):
             v = heads[a]
             if costs[a, index] == 0 or v == u or indptr[v] == indptr[v + 1]:
@@ -243,13 +243,13 @@ def number_groups(
                 step = costs[a, index] if step == 0 else step
                 group[v] = group[u]
                 size[group[u]] += 1
-            if costs[a, index] != step or group[v] != group[u] or seen[v] == u:
+            if costs[a, index] != step or group[v] != group[u] or last_tail[v] == u:
                 return 0, 0, 0
-            seen[v] = u
-            found += 1
-        if found != size[group[u]]:
+            last_tail[v] = u
+            joined += 1
+        if joined != size[group[u]]:
             return 0, 0, 0
-        turns += found - 1
+        turns += joined - 1
     return count, step, turns
 
 
@@ -268,11 +268,11 @@ def part_arcs(
     dearest: IntArray,
     alike: NDArray[np.bool_],
 ) -> int:
-    """Fill in the plain arcs, no loops among them, the dearest turns, and whether all are alike; returns m."""
+    """Write the plain arcs without loops, the dearest turns, and whether all turns are alike; return m."""
     k = costs.shape[1]
     m = 0
     for g in range(len(rows)):
-        one = -1
+        first = -1
         offset, end = rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]
         for p in range(offset, end):
             start[p] = m
@@ -286,10 +286,10 @@ def part_arcs(
                     origin[m] = a
                     m += 1
                 else:
-                    one = a if one < 0 else one
+                    first = a if first < 0 else first
                     for j in range(k):
                         dearest[g, j] = max(dearest[g, j], costs[a, j])
-                        alike[j] = alike[j] and costs[a, j] == costs[one, j]
+                        alike[j] = alike[j] and costs[a, j] == costs[first, j]
     start[len(nodes)] = m
     return m
 
@@ -305,7 +305,7 @@ def tell_turns(
     rows: IntArray,
     turns: IntArray,
 ) -> None:
-    """Fill in the costs of turns (k, t)."""
+    """Write the costs of turns (k, t)."""
     for g in range(len(rows)):
         offset, size = rows[g, OFFSET], rows[g, SIZE]
         for p in range(offset, offset + size):
@@ -319,7 +319,7 @@ def tell_turns(
 
 @kernel
 def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_], worst: NDArray[np.bool_]) -> bool:
-    """Whether no turn costs more than two turns on the same way; where all are alike, two cost no less than one."""
+    """Return whether no turn costs more than two turns from and to the same nodes."""
     dearer = False
     for j in range(len(alike)):
         if alike[j]:
@@ -329,8 +329,8 @@ def no_dearer_than_two(rows: IntArray, turns: IntArray, alike: NDArray[np.bool_]
             for u in range(size):
                 ahead = rows[g, TURNS] + u * size
                 for v in range(size):
-                    one, after = turns[j, ahead + v], rows[g, TURNS] + v * size
+                    first, after = turns[j, ahead + v], rows[g, TURNS] + v * size
                     for w in range(size):
-                        more = turns[j, after + w]
-                        dearer |= turns[j, ahead + w] > (max(one, more) if worst[j] else one + more)
+                        second = turns[j, after + w]
+                        dearer |= turns[j, ahead + w] > (max(first, second) if worst[j] else first + second)
     return not dearer

@@ -1,6 +1,6 @@
-"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, against others.
+"""Exact means under a cap: a cost that is the ratio of two sums, an integral over a duration, with other costs.
 
-The cap is on the duration, or on other sums that make it finite (:mod:`.mean.limits`).
+The cap bounds the duration, or other sums that make it finite (:mod:`.mean.limits`).
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ METHOD = "capped mean"
 class MeanPaths(ParetoPaths):
     """Walks that are non-dominated in a mean and the other costs; see :class:`ParetoPaths`.
 
-    Rows of ``costs`` are in the order of the mean. If the search was stopped, they are walks within the limits,
-    mutually non-dominated, but the exact front may have better ones.
+    Rows of ``costs`` are sorted by the mean. If the search was stopped, they are walks within the limits, mutually
+    non-dominated, but the exact front may have better ones.
 
     integral  column of S
     duration  column of T
-    cap       what no walk's duration exceeds within the limits
-    notes     what blocks the way
+    cap       bound on the duration of all walks within the limits
+    notes     why there is no walk
     """
 
     integral: int
@@ -50,7 +50,7 @@ class MeanPaths(ParetoPaths):
     notes: tuple[str, ...]
 
     def front(self, *, names: Sequence[str] | None = None, units: Sequence[str] | None = None) -> NoReturn:
-        """Refused: a front of added costs would leave out walks whose mean is the best."""
+        """Raise OptionError, as a front of summed costs would leave out walks with the best means."""
         raise OptionError(
             "a mean is no sum of costs: hpop.frontier.Front.of takes the columns that are wanted, such as those of "
             "paths.means and paths.values, with paths.path(i) as items"
@@ -58,12 +58,12 @@ class MeanPaths(ParetoPaths):
 
     @property
     def means(self) -> FloatArray:
-        """S / T (n,) in quanta of the one over quanta of the other; 0 for a walk that takes no time."""
+        """Means S / T (n,), in quanta of S per quantum of T; 0 for a walk that takes no time."""
         total, time = self.costs[:, self.integral], self.costs[:, self.duration]
         return np.asarray(total / np.maximum(1, time), dtype=np.float64)
 
     def mean(self, i: int) -> Fraction:
-        """S / T of one walk, exactly."""
+        """Return S / T of one walk, exactly."""
         total, time = self.costs[i, [self.integral, self.duration]].tolist()
         return Fraction(total, max(1, time))
 
@@ -82,31 +82,31 @@ def capped_mean_paths(
     progress: ProgressCallback | None = None,
     checkpoint: CheckpointSpec | None = None,
 ) -> MeanPaths:
-    """Find every non-dominated vector (S/T, other costs) of the walks from source to target within limits.
+    """Return every non-dominated vector (S/T, other costs) of the walks from source to target within limits.
 
     S and T are the sums of two columns, ``integral`` and ``duration``; all other columns are costs of their own (to
-    minimise the duration as well, give it a second column). Walks may pass nodes, and targets, more than once: a mean
-    falls where one lingers in good places, so that without limits the front may be infinite. Of walks with equal
-    vectors one is kept. A walk of no arcs has the mean 0.
+    minimise the duration as well, give it a second column). Walks may pass nodes, and targets, more than once: time
+    spent at low cost lowers a mean, so that without limits the front may be infinite. Of walks with equal vectors one
+    is returned. A walk without arcs has the mean 0.
 
     cap      T <= cap; may be left out if every arc that takes time raises a sum that ``at_most`` bounds
-    at_most  one bound a cost, None for none, as in :func:`pareto_paths`; None for S and T
+    at_most  one bound per cost, or None, as in :func:`pareto_paths`; None for S and T
 
-    First :func:`pareto_paths` finds the front of T and the other costs, S left out, which is fast: the means of these
-    paths are a beginning. Then :mod:`.mean.kernel` does the rest, pruning by the means found so far.
+    First :func:`pareto_paths` quickly finds the front of T and the other costs, without S; the means of these paths are
+    a first front. Then the search of :mod:`.mean.kernel` completes it, pruning by the means found so far.
 
-    Accepts: any :class:`Graph` whose columns S and T are sums and whose arcs of no duration add nothing to S; up to
-    four other costs, each a sum or a maximum.
+    Accepts: any :class:`Graph` with sums S and T in which arcs without duration add nothing to S; up to four other
+    costs, each a sum or a maximum.
 
-    Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, what is
-    returned are walks within the limits, perhaps dominated by ones not found.
+    Guarantees: exact in integers, means compared as fractions. If a limit of ``budget`` or Ctrl-C stops it, it returns
+    walks within the limits that may be dominated by others.
 
-    `checkpoint`: as in :func:`pareto_paths`, for the search of the mean; the one before it is done anew.
+    `checkpoint`: as in :func:`pareto_paths`, for the search of the mean; the first search is repeated.
 
     Cost: labels differ in T as well as in the other costs, and T need not be a cost: many times the work of the
     additive search, growing steeply with the limits.
 
-    >>> arcs = [[4, 4], [1, 2], [0, 2]]  # (S, T): a way through a bad place, a shorter one, and waiting before it
+    >>> arcs = [[4, 4], [1, 2], [0, 2]]  # (S, T): a costly arc, a shorter one, and waiting before it
     >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 0], arcs)
     >>> paths = capped_mean_paths(graph, 0, 1, integral=0, duration=1, cap=6)
     >>> paths.mean(0), paths.arcs(0).tolist()
@@ -132,7 +132,7 @@ def capped_mean_paths(
 
 
 class _MeanRun:
-    """One query after the first search; ``columns`` has the duration, the integral, then the other costs."""
+    """Run of a query after the first search; ``columns`` are the duration, the integral, then the other costs."""
 
     def __init__(
         self, graph: Graph, first: ParetoPaths, columns: tuple[int, ...], limits: MeanLimits, keeper: Keeper | None
@@ -140,7 +140,9 @@ class _MeanRun:
         totals = [graph.costs[path, columns[1]].sum() for path in first._paths]
         costs = np.insert(first.costs, columns[1], totals, axis=1)[:, list(columns)]
         under = np.flatnonzero(costs[:, 0] <= limits.cap)
-        self.rows = under[np.argsort(costs[under, 0], kind="stable")]  # of equal vectors the shortest comes first
+        self.rows = under[
+            np.argsort(costs[under, 0], kind="stable")
+        ]  # of equal vectors the one of the shortest duration comes first
         self.walks = costs[self.rows]
         self.least = int(costs[:, 0].min(initial=MAX_PRODUCT))
         self.graph, self.first, self.columns, self.limits, self.keeper = graph, first, columns, limits, keeper
@@ -151,7 +153,7 @@ class _MeanRun:
         self.seconds_bounds = first.stats.seconds_bounds
 
     def go(self, source: int, targets: IntArray, clock: Clock) -> Status:
-        """Run the query; what it found is in the front of ``search``, or else in this one."""
+        """Run the query; the front is that of ``search``, or of this run without a search."""
         from hpop.search.machinery.bounds import lower_bounds
         from hpop.search.machinery.slices import N_GENERATED
         from hpop.search.mean.kernel import gather
@@ -167,13 +169,13 @@ class _MeanRun:
         self.seconds_bounds += clock.seconds() - begin
         if status is not None:
             return status
-        known = (self.front, self.solutions, self.size)
-        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.limits, known)
-        self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # the limit is one for both
+        first = (self.front, self.solutions, self.size)
+        self.search = CappedMean(self.graph, source, targets, h, self.columns, self.limits, first)
+        self.search.counters[N_GENERATED] = self.first.stats.labels_generated  # both searches share the limit
         return self.search.run(clock) if self.keeper is None else self.keeper.run(self.search, METHOD, clock)
 
     def result(self, source: int, clock: Clock, status: Status) -> MeanPaths:
-        """What was found, in the order of the mean."""
+        """Return the walks found, sorted by the mean."""
         first, counts = self.first.stats, {}
         front, solutions = self.front[: self.size], self.solutions[: self.size]
         if self.search is not None:
@@ -212,7 +214,7 @@ class _MeanRun:
         )
 
     def _path(self, label: int, clock: Clock) -> IntArray:
-        """Places of the arcs of a walk that the second search closed, or that the first one found."""
+        """Return the indices of the arcs of a walk that the second search closed, or that the first one found."""
         if label < 0:
             return self.first._paths[int(self.rows[-1 - label])]
         if self.search is None:
@@ -221,14 +223,14 @@ class _MeanRun:
 
 
 def _without(graph: Graph, column: int) -> Graph:
-    """The graph without one of its costs."""
+    """Return the graph without one of its costs."""
     left = [j for j in range(graph.criteria) if j != column]
     aggregates = [graph.aggregates[j] for j in left]
     return Graph.from_csr(graph.indptr, graph.heads, graph.costs[:, left], aggregates=aggregates)
 
 
 def _columns(graph: Graph, integral: Any, duration: Any) -> tuple[int, ...]:
-    """The duration, the integral, then the other costs."""
+    """Return the columns of the duration, the integral, then the other costs."""
     last = graph.criteria - 1
     integral = whole("integral", integral, 0, last, "a column")
     duration = whole("duration", duration, 0, last, "a column")

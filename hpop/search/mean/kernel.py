@@ -1,22 +1,21 @@
-"""The search behind exact means within limits: its kernel, and the sets that its dominance tests use.
+"""The kernel of the search for exact means within limits, and the sets of its dominance tests.
 
 A label has the duration T, the integral S and the other costs of a walk from the source; f = g + h bounds those of its
-completions from below. Labels leave the heap in the order of (f_T, f_S, ...), so whatever was closed at a node before
-is no longer in duration.
+completions from below. Labels leave the heap in the order of (f_T, f_S, ...), so labels that were closed before at a
+node have no longer duration.
 
 Dominance by a shifted cost. Let lam be a mean that no useful completion of b exceeds. A closed label a at the same node
 prunes b if its other costs are nowhere larger, T_a <= T_b, and S_a - lam T_a <= S_b - lam T_b. Proof: with the same
-completion, S_a' - lam T_a' <= S_b' - lam T_b' = (V_b' - lam) T_b' <= (V_b' - lam) T_a', for V_b' <= lam and
-T_b' >= T_a'; hence V_a' <= V_b', and a' keeps every limit that b' keeps, for it lasts no longer and costs no more. (The
-rule by the vertices of what may be added is the same one: a useful completion adds at most lam T_b' - S_b to S.)
+completion, S_a' - lam T_a' <= S_b' - lam T_b' = (V_b' - lam) T_b' <= (V_b' - lam) T_a', as V_b' <= lam and
+T_b' >= T_a'; hence V_a' <= V_b', and a' keeps every limit that b' keeps, as it lasts no longer and costs no more.
 
-With lam the largest rate of any arc that is the componentwise rule R = S - phi_max T; a smaller lam prunes more, and
-the means found so far give one: in every moment each walk within the limits has a point of the front that is nowhere
-larger in its other costs. If one is nowhere larger than f_b, a useful completion of b has a smaller mean than that one;
-otherwise it has a mean no larger than the largest on the front.
+If lam is the largest rate of any arc, this is the componentwise rule R = S - phi_max T. A smaller lam prunes more, and
+the means found so far give one: for each walk within the limits, the front always has a point that is nowhere larger in
+the other costs. If a point is nowhere larger than f_b, a useful completion of b has a smaller mean than the point;
+otherwise its mean is no larger than the largest on the front.
 
-Bound. A completion of b has at least the mean f_S / T, T the longest that b may last within the limits
-(:mod:`.mean.limits`), so b is useless if that reaches its lam.
+Bound. A completion of b has at least the mean f_S / T, where T is the longest duration of b within the limits
+(:mod:`.mean.limits`), so b is useless if this mean reaches lam.
 """
 
 from __future__ import annotations
@@ -50,7 +49,7 @@ START, SIZE, ROOM = range(3)  # columns of the table of blocks
 
 @lean
 def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
-    """Whether row i of rows (n, k) is nowhere larger than f (k,) in the other costs."""
+    """Return whether row i of rows (n, k) is nowhere larger than f (k,) in the other costs."""
     j = OTHERS
     while j < len(f) and rows[i, j] <= f[j]:
         j += 1
@@ -59,7 +58,7 @@ def is_nowhere_larger(rows: IntArray, i: int, f: IntArray) -> bool:
 
 @kernel
 def bar(front: IntArray, size: int, f: IntArray) -> int:
-    """Find the mean on the front that f must beat: of the first row nowhere larger in the other costs, or the last.
+    """Return the row of the mean that f must improve: the first row nowhere larger in the other costs, or the last.
 
     front (size, k) is sorted by the mean.
     """
@@ -71,7 +70,7 @@ def bar(front: IntArray, size: int, f: IntArray) -> int:
 
 @kernel
 def may_last(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray) -> int:
-    """Find how long a walk may last in all, if its costs at v are f less the bounds h there."""
+    """Return the longest total duration of a walk with the estimate f at node v, with bounds h."""
     left = 0.0
     for j in range(len(f)):
         if rates[j] > 0:  # of a sum
@@ -83,7 +82,7 @@ def may_last(f: IntArray, h: IntArray, v: int, most: IntArray, rates: FloatArray
 def is_useless(
     front: IntArray, size: int, longest: int, blocks: IntArray, vectors: IntArray, b: int, f: IntArray
 ) -> tuple[bool, int]:
-    """Ask whether the front or block b makes a label with the bounds f useless, and how many rows were looked at."""
+    """Return whether the front or block b makes a label with the bounds f useless, and the number of rows read."""
     i = bar(front, size, f)
     total, time = front[i, INTEGRAL], max(1, front[i, TIME])
     if f[INTEGRAL] * time >= total * longest:
@@ -92,7 +91,7 @@ def is_useless(
     for a in range(last, begin - 1, -1):
         if (vectors[a, INTEGRAL] - f[INTEGRAL]) * time > total * (vectors[a, TIME] - f[TIME]):
             continue
-        if is_nowhere_larger(vectors, a, f):  # where one that dominates moves to is where the next scan begins
+        if is_nowhere_larger(vectors, a, f):  # a row that dominates moves to where the next scan begins
             for j in range(len(f)):
                 vectors[a, j], vectors[last, j] = vectors[last, j], vectors[a, j]
             return True, i + 2 + last - a
@@ -101,10 +100,10 @@ def is_useless(
 
 @kernel
 def enter(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -> int:
-    """Add f to block b and drop what it makes superfluous; return how many rows are in use.
+    """Add f to block b and drop the rows that it makes superfluous; return the number of rows in use.
 
-    What comes later lasts no less, so a vector prunes nothing more than f does if f is nowhere larger in the integral
-    and the other costs, whatever the durations.
+    Later labels last no less, so a row prunes no more than f if f is nowhere larger in the integral and the other
+    costs, whatever the durations.
     """
     begin = blocks[b, START]
     kept = begin
@@ -132,30 +131,30 @@ def enter(blocks: IntArray, vectors: IntArray, b: int, f: IntArray, used: int) -
 
 @kernel
 def insert(front: IntArray, solutions: IntArray, size: int, f: IntArray, label: int) -> int:
-    """Add a walk to the front, unless it is covered, and drop what it covers; return the new size."""
+    """Add a walk to the front, unless it is covered, and drop the walks that it covers; return the new size."""
     time = max(1, f[TIME])
-    place = 0  # behind all rows with no larger a mean
-    while place < size and front[place, INTEGRAL] * time <= f[INTEGRAL] * max(1, front[place, TIME]):
-        if is_nowhere_larger(front, place, f):
+    position = 0  # behind all rows with a mean that is not larger
+    while position < size and front[position, INTEGRAL] * time <= f[INTEGRAL] * max(1, front[position, TIME]):
+        if is_nowhere_larger(front, position, f):
             return size
-        place += 1
-    kept, behind = 0, place
+        position += 1
+    count, behind = 0, position
     for i in range(size):
         covered = f[INTEGRAL] * max(1, front[i, TIME]) <= front[i, INTEGRAL] * time
         for j in range(OTHERS, len(f)):
             covered &= f[j] <= front[i, j]
         if covered:
-            place -= i < behind
+            position -= i < behind
         else:
-            front[kept] = front[i]
-            solutions[kept] = solutions[i]
-            kept += 1
-    for i in range(kept, place, -1):
+            front[count] = front[i]
+            solutions[count] = solutions[i]
+            count += 1
+    for i in range(count, position, -1):
         front[i] = front[i - 1]
         solutions[i] = solutions[i - 1]
-    front[place] = f
-    solutions[place] = label
-    return kept + 1
+    front[position] = f
+    solutions[position] = label
+    return count + 1
 
 
 @kernel
@@ -191,7 +190,7 @@ def advance(
     front: IntArray,
     solutions: IntArray,
 ) -> int:
-    """Expand labels until the work is done or an array is full; return why."""
+    """Expand labels until the work is done or an array is full; return the reason."""
     word, shift, limit, words = plan
     k = len(word)
     key = np.zeros(words, np.int64)
@@ -240,7 +239,7 @@ def advance(
         counters[N_ROWS] = enter(blocks, vectors, v, f, counters[N_ROWS])
         closed[done] = value
         done += 1
-        if is_target[v]:  # and go on: a walk may pass a target and come back with a smaller mean
+        if is_target[v]:  # a walk may pass a target and return to it with a smaller mean
             counters[N_FRONT] = insert(front, solutions, counters[N_FRONT], f, done)
         for a in range(indptr[v], indptr[v + 1]):
             x = heads[a]
@@ -282,7 +281,7 @@ def enter_all(
 ) -> int:
     """Enter closed labels (n,) with their costs (n, k), from `begin` on, as the search did when it closed them.
 
-    Returns n, or the place where the blocks or the front have too little room.
+    Returns n, or the index of the label for which the blocks or the front have too little room.
     """
     for i in range(begin, len(nodes)):
         v = np.int64(nodes[i])
@@ -297,7 +296,7 @@ def enter_all(
 
 @kernel
 def weigh(blocks: IntArray, vectors: IntArray) -> int:
-    """A sum over the rows of all blocks, however they lie; it may overflow."""
+    """Return a checksum of the rows of all blocks, independent of their order; it may overflow."""
     total = np.int64(0)
     for b in range(len(blocks)):
         total += (b + 1) * blocks[b, SIZE]

@@ -1,12 +1,12 @@
-"""The limits on walks whose mean is minimised: on the duration itself, or on other sums that make it finite.
+"""The limits on walks with a minimised mean: on the duration itself, or on other sums that make it finite.
 
-Let every arc that takes time raise some sum that is bounded, and let the first such sum pay for it. With rate_j the
-largest ratio of an arc's duration to what it adds to sum j, over the arcs that j pays for, a walk may still last at
-most the sum over j of rate_j times what is left of bound j. So a length and a number of turns that are both bounded
-make the duration finite, if moves have a length and turns are counted. Either alone does not: turning in place adds
-no length, and moving no turns.
+Let every arc that takes time raise some bounded sum, and assign the arc to the first such sum. Let rate_j be the
+largest ratio of an arc's duration to its cost in sum j, over the arcs assigned to j. Then the remaining duration of a
+walk is at most the sum over j of rate_j times the remainder of bound j. So bounds on both the length and the number of
+turns make the duration finite, if moves have a length and turns are counted. Neither bound alone does: turning in place
+adds no length, and moving no turns.
 
-A bound on the duration is the same with a rate of 1: the duration pays for itself.
+A bound on the duration is the special case of rate 1, with all arcs assigned to the duration.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from hpop.search.machinery.approximation import ANYTHING
 
 MOST_BOUND = 2**63 - 1
 MAX_PRODUCT = 2**62  # means are compared by products of an integral and a duration
-MARGIN = 1e-12  # by which rates are larger than their floats: far more than sums of their products are rounded by
+MARGIN = 1e-12  # relative increase of rates, far more than the rounding errors of sums of their products
 TIME, INTEGRAL, OTHERS = range(3)  # columns of the search: the duration, the integral, then the other costs
 
 
@@ -35,8 +35,8 @@ TIME, INTEGRAL, OTHERS = range(3)  # columns of the search: the duration, the in
 class MeanLimits:
     """Limits in the columns of the search.
 
-    most   (k,)  largest costs of a walk, ANYTHING where there is no limit; the duration always has one
-    rates  (k,)  time that is left for each count that is left of a cost; 0 where the cost pays for no arc
+    most   (k,)  largest costs of a walk, ANYTHING for no limit; the duration always has a limit
+    rates  (k,)  largest remaining duration per remaining count of a cost; 0 if no arc is assigned to the cost
     """
 
     most: IntArray
@@ -44,12 +44,12 @@ class MeanLimits:
 
     @classmethod
     def of(cls, graph: Graph, columns: tuple[int, ...], cap: Any, at_most: Sequence[Any]) -> Self:
-        """Limits from a cap on the duration, or None, and bounds in the order of the graph's costs.
+        """Return the limits of a cap on the duration, or None, and of bounds in the order of the graph's costs.
 
         columns  of the graph, in the order of the search
 
-        Raises OptionError for what is no limit, GraphError where no limit makes the duration finite, or where sums or
-        means could overflow.
+        Raises OptionError for invalid limits, GraphError if no limit makes the duration finite, or if sums or means
+        could overflow.
         """
         if cap is not None:
             cap = whole("cap", cap, 0, MOST_BOUND, "a whole number of the duration's quanta,")
@@ -73,12 +73,12 @@ class MeanLimits:
 
     @property
     def cap(self) -> int:
-        """What no walk's duration exceeds."""
+        """Bound on the duration of walks."""
         return int(self.most[TIME])
 
 
 def _rates(graph: Graph, columns: tuple[int, ...], most: IntArray) -> FloatArray:
-    """How much time goes with a count of each bounded sum (k,), over the arcs that it pays for."""
+    """Return the largest duration per count of each bounded sum (k,), over the arcs assigned to it."""
     time = graph.costs[:, columns[TIME]]
     unpaid = time > 0
     rates = np.zeros(len(columns))
@@ -112,7 +112,7 @@ def _refuse_overflow(graph: Graph, columns: tuple[int, ...], cap: int) -> None:
             f"means could overflow: they are compared by products of up to {largest}, the limit is "
             f"{MAX_PRODUCT}; use a coarser quantum of cost {columns[TIME]} or {columns[INTEGRAL]}, or smaller limits"
         )
-    # A useful walk has no loop of no duration.
+    # A useful walk has no loop without duration.
     shortest = int(time[lasts].min()) if lasts.any() else cap + 1
     arcs = (cap // shortest + 1) * (1 if lasts.all() else graph.nodes)
     for j in columns[OTHERS:]:

@@ -1,4 +1,4 @@
-"""The search behind exact means within limits, whose kernel is :mod:`.mean.kernel`: its arrays, and their labels."""
+"""The search for exact means within limits: its arrays and labels; its kernel is :mod:`.mean.kernel`."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from hpop.search.mean.limits import MeanLimits
 
 
 class CappedMean(HeapSearch):
-    """The search on one graph for one query; ``columns`` has the duration, the integral, then the other costs.
+    """Search on one graph for one query; ``columns`` are the duration, the integral, then the other costs.
 
-    It begins with what is ``known``: a front, its solutions (negative; a label is 1 + its place among the closed ones)
-    and its size. Each walk within the limits must have one there that is nowhere larger in the other costs.
+    It begins with a ``first`` front: rows, solutions (negative numbers; a label is 1 + its index among the closed ones)
+    and size. For each walk within the limits this front must have a row that is nowhere larger in the other costs.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class CappedMean(HeapSearch):
         h: IntArray,
         columns: tuple[int, ...],
         limits: MeanLimits,
-        known: tuple[IntArray, IntArray, int],
+        first: tuple[IntArray, IntArray, int],
     ) -> None:
         order = list(columns)
         self.graph, self.source, self.limits, self.order = graph, source, limits, columns
@@ -45,9 +45,9 @@ class CappedMean(HeapSearch):
         self.blocks = np.zeros((graph.nodes, 3), np.int64)
         self.vectors = np.zeros((1024, len(order)), np.int64)
         most = self.costs.max(axis=0, initial=0)
-        far = self.h.max(axis=0, where=self.h < UNREACHABLE, initial=0)
-        super().__init__(self.h[source].tolist(), (most + far).tolist(), int(np.diff(graph.indptr).max()))
-        self.front, self.solutions, self.counters[N_FRONT] = known
+        farthest = self.h.max(axis=0, where=self.h < UNREACHABLE, initial=0)
+        super().__init__(self.h[source].tolist(), (most + farthest).tolist(), int(np.diff(graph.indptr).max()))
+        self.front, self.solutions, self.counters[N_FRONT] = first
 
     def advance(self, clock: Clock, work: int) -> int:
         """Run the kernel."""
@@ -78,20 +78,20 @@ class CappedMean(HeapSearch):
         return int(code)
 
     def solved(self) -> IntArray:
-        """None: closed labels at targets are solutions."""
+        """Return no labels: closed labels at targets are solutions."""
         return self.solutions[:0]
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Nodes (n,) and estimates (n, k) of labels."""
+        """Return the nodes (n,) and estimates (n, k) of labels."""
         f = np.zeros((len(values), len(self.order)), np.int64)
         passed = np.zeros_like(self.is_target)  # a walk may go on from a target
         graph = (self.graph.indptr, self.graph.heads, self.costs, self.h, passed, self.is_max)
         return clock.call(retrace, values, closed, *graph, self.source, self.limits.most, at, f), f
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the blocks and the front."""
+        """Fill the blocks and the front from closed labels."""
         if len(ends):
-            raise Unsound("a solution is none")
+            raise Unsound("it lists solutions beside the closed labels")
 
         def enter(begin: int) -> int:
             tables = (self.is_target, self.blocks, self.vectors, self.front, self.solutions, self.counters)
@@ -104,11 +104,11 @@ class CappedMean(HeapSearch):
         enter_each(len(nodes), enter, grow)
 
     def weight_of_sets(self, clock: Clock) -> int:
-        """A sum over the rows of all blocks."""
+        """Return a checksum of the rows of all blocks."""
         return int(clock.call(weigh, self.blocks, self.vectors))
 
     def arrays(self) -> list[NDArray[Any]]:
-        """List the tables of the graph and the sets."""
+        """Return the tables of the graph and the sets."""
         return [self.costs, self.h, self.is_target, self.blocks, self.vectors, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
@@ -119,7 +119,7 @@ class CappedMean(HeapSearch):
         self.vectors.resize((2 * len(self.vectors), self.vectors.shape[1]), refcheck=False)
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Places of the arcs of solutions in the graph, from the source on."""
+        """Return the indices of the arcs of solutions in the graph, from the source on."""
         return [self._path(int(label)) for label in labels]
 
     def _path(self, label: int) -> IntArray:

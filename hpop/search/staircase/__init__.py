@@ -1,1 +1,1 @@
-"""Exact search where one cost is a small integer: a staircase a node (:mod:`.staircase.search`)."""
+"""Exact search where one cost is a small integer, with a staircase per node (:mod:`.staircase.search`)."""

@@ -1,4 +1,4 @@
-"""Searches whose open labels wait in buckets of their first cost, with joint bounds or without."""
+"""Base of searches with open labels in buckets of their first cost, with joint bounds or without."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.labels import Unsound, is_heap
 from hpop.search.machinery.slices import N_EXPANDED, N_FRONT, N_GENERATED, Clock, Search
 from hpop.search.machinery.turns import Groups, NoRoom
-from hpop.search.staircase.labels import Corners
+from hpop.search.staircase.labels import UncoveredCorners
 from hpop.search.staircase.tables import H_FIRST, H_REST
-from hpop.search.staircase.turn_hull import LANES, ROOM, IntLanes, JointBounds, TurnHull, directions, turn_hull
+from hpop.search.staircase.turn_hull import LANES, ROOM, HullBounds, IntLanes, TurnHull, directions, turn_hull
 
-# Nearly all labels wait long before they are looked at, and most of those that leave in succession tie in the first
-# cost. So what waits is only appended to its bucket, 16 bytes an entry, and a bucket is put in order when it opens:
-# that heap is small and stays in the processor's cache (Dial 1969; Barrett, Maristany and others use buckets on the
-# first cost in NWMOA*, 2023). Entries leave in lexicographic order, as from one heap.
+# Nearly all labels wait long before they are expanded, and most successive labels tie in the first cost. So a label is
+# only appended to its bucket, 16 bytes per entry, and a bucket becomes a heap when it is opened. That heap is small and
+# stays in the processor's cache (Dial 1969; Barrett, Maristany and others use buckets on the first cost in NWMOA*,
+# 2023). Entries leave in lexicographic order, as from one heap.
 
 
 CHUNK = 32  # entries
-# State of the queue: bucket that is open, entries in its heap, first free chunk, how many are free, chunks ever used.
+# State of the queue: open bucket, entries in its heap, first free chunk, number of free chunks, chunks ever used.
 OPEN, IN_HEAP, FREE, N_FREE, USED, QUEUE = range(6)
 Waiting = tuple[NDArray[np.int32], NDArray[np.int32], IntArray]
 Heap = tuple[IntArray, IntArray]
@@ -38,11 +38,12 @@ Heap = tuple[IntArray, IntArray]
 
 @kernel
 def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
-    """Move the entries of the next bucket that has any into the empty heap.
+    """Move the entries of the next non-empty bucket into the empty heap.
 
-    waiting  top chunk of each bucket, -1 for none, and entries in it (b, 2); chunk (c,) below each; entries (e, 2)
+    waiting  top chunk of each bucket, or -1, and entries in it (b, 2); next chunk (c,) below each; entries (e, 2)
 
-    Returns their number, 0 if there are none; if the heap has too little room, minus their number, and moves none.
+    Returns their number, 0 if all buckets are empty; if the heap has too little room, minus their number, without a
+    move.
     """
     tops, below, entries = waiting
     heap_keys, heap_values = heap
@@ -82,7 +83,7 @@ def open_next(queue: IntArray, waiting: Waiting, heap: Heap) -> int:
 
 @lean
 def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
-    """Let entry i of a 4-ary heap sink to its place."""
+    """Let entry i of a 4-ary heap sink to its position."""
     key, value = keys[i], values[i]
     while True:
         child = 4 * i + 1
@@ -104,7 +105,7 @@ def sift_down(keys: IntArray, values: IntArray, i: int, size: int) -> None:
 
 
 def waiting(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray) -> tuple[IntArray, IntArray]:
-    """The entries (n, 2) that wait, and their buckets (n,): the lowest first, each as it was filled."""
+    """Return the waiting entries (n, 2) and their buckets (n,), the lowest bucket first, in the order of filling."""
     counts = np.zeros(len(tops), np.int64)
     n = int(count_waiting(tops, below, counts))
     out, buckets = np.empty((n, 2), np.int64), np.repeat(np.arange(len(tops)), counts)
@@ -114,7 +115,7 @@ def waiting(tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray
 
 @lean
 def count_waiting(tops: NDArray[np.int32], below: NDArray[np.int32], counts: IntArray) -> int:
-    """Count the entries of each bucket (b,); returns their sum."""
+    """Count the entries of each bucket (b,); return their sum."""
     total = np.int64(0)
     for bucket in range(len(tops)):
         chunk, filled = np.int64(tops[bucket, 0]), np.int64(tops[bucket, 1])
@@ -129,7 +130,7 @@ def count_waiting(tops: NDArray[np.int32], below: NDArray[np.int32], counts: Int
 def copy_waiting(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, counts: IntArray, out: IntArray
 ) -> None:
-    """Copy the entries of all buckets, of each the chunk on top last."""
+    """Copy the entries of all buckets, with the top chunk of each bucket last."""
     end = np.int64(0)
     for bucket in range(len(tops)):
         end += counts[bucket]
@@ -146,7 +147,7 @@ def copy_waiting(
 def fill(
     tops: NDArray[np.int32], below: NDArray[np.int32], entries: IntArray, buckets: IntArray, waiting: IntArray
 ) -> None:
-    """Fill empty buckets with entries (n, 2), whose buckets (n,) are in order, from the first chunk on."""
+    """Fill empty buckets with entries (n, 2) of sorted buckets (n,), from the first chunk on."""
     which, first, counts = np.unique(buckets, return_index=True, return_counts=True)
     chunks = -(-counts // CHUNK)
     begin = np.cumsum(chunks) - chunks
@@ -158,22 +159,22 @@ def fill(
     tops[which, 1] = counts - (chunks - 1) * CHUNK
 
 
-MOST_BUCKETS = 2**24  # that labels of a checkpoint may need
+MOST_BUCKETS = 2**24  # for labels of a checkpoint
 
 
 class BucketSearch(Search):
-    """The queue of a search with three costs.
+    """Search with three costs and a queue of buckets.
 
-    packing  (5,)  of keys: bits of the first cost within a bucket, bits of the last, where those of the first begin;
-                   the first cost's least bucket; the largest last cost
-    rise     (3,)  what an estimate may grow by in one expansion
+    packing  (5,)  of keys: bits of the first cost within a bucket, bits of the last cost, position of the first cost,
+                   least bucket, largest last cost
+    rise     (3,)  largest growth of an estimate in one expansion
     """
 
     packing: IntArray
     rise: IntArray
 
     def _make_queue(self, f: list[int], packing: IntArray) -> None:
-        """The queue with one label of estimate f (3,)."""
+        """Set up the queue with one label of estimate f (3,)."""
         self.packing = packing
         shift, bits, top = packing[:3].tolist()
         buckets = 2 * ((int(self.rise[0]) >> shift) + 2)
@@ -187,7 +188,7 @@ class BucketSearch(Search):
         self.keys[0] = ((f[0] & ((1 << shift) - 1)) << top) | (f[1] << bits) | f[2]
 
     def estimates(self) -> IntArray:
-        """Estimates (m, 3) of the labels still open."""
+        """Return the estimates (m, 3) of open labels."""
         shift, bits, top, origin, _ = self.packing.tolist()
         entries, buckets = waiting(self.tops, self.below, self.entries)
         key = np.concatenate([self.keys[: self.queue[IN_HEAP]], entries[:, 0]])
@@ -196,19 +197,19 @@ class BucketSearch(Search):
         return np.stack([first, (key >> bits) & ((1 << (top - bits)) - 1), key & ((1 << bits) - 1)], axis=1)
 
     def opened(self) -> tuple[IntArray, IntArray]:
-        """The labels still open: in the heap, and in the buckets, the lowest first."""
+        """Return the open labels: in the heap, and in the buckets, the lowest first."""
         entries, _ = waiting(self.tops, self.below, self.entries)
         return self.values[: self.queue[IN_HEAP]], entries[:, 1]
 
     def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
-        """Fill the heap and the buckets with labels, and their estimates."""
+        """Fill the heap and the buckets with labels and their estimates."""
         shift, bits, top, origin, _ = self.packing.tolist()
         n = len(heap)
         buckets = (costs[:, 0] >> shift) - origin
         opened, later = int(buckets[0]) if n else 0, buckets[n:]
         sound = (buckets[:n] == opened).all() and (np.diff(later, prepend=opened) >= 0).all()
         if not sound or opened < 0 or (n > 0 and opened in later[:1]) or buckets.max(initial=0) > MOST_BUCKETS:
-            raise Unsound("its open labels are in no queue")
+            raise Unsound("its open labels are not in the order of a queue")
         while buckets.max(initial=0) >= len(self.tops):
             self._grow_buckets()
         while len(self.values) < n:
@@ -234,20 +235,20 @@ class BucketSearch(Search):
         self.tops = np.concatenate([self.tops, np.full_like(self.tops, -1)])
 
 
-# See :mod:`.turn_hull` and :mod:`.corners`.
+# See :mod:`.turn_hull` and :mod:`.labels`.
 
 
-NEAR = 4  # the front on the ways found, and the bounds by turns, are as near as eps / NEAR
-THIN = 3  # and the part of it that is kept covers it within eps / THIN
+NEAR = 4  # the front on paths of the bounds, and the bounds by turns, have the precision eps / NEAR
+THIN = 3  # the thinned front covers it within eps / THIN
 
 
 class JointSearch(BucketSearch):
-    """A staircase search that may take joint bounds of its first and its rest cost.
+    """Staircase search that may use joint bounds of its first and its rest cost.
 
-    hull         the bounds that it took; None for none
-    cornered     size of the front that their corners are of
-    hull_paths   arcs of the solutions that no label led to
-    closed_arcs  (m,) of the graph, which no path takes; None for none
+    hull         joint bounds in use, or None
+    cornered     size of the front at the last update of the corners
+    hull_paths   arcs of the solutions that do not come from labels
+    closed_arcs  (m,) mask of closed arcs of the graph, or None
     """
 
     graph: Graph
@@ -262,7 +263,7 @@ class JointSearch(BucketSearch):
     arcs: NDArray[Any]
     is_target: NDArray[np.uint8]
     looked_ahead: bool
-    hull: JointBounds | None = None
+    hull: HullBounds | None = None
     cornered: int = 0
     hull_paths: tuple[IntArray, ...] = ()
     closed_arcs: BoolArray | None = None
@@ -271,10 +272,10 @@ class JointSearch(BucketSearch):
     def _on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> BucketSearch:
-        """The same search on a part of the graph."""
+        """Return the search on a part of the graph."""
 
     def _look_jointly(self, clock: Clock) -> bool:
-        """Take joint bounds, and solutions to begin with; False where there are none, or no room for them."""
+        """Compute joint bounds and first solutions; return False if there are no bounds, or too little memory."""
         limit = clock.budget.max_memory
         room = ROOM if limit is None else limit - self.memory()
         columns = (self.order[0], self.order[2])
@@ -294,32 +295,32 @@ class JointSearch(BucketSearch):
         return True
 
     def front_along(self, hull: TurnHull, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """The front (n, 3) of the paths through the nodes that a hull's best ways pass, near enough, and their arcs."""
+        """Return the approximate front (n, 3) of paths through nodes on the best paths of a hull, and their arcs."""
         columns = (self.order[0], self.order[2])
         passed = hull.passed(self.groups, columns, self.nodes, self.start, self.arcs, self.source, clock)
         return self._front_on(passed, clock)
 
     def take_joint_bounds(self, hull: TurnHull, costs: IntArray, paths: Sequence[IntArray], clock: Clock) -> None:
-        """Begin with solutions (n, 3) that are known, and follow only what a hull and these cannot tell to be covered.
+        """Add known solutions (n, 3), and prune labels by them and the bounds of a hull.
 
         costs  in the order of the search, rows in lexicographic order
-        paths  n  places of their arcs
+        paths  n  indices of their arcs
         """
         self.looked_ahead = True
-        found = int(self.counters[N_FRONT])
-        rows = thinned(costs, self.front[:found], self.precision.eps / THIN, self.tolerance // THIN)
+        size = int(self.counters[N_FRONT])
+        rows = thinned(costs, self.front[:size], self.precision.eps / THIN, self.tolerance // THIN)
         self.hull_paths = tuple(paths[row] for row in rows)
-        self.front = np.concatenate([self.front[:found], costs[rows], np.zeros((64, 3), np.int64)])
-        self.solutions = np.concatenate([self.solutions[:found], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
+        self.front = np.concatenate([self.front[:size], costs[rows], np.zeros((64, 3), np.int64)])
+        self.solutions = np.concatenate([self.solutions[:size], -1 - np.arange(len(rows)), np.zeros(64, np.int64)])
         self.counters[N_FRONT] += len(rows)
         ahead = self._covered(costs[rows])
         ahead = ahead[ahead[:, 0].argsort()]
-        nothing = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
+        no_corners = np.zeros((0, 0, LANES), np.int32), np.zeros(0, np.int64)
         reached, scratch = np.zeros(1, np.int64), np.zeros((2, LANES), np.int32)
-        self._take_corners(JointBounds(hull.layers, hull.weights, *nothing, ahead, reached, scratch), clock)
+        self._take_corners(HullBounds(hull.layers, hull.weights, *no_corners, ahead, reached, scratch), clock)
 
     def _front_on(self, passed: IntArray, clock: Clock) -> tuple[IntArray, list[IntArray]]:
-        """The front (n, 3) of the paths through some nodes alone, near enough, and their arcs."""
+        """Return the approximate front (n, 3) of the paths through some nodes alone, and their arcs."""
         nodes = np.sort(self.groups.nodes[passed])
         part = self.graph.among(nodes)
         if self.closed_arcs is not None:
@@ -334,7 +335,7 @@ class JointSearch(BucketSearch):
         except NoRoom:
             return np.zeros((0, 3), np.int64), []
         h, _, _ = lower_bounds(part, source, targets, silent, groups)
-        if not h.size or h[0, source] >= UNREACHABLE:  # no room, or steps are too coarse to tell ways apart
+        if not h.size or h[0, source] >= UNREACHABLE:  # too little memory, or too coarse steps of the bounds
             return np.zeros((0, 3), np.int64), []
         near = Precision(self.precision.eps / NEAR, tuple(t // NEAR for t in self.precision.tolerance))
         search = self._on(part, source, targets, h, groups, silent, near)
@@ -348,17 +349,17 @@ class JointSearch(BucketSearch):
         return costs, hull_paths
 
     def _covered(self, costs: IntArray) -> IntArray:
-        """The least estimates (n, 3) that costs cover."""
+        """Return the least estimates (n, 3) that costs cover."""
         eps, tolerance = float(self.precision.eps), self.tolerance.tolist()
         table = [[least_covered(c, eps, t) for c, t in zip(row, tolerance, strict=True)] for row in costs.tolist()]
         return np.array(table, np.int64).reshape(-1, 3)
 
-    def _take_corners(self, hull: JointBounds, clock: Clock) -> None:
-        """Tell the kernel what the front leaves uncovered, within what no solution may exceed."""
+    def _take_corners(self, hull: HullBounds, clock: Clock) -> None:
+        """Compute the corners that the front leaves uncovered, within the bounds on solutions."""
         self.cornered = int(self.counters[N_FRONT])
         covered = self._covered(self.front[: self.cornered])
         if self.at_most:
             beyond = np.diag([self.at_most[j] + 1 for j in self.order])
             covered = np.concatenate([covered, beyond[beyond.max(axis=1) <= ANYTHING]])
-        corners = Corners.of(covered, hull.weights, clock)
+        corners = UncoveredCorners.of(covered, hull.weights, clock)
         self.hull = hull._replace(corners=corners.values, last=corners.last)

@@ -1,4 +1,4 @@
-"""The inner loop of the staircase search: labels out of the queue, dominance by look-up, macro moves into the queue."""
+"""The inner loop of the staircase search: labels leave the queue, are tested, and their successors enter it."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def advance(
     tolerance: IntArray,
     bound: int,
 ) -> int:
-    """Expand labels until the work is done or an array is full; return why."""
+    """Expand labels until the work is done or an array is full; return the reason."""
     nodes, start, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, shared, alike, max_first, max_rest = turn
     tops, below, entries = waiting
@@ -106,10 +106,10 @@ def advance(
         f0 = ((opened + origin) << shift) | (key >> top)
         f1 = (key >> bits) & most_index
         f2 = key & most_rest
-        if f0 > bound:  # and so are all that follow
+        if f0 > bound:  # as are all later labels
             code = DONE
             break
-        # Room for whatever this label may need, before anything changes.
+        # Room for everything that this label may need, before any change.
         if size + fan > len(values):
             code = HEAP
         elif queue[USED] + fan > len(below) + queue[N_FREE]:
@@ -133,8 +133,8 @@ def advance(
         value = values[0]
         size -= 1
         keys[0], values[0] = keys[size], values[size]
-        sift_down(keys, values, np.int64(0), size)  # of a literal numba makes a variant of its own
-        if hull is not None:  # where it is None, numba leaves this out
+        sift_down(keys, values, np.int64(0), size)  # numba compiles an extra variant for a literal
+        if hull is not None:  # numba drops this branch for None
             h_layers, h_weights, corners, last_corner, ahead, reached, scratch = hull
             while reached[0] < len(ahead) and ahead[reached[0], 0] <= f0:
                 for m in range(ahead[reached[0], 1], len(goal)):
@@ -193,11 +193,11 @@ def advance(
         closed[done] = value
         done += 1
 
-        made = 0
+        count_fresh = 0
         g0 = f0 if max_first else f0 - nodes[v, H_FIRST]
         above = base + min(n + step, last) * slots
         begin, over = v - slot, v - slot + slots
-        if crowded and shared and alike:  # others of the group have made the turns
+        if crowded and shared and alike:  # another label of the group has made the turns
             begin, over = v, v + 1
         for u in range(begin, over):
             u0, un, ud = g0, n, d
@@ -217,12 +217,14 @@ def advance(
                     f1 = un + nodes[u, H_INDEX]
                     f2 = ud if max_rest else ud + nodes[u, H_REST]
                     if goal[f1 if f1 < end else end] > f2:
-                        fresh[made, 0] = u0 if max_first else u0 + nodes[u, H_FIRST]
-                        fresh[made, 1] = (f1 << bits) | f2
-                        fresh[made, 2] = m_arcs + u
-                        made += 1
+                        fresh[count_fresh, 0] = u0 if max_first else u0 + nodes[u, H_FIRST]
+                        fresh[count_fresh, 1] = (f1 << bits) | f2
+                        fresh[count_fresh, 2] = m_arcs + u
+                        count_fresh += 1
                     continue
-                if shared and not alike:  # whoever arrives here no better has no use: what follows is made now
+                if (
+                    shared and not alike
+                ):  # later labels that are no better here are useless: all successors are generated now
                     lower(stairs, above + slot + u - v, slots, width - un, ud)
             for a in range(start[u], start[u + 1]):
                 work -= 1
@@ -234,26 +236,26 @@ def advance(
                 if goal[(f1 if f1 < end else end) & BELOW] <= f2:
                     continue
                 at_x = np.int64(nodes[x, GROUP])
-                told = shared and xn >= step and at_x >= 0
-                if told:
+                tested = shared and xn >= step and at_x >= 0
+                if tested:
                     e = np.int64(share[at_x & BELOW, min(xn - step, last) & BELOW])
                     most = np.int64(groups[at_x & BELOW, DEAREST])
                     if (max(e, most) if max_rest else e + most) <= xd:
                         continue
-                if not (told and alike):  # where all turns are alike, the group told of its nodes
+                if not (tested and alike):  # if all turns are alike, the test of the group covers its nodes
                     at_x = (~at_x if at_x < 0 else at_x) & BELOW
                     row = np.int64(groups[at_x, ROW])
                     own = x - np.int64(groups[at_x, BEGIN])
                     if row >= 0 and stairs[row + min(xn, last) * groups[at_x, SLOTS] + own] <= xd:
                         continue
                 h0 = np.int64(nodes[x, H_FIRST])
-                fresh[made, 0] = max(u0, arcs[a, FIRST], h0) if max_first else u0 + arcs[a, FIRST] + h0
-                fresh[made, 1] = (f1 << bits) | f2
-                fresh[made, 2] = a
-                made += 1
-        counters[N_GENERATED] += made
-        count += made
-        for i in range(made):
+                fresh[count_fresh, 0] = max(u0, arcs[a, FIRST], h0) if max_first else u0 + arcs[a, FIRST] + h0
+                fresh[count_fresh, 1] = (f1 << bits) | f2
+                fresh[count_fresh, 2] = a
+                count_fresh += 1
+        counters[N_GENERATED] += count_fresh
+        count += count_fresh
+        for i in range(count_fresh):
             f0 = fresh[i, 0]
             key = ((f0 & low) << top) | fresh[i, 1]
             value = (done << 32) | (fresh[i, 2] + 1)

@@ -1,4 +1,4 @@
-"""What a staircase search makes of its labels: costs, staircases of nodes, and corners that no solution covers."""
+"""Labels of a staircase search: costs, staircases of nodes, and corners that no solution covers."""
 
 from __future__ import annotations
 
@@ -43,16 +43,15 @@ def retrace(
     at: NDArray[np.int32],
     f: NDArray[Any],
 ) -> int:
-    """Find the node (n,) and the estimate (n, 3) of labels (n,), the closed ones first.
+    """Write the node (n,) and the estimate (n, 3) of labels (n,), the closed ones first.
 
-    The graph, its turns and their tables are those of the search's own kernel.
-
+    The graph, its turns and their tables are those of the search's kernel.
 
     root   (3,)  estimate of the source
-    tails  (m,)  where the arcs begin
-    most   (3,)  of estimates
+    tails  (m,)  of the arcs
+    most   (3,)  largest estimates
 
-    Returns n, or the place of a label that is none; minus one and its place where its costs are too large.
+    Returns n, or i for an invalid label i, or -1 - i for a label i with too large costs.
     """
     nodes, _, arcs, arc_heads, groups, rows, dearest, turns, source, first, rest = graph
     step, _, alike, max_first, max_rest = turn
@@ -76,7 +75,7 @@ def retrace(
         turned = u != v
         if group < 0 or (turned and (step == 0 or (~of_u if of_u < 0 else of_u) != group)):
             return i
-        if (of_u >= 0 or not turned) if a >= m_arcs else of_u < 0:  # only turns to a target are labels of their own
+        if (of_u >= 0 or not turned) if a >= m_arcs else of_u < 0:  # only turns to a target are separate labels
             return i
         u0 = np.int64(f[parent, 0]) - (0 if max_first else np.int64(nodes[v, H_FIRST]))
         n = np.int64(f[parent, 1]) - np.int64(nodes[v, H_INDEX])
@@ -121,7 +120,7 @@ def enter_all(
 ) -> int:
     """Enter closed labels (n,) with their estimates (n, 3), from `begin` on, as the search did when it closed them.
 
-    Returns n, the place where there is no room for more rows, or minus one and the place of a label that is covered.
+    Returns n, or i if there are too few rows for label i, or -1 - i if label i is covered.
     """
     nodes, _, _, _, groups, rows, _, turns, _, _, rest = graph
     step, shared, alike, _, max_rest = turn
@@ -155,7 +154,7 @@ def enter_all(
 
 @kernel
 def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: IntArray) -> int:
-    """Lower the staircase of the targets by solutions (n, 3); minus one and the place of one that it covers, or n."""
+    """Lower the staircase of the targets by solutions (n, 3); return n, or -1 - i if it covers solution i."""
     end = len(goal) - 1
     for i in range(len(solved)):
         if goal[solved[i, 1] if solved[i, 1] < end else end] <= solved[i, 2]:
@@ -167,9 +166,9 @@ def enter_goal(goal: NDArray[Any], solved: NDArray[Any], eps: float, tolerance: 
 
 @kernel
 def weigh(stairs: NDArray[Any], groups: NDArray[Any], width: int, empty: int) -> int:
-    """A sum over the steps of all staircases, wherever they lie and however wide they are; it may overflow.
+    """Return a checksum of the steps of all staircases, independent of their positions and widths; it may overflow.
 
-    empty  what no step is lower than where nothing was closed
+    empty  height of a step without a closed label
     """
     total = np.int64(0)
     for g in range(len(groups)):
@@ -185,35 +184,34 @@ def weigh(stairs: NDArray[Any], groups: NDArray[Any], width: int, empty: int) ->
     return int(total)
 
 
-# Take the solutions with at most N turns, each by the least estimate that it covers (:mod:`.covered`): x in the first
-# cost, y in the rest cost. Sorted, with x rising and y falling, they leave a staircase uncovered, and every vector of
-# at least N turns that none of them covers is nowhere larger than one of its corners (x_i - 1, y_{i-1} - 1), where x or
-# y is infinite at its ends.
+# Represent each solution with at most N turns by the least estimate that it covers: x in the first cost, y in the rest
+# cost. Sorted by rising x and falling y, they leave a staircase uncovered: every vector with at least N turns that none
+# of them covers is nowhere larger than one of its corners (x_i - 1, y_{i-1} - 1), where x or y is infinite at its ends.
 #
-# Let a label with n turns and costs g have a completion with m turns and costs c, and the sum not be covered. Then w.g
-# + w.c, so w.g + H_m, is at most w.corner for one corner of N = n + m and all weights w >= 0. Where no m and corner
-# pass that for the weights of :mod:`.turn_hull`, everything that becomes of the label is covered, and it need not be
-# followed. H_m is kept as what it exceeds w.h by, h being the least rests; w.g + w.h is w.f, f the label's estimate.
-# Labels are weighed rounded down and corners rounded up, so rounding never prunes.
+# Let a label with n turns and costs g have a completion with m turns and costs c, and let the sum not be covered. Then
+# w.g + w.c, and so w.g + H_m, is at most w.corner for one corner of N = n + m and all weights w >= 0. If no m and
+# corner satisfy this for the weights of :mod:`.turn_hull`, all completions of the label are covered, and it is pruned.
+# H_m is stored as its excess over w.h, with the least remaining costs h; w.g + w.h is w.f, with the label's estimate f.
+# Weighted labels are rounded down and corners up, so that rounding never prunes.
 
 
-NEVER = 2**31 - 1  # more than any bound: no label is above it
+NEVER = 2**31 - 1  # larger than any bound
 
 
 @dataclass(frozen=True, eq=False)
-class Corners:
-    """What is left uncovered.
+class UncoveredCorners:
+    """Corners of the vectors that no solution covers.
 
-    values  (N + 1, p + 1, LANES)  weighted corners with at most 0, 1, ... N or more turns; first costs rise
-    last    (N + 1,)               the last corner of each
+    values  (N + 1, p + 1, LANES)  weighted corners with at most 0, 1, ... N or more turns, by rising first cost
+    last    (N + 1,)               index of the last corner of each number of turns
     """
 
     values: IntLanes
     last: IntArray
 
     @classmethod
-    def of(cls, covered: IntArray, weights: FloatArray, clock: Clock) -> Corners:
-        """The corners that solutions leave, told by the least estimates (p, 3) they cover: first, turns, rest."""
+    def of(cls, covered: IntArray, weights: FloatArray, clock: Clock) -> UncoveredCorners:
+        """Return the corners of solutions, given by the least estimates (p, 3) that they cover: first, turns, rest."""
         order = np.lexsort((covered[:, 2], covered[:, 0]))
         most = int(covered[:, 1].max(initial=0))
         values = np.empty((most + 1, len(covered) + 1, LANES), np.int32)
@@ -224,20 +222,20 @@ class Corners:
 
 @kernel
 def fill_corners(covered: IntArray, weights: FloatArray, values: IntLanes, last: IntArray) -> None:
-    """Weigh the corners (N + 1, p + 1, LANES) of estimates (p, 3) sorted by the first cost, then the rest cost."""
+    """Write the weighted corners (N + 1, p + 1, LANES) of estimates (p, 3), sorted by first cost, then rest cost."""
     infinite = float(NEVER)
     for n in range(len(last)):
         corner = 0
-        above = np.int64(0)  # the rest cost of the solution before; none yet
+        above = np.int64(0)  # rest cost of the solution before
         for i in range(len(covered) + 1):
             end = i == len(covered)
             if not end and (covered[i, 1] > n or (corner > 0 and covered[i, 2] >= above)):
                 continue
             for k in range(LANES):
                 first, rest = weights[k, 0], weights[k, 1]
-                one = (infinite if end else first * (covered[i, 0] - 1)) if first > 0 else 0.0
-                two = (infinite if corner == 0 else rest * (above - 1)) if rest > 0 else 0.0
-                values[n, corner, k] = np.int32(min(infinite, max(0.0, one + two) * UP + 1))
+                x = (infinite if end else first * (covered[i, 0] - 1)) if first > 0 else 0.0
+                y = (infinite if corner == 0 else rest * (above - 1)) if rest > 0 else 0.0
+                values[n, corner, k] = np.int32(min(infinite, max(0.0, x + y) * UP + 1))
             last[n] = corner
             corner += 1
             if not end:
@@ -257,9 +255,9 @@ def may_improve(
     last: IntArray,
     scratch: IntLanes,
 ) -> bool:
-    """Tell whether a label at v, with n turns and these estimates, may become what no solution covers.
+    """Return whether a label at v, with n turns and these estimates, may have a completion that no solution covers.
 
-    It needs at least `fewest` turns more, which may be more than there are layers; `scratch` is (2, LANES).
+    It needs at least `fewest` more turns, which may be more than there are layers; `scratch` is (2, LANES).
     """
     label, bound = scratch[0], scratch[1]
     node = np.uint64(v)
@@ -267,10 +265,10 @@ def may_improve(
         label[k] = np.int32(min(float(FAR), (weights[k, 0] * first + weights[k, 1] * rest) * DOWN))
     for m in range(min(fewest, len(layers) - 1), len(layers)):
         if m > fewest:
-            same = True
+            equal = True
             for k in range(LANES):
-                same &= layers[m, node, k] == layers[m - 1, node, k]
-            if same:  # no better than with a turn less, and no fewer solutions are known
+                equal &= layers[m, node, k] == layers[m - 1, node, k]
+            if equal:  # no better than with one turn less, for which no more solutions are known
                 continue
         for k in range(LANES):
             bound[k] = label[k] + (np.int32(layers[m, node, k]) << STEP_BITS)

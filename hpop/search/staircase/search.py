@@ -1,25 +1,25 @@
-"""Exact search where one cost is a small integer (turns): a staircase a node makes dominance one look-up.
+"""Exact search where one cost is a small integer (turns): a staircase per node makes dominance one look-up.
 
 Accepts: two or three costs, one of them (the index, a sum) small along good paths; the others sum or max.
 
 Guarantees: every non-dominated cost vector once, each with one path that has it.
 
-Labels leave the queue in lexicographic order of f = g + h (for a maximum f = g, with h taken into g), so the first
-cost of whatever was closed at a node is never larger and drops out of the dominance test (Pulido, Mandow, Perez de la
-Cruz, "Dimensionality reduction in multiobjective shortest path search", 2015). Of the two costs (n, d) left, n is a
-small integer. So keep, at each node, best[n] = the least d closed with at most n: a label is dominated iff best[n] <=
-d. The same staircase over f at the targets prunes what cannot be a solution. Both are asked at generation and again at
-expansion ("lazy", as in BOA*, Hernandez et al. 2023).
+Labels leave the queue in lexicographic order of f = g + h (for a maximum f = g, which includes h), so labels closed
+before at a node have no larger first cost, which drops out of the dominance test (Pulido, Mandow, Perez de la Cruz,
+"Dimensionality reduction in multiobjective shortest path search", 2015). Of the two remaining costs (n, d), n is a
+small integer. So each node has a staircase best[n] = the least d closed with at most n: a label is dominated iff
+best[n] <= d. The same staircase over f at the targets prunes labels without better solutions. Both tests are made at
+generation and again at expansion ("lazy", as in BOA*, Hernandez et al. 2023).
 
-Where the arcs that raise the index make groups of nodes (turns in place, see :mod:`.machinery.turns`), labels are made
-only where other arcs arrive, and one staircase a group tells what any of its nodes could turn into. The staircases of a
-group lie side by side, so that one line of the processor's cache answers for all its nodes. Once a search has proved
-long, bounds that know how many turns are left prune more (:mod:`.turn_bounds`).
+If the arcs that raise the index form groups of nodes (turns in place, see :mod:`.machinery.turns`), labels are
+generated only where other arcs arrive, and one shared staircase per group represents turns from any of its nodes. The
+staircases of a group are stored side by side, so that one cache line serves all its nodes. After many expansions, the
+search adds bounds for each number of remaining turns (:mod:`.staircase.tables`).
 
-A search within a precision takes joint bounds of both other costs instead (:mod:`.turn_hull`). The ways that they find
-run through few nodes; the front on these alone is soon known, and near the whole one. A part of it that covers the rest
-of it within a share of the precision goes into the front, and the search is left with what the bounds cannot tell to be
-covered (:mod:`.corners`): often some thousands of labels for millions.
+A search within a precision uses joint bounds of both other costs instead (:mod:`.turn_hull`). The best paths of these
+bounds pass few nodes, and the front on these nodes alone is found soon and near the whole front. A part that covers it
+within a share of the precision enters the front, and only labels remain that the bounds cannot prove covered
+(:mod:`.staircase.labels`): often thousands instead of millions.
 """
 
 from __future__ import annotations
@@ -67,16 +67,16 @@ from hpop.search.staircase.tables import (
     widen,
 )
 
-STEPS = 64  # arcs a path for which there is room at first
+STEPS = 64  # arcs per path for which there is room at first
 INDEX_BITS = 14
 KEY_BITS = 62
-BUCKET_BITS = 15  # the first cost of the whole way, or of a long arc, is so many bits of buckets
-LONG = 4  # a search is long once it has expanded that many labels a node
-SOON = 0.1  # the same where joint bounds help: few searches end between this and what they cost
+BUCKET_BITS = 15  # bits of buckets for the first cost of a whole path, or of a long arc
+LONG = 4  # labels expanded per node after which a search uses bounds by turns
+SOON = 0.1  # labels expanded per node after which it uses joint bounds
 
 
 class Staircase(JointSearch):
-    """The search on one graph for one query, costs taken in the given order: first, index, rest (or -1)."""
+    """Search on one graph for one query, with costs in a given order: first, index, rest (or -1)."""
 
     order: tuple[int, int, int]
 
@@ -94,15 +94,15 @@ class Staircase(JointSearch):
         width: int = 16,
         jointly: bool = True,
     ) -> None:
-        """Set up the tables; `jointly` allows joint bounds, which no checkpoint holds."""
+        """Set up the tables; `jointly` allows joint bounds, which checkpoints do not store."""
         self.precision, self.tolerance = precision, precision.of(order)
         worst = [j >= 0 and graph.aggregates[j] == "max" for j in order]
         self.jointly = jointly and not precision.is_exact and groups.step == 1 and order[2] >= 0 and not any(worst)
         self.graph, self.order, self.groups, self.at_most = graph, order, groups, tuple(at_most)
         reached = h[0] < UNREACHABLE
         most = [int(graph.largest[j]) if j >= 0 else 0 for j in order]
-        far = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
-        rise = [2 * c + b for c, b in zip(most, far, strict=True)]
+        farthest = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
+        rise = [2 * c + b for c, b in zip(most, farthest, strict=True)]
         self.rise = np.array(rise, np.int64)
         f = [int(h[j, source]) if j >= 0 else 0 for j in order]
         self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
@@ -134,21 +134,21 @@ class Staircase(JointSearch):
         self._queue(f)
 
     def close(self, arcs: BoolArray, groups: BoolArray) -> None:
-        """Let no path take some arcs (m,) of the graph, nor any turn of some groups (g,).
+        """Close arcs (m,) of the graph, and all turns of groups (g,).
 
-        Their rest cost then is more than any solution's, so that no test of dominance lets them pass.
+        Their rest cost becomes larger than any solution's, so that every dominance test rejects them.
         """
         self.closed_arcs = arcs
-        far = self._empty(1)[0]
-        self.arcs[arcs[self.origin], REST] = far
-        self.group_table[groups, DEAREST] = far
+        infinite = self._empty(1)[0]
+        self.arcs[arcs[self.origin], REST] = infinite
+        self.group_table[groups, DEAREST] = infinite
 
     def _no_more_than(self) -> list[int]:
-        """What no solution may exceed, in the order of the search."""
+        """Return the bounds on solutions, in the order of the search."""
         return [self.at_most[j] if self.at_most and j >= 0 else ANYTHING for j in self.order]
 
     def _bound(self, width: int) -> None:
-        """Begin the front with what no solution may exceed, as if something better were known."""
+        """Set up the staircase of the targets, with the bounds on solutions."""
         first, index, rest = self._no_more_than()
         self.most, self.width = first, width
         while index < 1 << INDEX_BITS and self.width < index + 2:
@@ -158,7 +158,7 @@ class Staircase(JointSearch):
         self.goal[index + 1 :] = 0
 
     def _queue(self, f: list[int]) -> None:
-        """The queue with one label of estimate f (3,)."""
+        """Set up the queue with one label of estimate f (3,); raises TooWide."""
         self.root = np.array(f, np.int64)
         shift = max(0, max(f[0], int(self.rise[0])).bit_length() - BUCKET_BITS)
         bits = KEY_BITS - INDEX_BITS - shift
@@ -206,27 +206,27 @@ class Staircase(JointSearch):
         return int(code)
 
     def _tables(self) -> tuple[Any, ...]:
-        """The graph, as kernels take it."""
+        """Return the tables of the graph in the order of kernel arguments."""
         groups = self.groups
         tables = (self.nodes, self.start, self.arcs, self.heads, self.group_table)
         return (*tables, groups.rows, groups.dearest, groups.turns, self.source, self.order[0], self.order[2])
 
     def _look_ahead(self, clock: Clock) -> None:
-        """Take bounds that know how many turns are left, where there are any and memory allows."""
+        """Use joint bounds, or bounds by remaining turns, if the graph and the memory allow them."""
         self.looked_ahead = True
         if self.jointly and self._look_jointly(clock):
             return
         limit, size = clock.budget.max_memory, LAYERS * len(self.nodes) * self.nodes.itemsize
         if limit is not None and self.memory() + 2 * size > limit:
             return
-        if self.turn[0] != 1 or self.turn[4]:  # turns do not count by ones, or a maximum does not add up
+        if self.turn[0] != 1 or self.turn[4]:  # a turn must raise the index by 1, and the rest cost must be a sum
             return
         layers = costs_by_turns(self.groups, self.order[2], self.nodes, self.start, self.arcs, self.is_target, clock)
         if layers is not None:
             self.take_turn_bounds(layers)
 
     def take_turn_bounds(self, layers: NDArray[Any]) -> None:
-        """Prune by bounds (n, LAYERS) that know how many turns are left, of :mod:`.turn_bounds`."""
+        """Prune by bounds (n, LAYERS) by remaining turns, of :func:`.costs_by_turns`."""
         self.looked_ahead = True
         self.layers = layers
         self._lengthen_goal()
@@ -234,7 +234,7 @@ class Staircase(JointSearch):
     def _on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> Staircase:
-        """The same search on a part of the graph."""
+        """Return the search on a part of the graph."""
         return Staircase(part, source, targets, h, self.order, groups, clock, near, self.at_most, jointly=False)
 
     def _lengthen_goal(self) -> None:
@@ -242,7 +242,7 @@ class Staircase(JointSearch):
         self.goal = np.concatenate([self.goal, np.repeat(self.goal[-1:], more)])
 
     def arrays(self) -> list[NDArray[Any]]:
-        """List the tables of the graph, the staircases and the queue."""
+        """Return the tables of the graph, the staircases and the queue."""
         groups = self.groups
         tables = [self.nodes, self.group_table, self.start, self.arcs, self.heads, self.origin, self.is_target]
         grouped = [groups.nodes, groups.place, groups.rows, groups.dearest, groups.turns, groups.start]
@@ -250,7 +250,7 @@ class Staircase(JointSearch):
         return [*tables, *grouped, *(self.hull or ()), self.stairs, self.share, self.goal, self.layers, *queue]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Double the rows or the width of the staircases, or the room of the queue."""
+        """Return how to double the rows or the width of the staircases, or the room of the queue."""
         if code == HEAP:
             return self.keys.nbytes + self.values.nbytes, self._grow_heap
         if code == CHUNKS:
@@ -259,12 +259,12 @@ class Staircase(JointSearch):
             return self.tops.nbytes, self._grow_buckets
         if code == KEYS:
             return self.stairs.nbytes + self.arcs.nbytes + self.nodes.nbytes, self._widen_costs
-        if len(self.stairs) > BELOW // 2:  # kernels would cut off the indices of twice as many
+        if len(self.stairs) > BELOW // 2:  # larger indices would exceed the mask of the kernels
             raise TooWide
         return self.stairs.nbytes, self._grow_rows if code == ROWS else self._grow_width
 
     def _widen_costs(self) -> None:
-        """Take 64 bits for costs that have outgrown 32."""
+        """Use 64 bits for costs; raises TooWide if they have 64 bits already."""
         if self.dtype is np.int64:
             raise TooWide
         old = np.iinfo(self.dtype).max
@@ -274,7 +274,7 @@ class Staircase(JointSearch):
             array = getattr(self, name).astype(np.int64)
             array[array == old] = UNREACHABLE
             setattr(self, name, array)
-        self.goal = np.minimum(self.goal, self._no_more_than()[2] + 1)  # 32 bits may have been too few for that
+        self.goal = np.minimum(self.goal, self._no_more_than()[2] + 1)  # which may not have fit 32 bits
 
     def _grow_rows(self) -> None:
         size = len(self.stairs)
@@ -290,26 +290,26 @@ class Staircase(JointSearch):
         self._lengthen_goal()
 
     def weight_of_sets(self, clock: Clock) -> int:
-        """A sum over the steps of all staircases."""
+        """Return a checksum of the steps of all staircases."""
         empty = int(self._empty(1)[0])
         return int(clock.call(weigh, self.stairs, self.group_table, self.width, empty))
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Nodes (n,) and estimates (n, 3) of labels."""
+        """Return the nodes (n,) and estimates (n, 3) of labels."""
         f = np.zeros((len(values), 3), np.int64)
         tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
         most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])
         return clock.call(retrace, values, closed, self.root, self._tables(), self.turn, tails, most, at, f), f
 
     def widen(self) -> bool:
-        """Take 64 bits for costs that have outgrown 32."""
+        """Use 64 bits for costs; return False if they have 64 bits already."""
         narrow = self.dtype is np.int32
         if narrow:
             self._widen_costs()
         return narrow
 
     def enter(self, nodes: Nodes, closed: NDArray[Any], ends: Nodes, solved: NDArray[Any], clock: Clock) -> None:
-        """Fill the staircases of the groups and that of the targets."""
+        """Fill the staircases of the groups and of the targets."""
         check_solutions(self.is_target, nodes, ends, solved[:, :1], self.most)
         while closed[:, 1].max(initial=0) >= self.width:
             self._grow_width()
@@ -323,7 +323,7 @@ class Staircase(JointSearch):
             raise Unsound("a solution is covered by one before it")
 
     def found(self) -> tuple[IntArray, IntArray, int, int, int]:
-        """As of any search; a solution known before may be worse than one found later."""
+        """Return the results as any search, without solutions of joint bounds that later ones dominate."""
         front, labels, generated, expanded, waiting = super().found()
         if self.hull_paths:
             best = is_nondominated(front.astype(np.float64))
@@ -331,7 +331,7 @@ class Staircase(JointSearch):
         return front, labels, generated, expanded, waiting
 
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
-        """Places of the arcs of solutions in the graph, from the source on."""
+        """Return the indices of the arcs of solutions in the graph, from the source on."""
         graph, groups = self.graph, self.groups
         tails = np.repeat(np.arange(len(groups.nodes), dtype=np.int32), np.diff(self.start))
         arcs = (graph.indptr, graph.heads, graph.costs, self.order[1], tails, self.heads, self.origin)

@@ -1,4 +1,4 @@
-"""Tables of the staircase search: nodes and arcs, growing staircases, the way back, and bounds by the turns left."""
+"""Tables of the staircase search: nodes and arcs, growing staircases, paths of labels, bounds by remaining turns."""
 
 from __future__ import annotations
 
@@ -14,16 +14,15 @@ from hpop.search.machinery.slices import N_ROWS, Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
-# Columns of the table of nodes: lower bounds, and the group, ~group for a target. (16 bytes, as memory is what a
-# search waits for.)
+# Columns of the table of nodes: lower bounds, and the group, ~group for a target: 16 bytes, as memory limits the speed.
 H_FIRST, H_INDEX, H_REST, GROUP, NODE_COLUMNS = range(5)
-# Columns of the table of groups: where the staircases begin (-1: nowhere yet), first node, nodes, dearest turn.
+# Columns of the table of groups: first row of the staircases (-1: none yet), first node, number of nodes, dearest turn.
 ROW, BEGIN, SLOTS, DEAREST, GROUP_COLUMNS = range(5)
-BELOW = 0x7FFFFFFF  # an index masked with this is not negative: numba then leaves out wrapping
+BELOW = 0x7FFFFFFF  # mask by which numba sees that an index is not negative
 
 
 class TooWide(Exception):
-    """Costs of a label no longer fit a key, or staircases an index: the general search has to take over."""
+    """Error of costs that do not fit a key, or staircases that do not fit an index: the general search takes over."""
 
 
 @kernel
@@ -40,9 +39,9 @@ def fill_tables(
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
 ) -> int:
-    """Fill the tables of nodes (n, 4), of groups (g, 4) and of the plain arcs (m, 4) that lead somewhere; returns m.
+    """Fill the tables of nodes (n, 4), of groups (g, 4) and of the plain arcs (m, 4) that reach a target; return m.
 
-    start (n + 1,) receives where the arcs of a node begin, arc_heads (m,) where they lead, origin (m,) which they are.
+    start (n + 1,) receives the offsets of the arcs of nodes, arc_heads (m,) their heads, origin (m,) their indices.
     """
     nodes, rows, dearest, plain_start, plain_heads, plain_origin = groups
     m = 0
@@ -53,8 +52,8 @@ def fill_tables(
         group_table[g, DEAREST] = dearest[g, order[2]] if order[2] >= 0 else 0
         for p in range(rows[g, OFFSET], rows[g, OFFSET] + rows[g, SIZE]):
             for j in range(3):
-                known = order[j] >= 0 and h[order[j], nodes[p]] < UNREACHABLE
-                table[p, j] = h[order[j], nodes[p]] if known else 0
+                is_bounded = order[j] >= 0 and h[order[j], nodes[p]] < UNREACHABLE
+                table[p, j] = h[order[j], nodes[p]] if is_bounded else 0
             table[p, GROUP] = ~g if is_target[p] else g
             start[p] = m
             for a in range(plain_start[p], plain_start[p + 1]):
@@ -94,7 +93,7 @@ def enter_stairs(
     d: int,
     width: int,
 ) -> int:
-    """Lower the staircase of a node, and what its group shares, to d from n on; where the group's staircases begin."""
+    """Lower the staircases of a node and of its group to d from n on; return the first row of the group."""
     group, n = group & BELOW, n & BELOW
     slots = np.int64(groups[group, SLOTS]) & BELOW
     base = np.int64(groups[group, ROW])
@@ -112,7 +111,7 @@ def enter_stairs(
 
 @kernel
 def widen(old: NDArray[Any], new: NDArray[Any], groups: NDArray[Any], width: int) -> int:
-    """Copy the staircases to twice their width; beyond it one goes on as it ends. Returns how much is used."""
+    """Copy the staircases to twice their width, with their last step repeated; return the rows in use."""
     used = np.int64(0)
     for g in range(len(groups)):
         row, slots = np.int64(groups[g, ROW]), np.int64(groups[g, SLOTS])
@@ -142,10 +141,10 @@ def trace(
     ends: IntArray,
     steps: IntArray,
 ) -> int:
-    """Follow labels back to the source; where the arcs do not join, the turn between them is put in.
+    """Follow labels back to the source, and insert turns between arcs that do not join.
 
-    Writes where each path ends (n,) in the arcs of all of them, one after the other, each from its last arc on, and
-    these arcs as far as there is room; returns how many they are.
+    Writes the ends (n,) of the paths in the list of all arcs, and this list as far as there is room, with each path
+    from its last arc on; returns the length of the list.
     """
     size = 0
     for i in range(len(labels)):
@@ -171,10 +170,10 @@ def trace(
     return size
 
 
-# With the number of turns fixed, straight runs are chains: no cycles, so no queue. One sweep along all chains gives the
-# costs with at most m turns from those with m - 1: h_m(v) = min(h_{m-1}(v), c + h_m(next of v), min over turns to u of
-# (turn + h_{m-1}(u))). A plain arc that turns as well, to a goal where nothing leads on, is left out of the layers of
-# fewer turns.
+# With a fixed number of turns, straight runs are chains without cycles, so no queue is needed. One sweep along all
+# chains gives the costs with at most m turns from those with m - 1: h_m(v) = min(h_{m-1}(v), c + h_m(next of v), min
+# over turns to u of (turn + h_{m-1}(u))). A plain arc that turns as well, to a goal that no arc leaves, is left out of
+# the layers of fewer turns.
 
 
 LAYERS = 32
@@ -189,14 +188,14 @@ def costs_by_turns(
     is_target: NDArray[np.uint8],
     clock: Clock,
 ) -> NDArray[Any] | None:
-    """Least rest (n, LAYERS) from each node with at most m turns, in column m; the last one with any number.
+    """Return the least rest cost (n, LAYERS) from each node with at most m turns in column m, any number in the last.
 
-    None where plain arcs are no chains in order. The tables are the staircase search's, the column is of the rest cost.
+    The result is None if plain arcs form no chains. Tables are those of the staircase search; column is the rest cost.
     """
     chains = chain_order(start, arcs, clock) if column >= 0 else None
     if chains is None:
         return None
-    far = min(np.iinfo(nodes.dtype).max, int(UNREACHABLE))  # as an empty staircase says
+    infinite = min(np.iinfo(nodes.dtype).max, int(UNREACHABLE))  # the height of an empty staircase
     layers = np.empty((LAYERS, len(nodes)), nodes.dtype)
     turns = (
         groups.rows,
@@ -205,68 +204,68 @@ def costs_by_turns(
         bool(groups.alike[column]),
     )
     begin = np.array([chains.begin(m) for m in range(LAYERS)])
-    clock.call(sweep, nodes, chains.tails, chains.places, begin, arcs, *turns, is_target, far, layers)
+    clock.call(sweep, nodes, chains.tails, chains.indices, begin, arcs, *turns, is_target, infinite, layers)
     return np.ascontiguousarray(layers.T)
 
 
-class Chains(NamedTuple):
-    """Plain arcs (m,), each after those that follow it.
+class ArcChains(NamedTuple):
+    """Plain arcs (m,), each after its successors.
 
-    tails   where they begin
-    places  which they are
-    late    (l,) by how many turns each of the first l raises the index, falling; nothing leads on from their heads
+    tails    of the arcs
+    indices  of the arcs
+    late     (l,) turns of each of the first l arcs, in falling order; no arcs leave their heads
     """
 
     tails: IntArray
-    places: IntArray
+    indices: IntArray
     late: IntArray
 
     def begin(self, turns: int) -> int:
-        """The first arc that a way of at most so many turns can take."""
+        """Return the index of the first arc that a path of at most ``turns`` turns can use."""
         return int(np.count_nonzero(self.late > turns))
 
 
-def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> Chains | None:
-    """Order the plain arcs, each after the one that leads on from its head; None where arcs are no chains."""
+def chain_order(start: IntArray, arcs: NDArray[Any], clock: Clock) -> ArcChains | None:
+    """Return the plain arcs, each after the arc that leaves its head, or None if they form no chains."""
     if not len(arcs):
         return None
-    tails, places = np.empty(len(arcs), np.int64), np.empty(len(arcs), np.int64)
-    last = clock.call(order_chains, start, arcs, tails, places)
+    tails, indices = np.empty(len(arcs), np.int64), np.empty(len(arcs), np.int64)
+    last = clock.call(order_chains, start, arcs, tails, indices)
     if last < 0:
         return None
-    late = arcs[places[:last], INDEX].astype(np.int64)
+    late = arcs[indices[:last], INDEX].astype(np.int64)
     order = np.argsort(-late, kind="stable")
-    tails[:last], places[:last] = tails[order], places[order]
-    return Chains(tails, places, late[order])
+    tails[:last], indices[:last] = tails[order], indices[order]
+    return ArcChains(tails, indices, late[order])
 
 
 @lean
 def is_last(start: IntArray, arcs: NDArray[Any], v: int, a: int) -> bool:
-    """Tell whether nothing leads on from the head of arc a of node v, and it turns or is one of several."""
+    """Return whether no arc leaves the head of arc a of node v, and the arc turns or is one of several."""
     u = np.int64(arcs[a, HEAD])
     return bool(start[u + 1] == start[u] and (arcs[a, INDEX] > 0 or start[v + 1] > start[v] + 1))
 
 
 @kernel
-def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, places: IntArray) -> int:
-    """Order arcs along chains (m,) that lead steadily up or down in number; -1 where one does not.
+def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, indices: IntArray) -> int:
+    """Order arcs along chains (m,) with node numbers that only rise or only fall; return -1 if they are not such.
 
-    Those that lead up come first, from the last node on, then those that lead down. So a sweep goes through memory
-    twice, whatever the directions of the chains: chain after chain took twice to three times as long. A node may have
-    more arcs than one where nothing leads on from their heads, which come first of all, or where nothing leads to it:
-    these come last. (A goal and a start beside the chains.) Returns how many of them come first of all.
+    Rising arcs come first, from the last node on, then falling ones. So a sweep goes through memory twice; chain after
+    chain took two to three times as long. A goal and a start may be joined to the chains: a node may have several arcs
+    to nodes that no arc leaves, which come first, or if no arc enters it, which come last. Returns the number of arcs
+    that come first.
     """
     n = len(start) - 1
     entered = np.zeros(n, np.bool_)
     for a in range(len(arcs)):
         entered[np.int64(arcs[a, 0])] = True
-    chain = np.full(n, np.int64(-1))  # the arc of each node that goes on
-    begins = np.zeros(n, np.bool_)  # whether several do
+    chain = np.full(n, np.int64(-1))  # the arc of each node along its chain
+    begins = np.zeros(n, np.bool_)  # nodes with several such arcs
     k = 0
     for v in range(n):
         for a in range(start[v], start[v + 1]):
             if is_last(start, arcs, v, a):
-                tails[k], places[k] = v, a
+                tails[k], indices[k] = v, a
                 k += 1
             else:
                 begins[v] = chain[v] >= 0 or begins[v]
@@ -281,16 +280,16 @@ def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, places: I
             u = np.int64(arcs[chain[v], 0])
             if chain[u] >= 0 and arcs[chain[u], 0] < u:
                 return -1
-            tails[k], places[k] = v, chain[v]
+            tails[k], indices[k] = v, chain[v]
             k += 1
     for v in range(n):
         if chain[v] >= 0 and arcs[chain[v], 0] < v:
-            tails[k], places[k] = v, chain[v]
+            tails[k], indices[k] = v, chain[v]
             k += 1
     for v in range(n):
         for a in range(start[v], start[v + 1] if begins[v] else start[v]):
             if not is_last(start, arcs, v, a):
-                tails[k], places[k] = v, a
+                tails[k], indices[k] = v, a
                 k += 1
     return first
 
@@ -299,7 +298,7 @@ def order_chains(start: IntArray, arcs: NDArray[Any], tails: IntArray, places: I
 def sweep(
     nodes: NDArray[Any],
     tails: IntArray,
-    places: IntArray,
+    indices: IntArray,
     begin: IntArray,
     arcs: NDArray[Any],
     groups: IntArray,
@@ -307,12 +306,12 @@ def sweep(
     turns: IntArray,
     alike: bool,
     is_target: NDArray[np.uint8],
-    far: int,
+    infinite: int,
     layers: NDArray[Any],
 ) -> None:
     """Fill the layers one after the other."""
     count, n = layers.shape
-    now = np.full(n, far, layers.dtype)
+    now = np.full(n, infinite, layers.dtype)
     for m in range(count - 1):
         if m > 0:
             for g in range(len(groups)):
@@ -320,7 +319,7 @@ def sweep(
                 if size == 1:
                     continue
                 if alike:
-                    least = np.int64(far)
+                    least = np.int64(infinite)
                     for u in range(offset, offset + size):
                         least = np.int64(min(least, now[u]))
                     for u in range(offset, offset + size):
@@ -336,8 +335,8 @@ def sweep(
             for v in range(n):
                 if is_target[v]:
                     now[v] = 0
-        for i in range(begin[m], len(places)):
-            v, a = tails[i], places[i]
+        for i in range(begin[m], len(indices)):
+            v, a = tails[i], indices[i]
             now[v] = min(np.int64(now[v]), now[np.int64(arcs[a, 0])] + np.int64(arcs[a, 3]))
         for v in range(n):
             layers[m, v] = now[v]

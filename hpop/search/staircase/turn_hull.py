@@ -1,14 +1,14 @@
-"""Joint lower bounds: the least weighted rest of the way with at most m turns, for several weights of two costs.
+"""Joint lower bounds: the least weighted remaining cost with at most m turns, for several weights of two costs.
 
-The front of what is left of the way lies above its supporting lines; so does whatever a label still becomes. Where all
-of that is covered by solutions known, the label need not be followed (:mod:`.corners`). The bounds of
-:mod:`.turn_bounds` are its two axes; here are LANES directions at once, swept in the same way:
-H_m(v) = min(H_{m-1}(v), w.c + H_m(next of v), min over turns to u of (w.turn + H_{m-1}(u))), and the last layer, with
-any number of turns, repeats that until nothing changes.
+The front of the remaining costs of a node lies above its supporting lines, and so do all completions of a label. If all
+vectors above these lines are covered by known solutions, the label is pruned (:mod:`.staircase.labels`). The bounds of
+:func:`.costs_by_turns` are the two axes; here LANES directions are swept at once in the same way:
+H_m(v) = min(H_{m-1}(v), w.c + H_m(next of v), min over turns to u of (w.turn + H_{m-1}(u))). The last layer, for any
+number of turns, repeats this until there is no change.
 
-Weighted costs are rounded down to 31 bits, and sums stop at FAR. Kept is what the rest of a way costs more than its
-least costs do, one by one, in steps of 1 / 2^15 of a whole way, at most twice one: 16 bits. All this makes less of the
-truth, which is still a lower bound. (Memory is most of the time: a layer of m300 has 6 million numbers.)
+Weighted costs are rounded down to 31 bits, and sums stop at FAR. A layer stores the excess over the weighted least
+remaining costs of each cost, in steps of 1 / 2^15 of a whole path, up to twice a whole path: 16 bits. All rounding is
+down, so the results are lower bounds. (Memory access takes most of the time: a layer of m300 has 6 million numbers.)
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from hpop.search.staircase.tables import FIRST, GROUP, H_FIRST, H_REST, HEAD, RE
 
 LANES = 8  # 32 bytes: one vector register
 MOST_LAYERS = 64
-FEWEST_LAYERS = 16  # fewer bound too little
-ROOM = 2**32  # bytes that the layers may take
-SPREAD = 20.0  # the steepest direction, in units of what the costs are like
-UNIT = 2**27  # what a whole way costs, about; so FAR is eight times as much
+FEWEST_LAYERS = 16  # with fewer layers, bounds are too weak
+ROOM = 2**32  # bytes for the layers
+SPREAD = 20.0  # of the steepest direction, in units of typical costs
+UNIT = 2**27  # about the cost of a whole path; FAR is eight times as much
 FAR = 2**30
 STEP_BITS, MOST_STEPS = 12, 2**16 - 1
-DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding of a product and a sum of floats
+DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # factors beyond the rounding of a product and a sum of floats
 
 IntLanes = NDArray[np.int32]
 Steps = NDArray[np.uint16]
 
 
-class JointBounds(NamedTuple):
-    """Joint bounds, and the corners of what is left uncovered, in the order in which the kernel takes them.
+class HullBounds(NamedTuple):
+    """Joint bounds and the corners of uncovered vectors, in the order of the kernel's arguments.
 
     layers, weights  of the hull, see :class:`TurnHull`
-    corners, last    weighted corners and the last of each number of turns, see :class:`.Corners`
-    ahead            (n, 3)      least estimates that solutions known beforehand cover, the first cost rising
-    reached          (1,)        how many of these the search has come to
-    scratch          (2, LANES)  room for the kernel
+    corners, last    weighted corners and the last of each number of turns, see :class:`.UncoveredCorners`
+    ahead            (n, 3)      least estimates that the first solutions cover, by rising first cost
+    reached          (1,)        number of them that the search has passed
+    scratch          (2, LANES)  memory for the kernel
     """
 
     layers: Steps
@@ -63,13 +63,13 @@ class JointBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TurnHull:
-    """Bounds of the rest of the way from every node.
+    """Bounds of the remaining costs of every node.
 
     weights  (LANES, 2)           of the first and the rest cost; the first two are of one cost alone
-    layers   (m, nodes, LANES)    steps by which the least weighted rest with at most 0, 1, ... turns, in the last layer
-                                  with any number, exceeds the weighted least rests
-    moved    (m, arcs)             by which arcs a layer is better than the one before, a bit a lane
-    step     (arcs,)               the place of each arc in that order
+    layers   (m, nodes, LANES)    excess of the least weighted remaining cost with at most 0, 1, ... turns, in the last
+                                  layer with any number, over the weighted least remaining costs, in steps
+    moved    (m, arcs)            arcs by which a layer improves on the one before, as a bit per lane
+    step     (arcs,)              index of each arc in that order
     """
 
     weights: FloatArray
@@ -87,20 +87,30 @@ class TurnHull:
         source: int,
         clock: Clock,
     ) -> IntArray:
-        """Nodes that the best ways from a source pass, for some direction and number of turns."""
-        alike = bool(groups.alike[list(columns)].all())
-        turns = np.ascontiguousarray(groups.dearest.T) if alike else groups.turns
+        """Return the nodes on best paths from a source, for any direction and number of turns."""
+        uniform = bool(groups.alike[list(columns)].all())
+        turns = np.ascontiguousarray(groups.dearest.T) if uniform else groups.turns
         passed = np.zeros(len(nodes), np.uint8)
-        tables = (nodes, start, arcs, self.step, groups.rows, alike, turns[columns[0]], turns[columns[1]], self.weights)
-        clock.call(mark_ways, self.layers[:-1], self.moved, *tables, source, passed)
+        tables = (
+            nodes,
+            start,
+            arcs,
+            self.step,
+            groups.rows,
+            uniform,
+            turns[columns[0]],
+            turns[columns[1]],
+            self.weights,
+        )
+        clock.call(mark_paths, self.layers[:-1], self.moved, *tables, source, passed)
         return np.flatnonzero(passed)
 
 
 def directions(typical: tuple[int, int]) -> FloatArray:
-    """Weights (LANES, 2): each cost alone, then mixtures, evenly in the logarithm of their proportion."""
-    one, two = (UNIT / max(1, t) for t in typical)
-    mixtures = [(one / (1 + r), two * r / (1 + r)) for r in np.geomspace(1 / SPREAD, SPREAD, LANES - 2)]
-    return np.array([(one, 0.0), (0.0, two), *mixtures])
+    """Return weights (LANES, 2): each cost alone, then mixtures, evenly in the logarithm of their ratio."""
+    first, rest = (UNIT / max(1, t) for t in typical)
+    mixtures = [(first / (1 + r), rest * r / (1 + r)) for r in np.geomspace(1 / SPREAD, SPREAD, LANES - 2)]
+    return np.array([(first, 0.0), (0.0, rest), *mixtures])
 
 
 def turn_hull(
@@ -115,24 +125,24 @@ def turn_hull(
     room: int,
     clock: Clock,
 ) -> TurnHull | None:
-    """Sweep layer after layer, until the weighted rests (n, LANES) of so many turns are near enough to the least.
+    """Return the bounds, with layers until ``is_enough`` accepts the weighted remaining costs (n, LANES).
 
-    The tables are the staircase search's; the columns are of its first and its rest cost. None where plain arcs are not
-    chains, where so few layers have room (bytes) that they bound little, or when the time is up.
+    The tables are those of the staircase search; the columns are its first and its rest cost. The result is None if
+    plain arcs form no chains, if room (bytes) suffices for too few layers, or when the time is over.
     """
-    alike = bool(groups.alike[list(columns)].all())
-    turns = groups.dearest.T if alike else groups.turns
+    uniform = bool(groups.alike[list(columns)].all())
+    turns = groups.dearest.T if uniform else groups.turns
     room -= 4 * LANES * (3 * len(nodes) + len(arcs) + turns.shape[1])  # while the layers are swept
     most = min(MOST_LAYERS, min(room, ROOM) // (len(nodes) * (2 * LANES + 1)))
     chains = chain_order(start, arcs, clock) if most >= FEWEST_LAYERS else None
     if chains is None:
         return None
-    order, places, _ = chains
-    onward = arcs[places, HEAD].astype(np.int64)
-    move = _priced(arcs[places, FIRST], arcs[places, REST], weights, clock)
+    order, indices, _ = chains
+    onward = arcs[indices, HEAD].astype(np.int64)
+    move = _priced(arcs[indices, FIRST], arcs[indices, REST], weights, clock)
     turn = _priced(turns[columns[0]], turns[columns[1]], weights, clock)
     layers = np.empty((most, len(nodes), LANES), np.uint16)
-    moved = np.zeros((most, len(places)), np.uint8)
+    moved = np.zeros((most, len(indices)), np.uint8)
     scratch = np.empty(LANES, np.int32)
     before = np.where(is_target[:, None], np.int32(0), np.int32(FAR)).repeat(LANES, axis=1)
     now = before.copy()
@@ -142,29 +152,29 @@ def turn_hull(
     clock.call(price_least, nodes, weights, least)
     clock.prepare(keep, now, least, layers[0])
     last = 1
-    with ThreadPoolExecutor(1) as beside:  # a layer is kept while the next one is swept
+    with ThreadPoolExecutor(1) as thread:  # stores a layer while the next one is swept
         with interrupts_held():
-            kept = beside.submit(keep, now, least, layers[0])
+            stored = thread.submit(keep, now, least, layers[0])
         while last < most - 1 and not is_enough(now):
             before, now = now, before
-            clock.call(sweep_turns, before, now, groups.rows, alike, turn, scratch)
+            clock.call(sweep_turns, before, now, groups.rows, uniform, turn, scratch)
             first = chains.begin(last)
             sweep_moves(now, order[first:], onward[first:], move[first:], moved[last, first:])
             with interrupts_held():
-                kept.result()
-                kept = beside.submit(keep, now, least, layers[last])
+                stored.result()
+                stored = thread.submit(keep, now, least, layers[last])
             last += 1
             if clock.exceeded(0, 0, record=False) is not None:
                 return None
     better = True
     while better:
-        better = sweep_turns(now, now, groups.rows, alike, turn, scratch)
+        better = sweep_turns(now, now, groups.rows, uniform, turn, scratch)
         better |= sweep_moves(now, order, onward, move, moved[last])
         if clock.exceeded(0, 0, record=False) is not None:
             return None
     keep(now, least, layers[last])
-    step = np.empty(len(places), np.int64)
-    step[places] = np.arange(len(places))
+    step = np.empty(len(indices), np.int64)
+    step[indices] = np.arange(len(indices))
     return TurnHull(weights, layers[: last + 1], moved[:last], step)
 
 
@@ -176,7 +186,7 @@ def _priced(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, clock:
 
 @lean
 def price(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Weigh costs (m,) and (m,) into `out` (m, LANES), rounded down."""
+    """Write weighted costs of (m,) and (m,) to `out` (m, LANES), rounded down."""
     for a in range(len(first)):
         for k in range(LANES):
             out[a, k] = np.int32(min(FAR - 1.0, (weights[k, 0] * first[a] + weights[k, 1] * rest[a]) * DOWN))
@@ -184,7 +194,7 @@ def price(first: NDArray[Any], rest: NDArray[Any], weights: FloatArray, out: Int
 
 @lean
 def price_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Weigh the least rests of nodes into `out` (n, LANES), rounded up."""
+    """Write the weighted least remaining costs of nodes to `out` (n, LANES), rounded up."""
     for v in range(np.uint64(len(nodes))):
         for k in range(LANES):
             least = weights[k, 0] * nodes[v, H_FIRST] + weights[k, 1] * nodes[v, H_REST]
@@ -193,7 +203,7 @@ def price_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None
 
 @lean
 def keep(now: IntLanes, least: IntLanes, steps: Steps) -> None:
-    """Write the steps (n, LANES) by which weighted rests exceed the weighted least rests."""
+    """Write the excess (n, LANES), in steps, of weighted remaining costs over the weighted least ones."""
     for v in range(np.uint64(len(now))):
         for k in range(LANES):
             more = max(np.int32(0), np.int32(now[v, k] - least[v, k]))
@@ -202,15 +212,15 @@ def keep(now: IntLanes, least: IntLanes, steps: Steps) -> None:
 
 @lean
 def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes, moved: NDArray[np.uint8]) -> bool:
-    """Move straight on, along whole chains; tells whether that was better anywhere, and by which arcs, a bit a lane."""
+    """Sweep along whole chains; return whether any cost improved, and write by which arcs, as a bit per lane."""
     better = np.uint8(0)
     for i in range(np.uint64(len(order))):
         v, u = np.uint64(order[i]), np.uint64(onward[i])
         bits = np.uint8(0)
         for k in range(LANES):
-            rest = np.int32(now[u, k] + move[i, k])
-            bits |= np.uint8(1 << k) if rest < now[v, k] else np.uint8(0)
-            now[v, k] = min(now[v, k], rest)
+            cost = np.int32(now[u, k] + move[i, k])
+            bits |= np.uint8(1 << k) if cost < now[v, k] else np.uint8(0)
+            now[v, k] = min(now[v, k], cost)
         moved[i] = bits
         better |= bits
     return bool(better > 0)
@@ -218,14 +228,14 @@ def sweep_moves(now: IntLanes, order: IntArray, onward: IntArray, move: IntLanes
 
 @lean
 def sweep_turns(
-    before: IntLanes, now: IntLanes, groups: IntArray, alike: bool, turn: IntLanes, least: IntLanes
+    before: IntLanes, now: IntLanes, groups: IntArray, uniform: bool, turn: IntLanes, least: IntLanes
 ) -> bool:
-    """Stay or turn, from what is `before`, which may be `now` itself; tells whether turns were better anywhere."""
+    """Take the better of no turn and a turn from `before`, which may be `now`; return whether turns improved."""
     better = False
     for g in range(np.uint64(len(groups))):
         begin, size = np.uint64(groups[g, OFFSET]), np.uint64(groups[g, SIZE])
         end = begin + size
-        if alike:
+        if uniform:
             for k in range(LANES):
                 least[k] = before[begin, k]
             for u in range(begin, end):
@@ -254,7 +264,7 @@ def sweep_turns(
 
 
 @kernel
-def mark_ways(
+def mark_paths(
     layers: Steps,
     moved: NDArray[np.uint8],
     nodes: NDArray[Any],
@@ -262,14 +272,14 @@ def mark_ways(
     arcs: NDArray[Any],
     step: IntArray,
     groups: IntArray,
-    alike: bool,
+    uniform: bool,
     turn_first: IntArray,
     turn_rest: IntArray,
     weights: FloatArray,
     source: int,
     passed: NDArray[np.uint8],
 ) -> None:
-    """Mark the nodes on a best way from the source, to the nearest step, for each direction and number of turns."""
+    """Mark the nodes on a best path from the source, to the nearest step, for each direction and number of turns."""
     for layer in range(len(layers)):
         for k in range(LANES):
             m, v = layer, np.int64(source)
@@ -278,7 +288,7 @@ def mark_ways(
             passed[v] = 1
             while True:
                 best, onward = np.int64(-1), v
-                for a in range(start[v], start[v + 1]):  # the last arc that was better is the best
+                for a in range(start[v], start[v + 1]):  # the last arc that improved is the best
                     if (moved[m, step[a]] >> k) & 1 and step[a] > best:
                         best, onward = step[a], np.int64(arcs[a, HEAD])
                 if best >= 0:
@@ -293,14 +303,14 @@ def mark_ways(
                 begin, size = groups[group, OFFSET], groups[group, SIZE]
                 least, to = np.inf, np.int64(v)
                 for u in np.arange(begin, begin + size):
-                    rest = weights[k, 0] * nodes[u, H_FIRST] + weights[k, 1] * nodes[u, H_REST]
-                    rest += np.int64(layers[m, u, k]) << STEP_BITS
+                    cost = weights[k, 0] * nodes[u, H_FIRST] + weights[k, 1] * nodes[u, H_REST]
+                    cost += np.int64(layers[m, u, k]) << STEP_BITS
                     if u != v:
-                        t = group if alike else groups[group, TURNS] + (v - begin) * size + u - begin
-                        rest += np.int64(
+                        t = group if uniform else groups[group, TURNS] + (v - begin) * size + u - begin
+                        cost += np.int64(
                             min(FAR - 1.0, (weights[k, 0] * turn_first[t] + weights[k, 1] * turn_rest[t]) * DOWN)
                         )
-                    if rest < least:
-                        least, to = rest, u
+                    if cost < least:
+                        least, to = cost, u
                 v = to
                 passed[v] = 1

@@ -1,1 +1,1 @@
-"""The supported part of the front: one exact shortest path a weight (:mod:`.supported_paths`)."""
+"""The supported part of the front: one exact shortest path per weight (:mod:`.supported_paths`)."""

@@ -1,7 +1,7 @@
-"""A first answer that no kernel is needed for: shortest paths for some weights of the costs, by SciPy.
+"""A first answer without kernels: shortest paths for some weights of the costs, by SciPy.
 
-For the time that kernels take to compile, once (:mod:`.beside`). The paths are paths of the graph and their costs are
-exact integers; which of several weights' paths are found depends on floats, so no more is claimed of them.
+It bridges the time in which kernels are compiled for the first time (:mod:`.beside`). The paths are paths of the graph
+with exact integer costs; as weighted sums are floats, no optimality is claimed.
 """
 
 from __future__ import annotations
@@ -20,52 +20,52 @@ from hpop.search.graph import Graph
 from hpop.search.queries import ParetoPaths, SearchStats
 from hpop.search.supported.weights import simplex_lattice
 
-DIVISIONS = (2, 3)  # of the weights of whole costs, after each cost alone
-TIE = 1e-6  # weight of the others where one cost is minimised alone
-STEP = 1e-9  # what an arc costs beside, so that loops of arcs that cost nothing are not taken
+DIVISIONS = (2, 3)  # of the simplex lattices of weights, after each cost alone
+TIE = 1e-6  # weight of the other costs when one cost is minimised alone
+STEP = 1e-9  # added to each arc, so that loops of arcs without cost are avoided
 
 
 def first_paths(
     graph: Graph, source: int, targets: Sequence[int], budget: Budget, progress: ProgressCallback | None = None
 ) -> ParetoPaths:
-    """Non-dominated ones of the paths that are least in each cost, then for mixed weights while the time lasts.
+    """Return the non-dominated paths among those least in each cost, and for mixed weights while the time lasts.
 
-    Where a cost is a maximum its sum is weighted instead, and the maximum is what is returned.
+    If a cost is a maximum, its sum is weighted instead, and the maximum is returned.
 
     >>> graph = Graph.from_arcs(2, [0, 0, 0], [1, 1, 1], [[0, 4], [1, 1], [4, 0]])
     >>> first_paths(graph, 0, [1], Budget()).costs.tolist()
     [[0, 4], [1, 1], [4, 0]]
     """
     began = perf_counter()
-    found: dict[tuple[int, ...], IntArray] = {}
+    by_costs: dict[tuple[int, ...], IntArray] = {}
     status = Status.COMPLETE
     try:
-        for solved, arcs in enumerate(_found(graph, source, np.asarray(targets)), start=1):
+        for solved, arcs in enumerate(_least_paths(graph, source, np.asarray(targets)), start=1):
             if arcs is None:
                 status = Status.NO_PATH
                 break
-            along = graph.costs[arcs]
+            arc_costs = graph.costs[arcs]
             columns = [
-                c.max(initial=0) if a == "max" else c.sum() for c, a in zip(along.T, graph.aggregates, strict=True)
+                c.max(initial=0) if a == "max" else c.sum() for c, a in zip(arc_costs.T, graph.aggregates, strict=True)
             ]
-            found.setdefault(tuple(map(int, columns)), arcs)
+            by_costs.setdefault(tuple(map(int, columns)), arcs)
             seconds = perf_counter() - began
             if progress:
-                progress(Progress("weights", front=len(found), seconds=seconds))
+                progress(Progress("weights", front=len(by_costs), seconds=seconds))
             if budget.time_limit is not None and solved >= graph.criteria and seconds > budget.time_limit:
                 status = Status.TIME_LIMIT
                 break
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-    costs = np.array(sorted(found), np.int64).reshape(-1, graph.criteria)
+    costs = np.array(sorted(by_costs), np.int64).reshape(-1, graph.criteria)
     costs = costs[is_nondominated(costs)] if len(costs) else costs
-    paths = tuple(found[tuple(row)] for row in costs.tolist())
+    paths = tuple(by_costs[tuple(row)] for row in costs.tolist())
     stats = SearchStats("weighted sum", seconds_search=perf_counter() - began)
     return ParetoPaths(costs, status, stats, graph, source, paths, gap=math.inf)
 
 
-def _found(graph: Graph, source: int, targets: IntArray) -> Iterator[IntArray | None]:
-    """Arcs of the path that is least for each weight in turn; None if there is no path."""
+def _least_paths(graph: Graph, source: int, targets: IntArray) -> Iterator[IntArray | None]:
+    """Yield the arcs of the least path for each weight in turn; None if there is no path."""
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
 
@@ -85,17 +85,17 @@ def _found(graph: Graph, source: int, targets: IntArray) -> Iterator[IntArray | 
 
 
 def _weights(k: int, totals: Sequence[FloatArray]) -> Iterator[FloatArray]:
-    """Each cost alone, then mixtures in units of how far the `totals` of what was found lie apart."""
+    """Yield weights of each cost alone, then mixtures, in units of the ranges of the `totals` of found paths."""
     yield from np.eye(k) + TIE
-    apart = np.maximum(np.ptp(np.array(totals), axis=0), TIE)
+    ranges = np.maximum(np.ptp(np.array(totals), axis=0), TIE)
     for divisions in DIVISIONS:
         for parts in simplex_lattice(divisions, k):
             if max(parts) < divisions:
-                yield (np.array(parts) + TIE) / apart
+                yield (np.array(parts) + TIE) / ranges
 
 
 def _arcs(graph: Graph, weighted: FloatArray, before: IntArray, source: int, end: int) -> IntArray:
-    """Arcs of the path to a node, from the source on; of parallel ones those of least weight."""
+    """Return the arcs of the path to a node, from the source on; of parallel arcs the one of least weight."""
     arcs: list[int] = []
     node = end
     while node != source:

@@ -1,4 +1,4 @@
-"""Weighted sums: the supported part of the front, one exact shortest path a weight."""
+"""Weighted sums: the supported part of the front, one exact shortest path per weight."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from hpop.errors import GraphError, OptionError
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.runtime.sweep import Sweep
 from hpop.search.graph import Graph
-from hpop.search.lazy_paths import AskedArcs, Free
+from hpop.search.lazy_paths import ArcStates, Free
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
 from hpop.search.supported.weights import (
     NONE,
@@ -37,9 +37,9 @@ from hpop.search.supported.weights import (
 if TYPE_CHECKING:
     from hpop.search.machinery.slices import Clock
 
-ROUND = 16  # weights tested before the hull is updated: the same with and without workers
-CHUNK_ARCS = 4_000_000  # arcs of the graphs of one chunk of jobs: some hundredths of a second
-LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
+ROUND = 16  # weights tested between updates of the hull, with or without workers
+CHUNK_ARCS = 4_000_000  # arcs of the graphs of a chunk of jobs: some hundredths of a second
+LARGEST_SUM = 2**61  # bound on sums of reduced costs along a path; see Graph
 
 
 @checked_arguments
@@ -47,11 +47,11 @@ LARGEST_SUM = 2**61  # more than reduced costs add up to along a path; see Graph
 class SupportedPaths(ParetoPaths):
     """Supported points and their paths; see :class:`ParetoPaths`.
 
-    weights  n         for each point the weights (., k) of normalised costs that gave it, each summing to 1
-    ideal    (k,)      least value of each cost; a lower bound of it where a limit or Ctrl-C came first
-    nadir    (k,)      greatest value of each cost among the lexicographic optima (an estimate beyond two costs)
-    solved   count     weights for which a shortest path was computed
-    notes              what went wrong with an executor
+    weights  n         for each point the weights (., k) of normalised costs that it is optimal for, each summing to 1
+    ideal    (k,)      least value of each cost, or a lower bound after a limit or Ctrl-C
+    nadir    (k,)      greatest value of each cost among the lexicographic optima (an estimate for more than two costs)
+    solved   count     weights with a computed shortest path
+    notes              failures of the executor
     """
 
     KIND: ClassVar[str] = "supported vectors of paths"
@@ -76,33 +76,33 @@ def supported_paths(
     executor: Executor | None = None,
     free: Free | None = None,
 ) -> SupportedPaths:
-    """Find supported cost vectors of the paths from source to target, each with one path.
+    """Return supported cost vectors of the paths from source to target, each with one path.
 
     Weights are those of normalised costs, (c_j - ideal_j) / (nadir_j - ideal_j). Without ``divisions`` or ``weights``
     they are adaptive: the lexicographic optima first, then the facets of the hull of all points found so far, until
-    every facet is tested (for two costs that is the dichotomy). With ``divisions`` d they are the
-    simplex lattice (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. Given ``weights`` are
-    non-negative, of any positive sum, taken as fractions of the largest with denominators up to a million; the
-    lexicographic optima, which normalisation needs, are returned as well. Where weights are zero,
-    ties go to the least of these costs, the first of them first, so that every point is efficient, not only weakly.
+    every facet is tested (for two costs this is the dichotomy). With ``divisions`` d they are the simplex lattice
+    (Scheffe 1958; Das and Dennis 1998): all multiples of 1/d that sum to 1. ``weights`` are non-negative rows with any
+    positive sum, taken as fractions of their largest with denominators up to a million; the lexicographic optima, which
+    normalisation needs, are returned as well. Ties under zero weights are broken by these costs in their order, so that
+    every point is efficient, not only weakly.
 
-    Accepts: any :class:`Graph` whose costs are sums.
+    Accepts: any :class:`Graph` with costs that are sums.
 
-    Guarantees: every vector is the optimum of positive weights among all paths, in exact integers. The adaptive sweep
-    that ends by itself has every extreme supported vector, that is every vertex of conv(front) + R^k_>=. Results do not
-    depend on the executor. If the time limit or Ctrl-C stops it, what is returned are supported vectors.
+    Guarantees: every vector is the optimum of positive weights among all paths, in exact integers. The complete
+    adaptive sweep has every extreme supported vector, that is every vertex of conv(front) + R^k_>=. Results do not
+    depend on the executor. After the time limit or Ctrl-C the vectors found so far, all supported, are returned.
 
-    With `free`, which says of some arcs (N,), by their places in the graph, which are free, all this holds of the graph
-    without those that are blocked; it is asked, in this process, only about arcs on paths that are found, once each. A
-    weight whose path is blocked is solved again without what is known to be blocked, until its path is free: that is
-    the optimum, as to remove what was not asked about cannot better it.
+    `free` returns which of some arcs (N,), by their indices in the graph, are free. All this then holds for the graph
+    without its blocked arcs. Only arcs on found paths are checked, once each, in this process. A weight with a blocked
+    path is solved again without the arcs known to be blocked, until its path is free; this path is the optimum, as the
+    removal of unchecked arcs could not improve it.
 
-    Cost: a shortest path a weight, by A* with the bounds of all costs; the number of facets grows with the number of
-    extreme supported points n like n for up to three costs, like n^2 for four and five, n^3 for six.
+    Cost: a shortest path per weight, by A* with the bounds of all costs; the number of facets grows with the number n
+    of extreme supported points like n for up to three costs, like n^2 for four and five, n^3 for six.
 
     >>> graph = Graph.from_arcs(2, [0, 0, 0, 0], [1, 1, 1, 1], [[0, 4], [1, 3], [3, 2], [4, 0]])
-    >>> found = supported_paths(graph, 0, 1)
-    >>> found.costs.tolist(), found.solved  # (3, 2) lies above the line from (1, 3) to (4, 0)
+    >>> paths = supported_paths(graph, 0, 1)
+    >>> paths.costs.tolist(), paths.solved  # (3, 2) lies above the line from (1, 3) to (4, 0)
     ([[0, 4], [4, 0]], 3)
     """
     checked_graph(graph)
@@ -112,16 +112,16 @@ def supported_paths(
         )
     if divisions is not None and weights is not None:
         raise OptionError("give divisions or weights, not both")
-    given = None if weights is None else [integer_weights(w, graph.criteria) for w in weights]
+    fixed = None if weights is None else [integer_weights(w, graph.criteria) for w in weights]
     if divisions is not None:
         divisions = checked_divisions(divisions, graph.criteria)
-        given = list(simplex_lattice(divisions, graph.criteria))
+        fixed = list(simplex_lattice(divisions, graph.criteria))
     start, targets = checked_node(graph, source, "source"), checked_targets(graph, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
 
-    run = SupportedRun(graph, start, Clock(budget, progress), None if free is None else AskedArcs(graph, free))
+    run = SupportedRun(graph, start, Clock(budget, progress), None if free is None else ArcStates(graph, free))
     try:
-        status = run.go(targets, given, executor)
+        status = run.go(targets, fixed, executor)
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
     return run.result(status)
@@ -129,17 +129,19 @@ def supported_paths(
 
 @dataclass(eq=False)
 class SupportedRun:
-    """One query: bounds, lexicographic optima, sweep; keeps what is found as it comes.
+    """Run of one query: bounds, lexicographic optima, sweep.
 
-    asked  what is known of the arcs; None where all are free
+    states  of the arcs; None if all are free
     """
 
     graph: Graph
     source: int
     clock: Clock
-    asked: AskedArcs | None = None
-    found: dict[Vector, tuple[IntArray, list[Vector]]] = field(default_factory=dict)  # reduced costs: arcs, weights
-    least: IntArray = field(init=False)  # bounds of the ideal, from which reduced costs are counted
+    states: ArcStates | None = None
+    found: dict[Vector, tuple[IntArray, list[Vector]]] = field(
+        default_factory=dict
+    )  # arcs and weights by reduced costs
+    least: IntArray = field(init=False)  # lower bounds of the ideal, subtracted in reduced costs
     ideal: IntArray = field(init=False)
     nadir: IntArray = field(init=False)
     solved: int = 0
@@ -150,8 +152,8 @@ class SupportedRun:
     def __post_init__(self) -> None:
         self.least = self.ideal = self.nadir = np.zeros(self.graph.criteria, np.int64)
 
-    def go(self, targets: IntArray, given: list[Vector] | None, executor: Executor | None) -> Status:
-        """Run the query; what it found is in ``found``."""
+    def go(self, targets: IntArray, fixed: list[Vector] | None, executor: Executor | None) -> Status:
+        """Run the query; ``found`` has the results."""
         from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 
         k = self.graph.criteria
@@ -173,19 +175,19 @@ class SupportedRun:
         ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
         chunk = max(1, min(ROUND, CHUNK_ARCS // max(1, len(self.data.heads))))
         with Sweep(solve_weight, self.data, executor, chunk=chunk) as sweep:
-            for weights in self._adaptive(units) if given is None else self._given(given, ranges, units):
+            for weights in self._adaptive(units) if fixed is None else self._fixed(fixed, ranges, units):
                 if not self._round(weights, sweep):
                     return Status.TIME_LIMIT
         return Status.COMPLETE
 
     def _optimum(self, j: int, unit: Vector) -> Status | None:
-        """Keep the lexicographic optimum of a cost; or why not."""
-        task = self._task(unit, 0 if self.asked is None else self.radix[j])
+        """Record the lexicographic optimum of a cost; return the status that prevents it, or None."""
+        task = self._task(unit, 0 if self.states is None else self.radix[j])
         while not self._late():
             self.rounds += 1
             (posed,) = self._posed([task])
             arcs = least_path(self.data, posed, self.clock.call)
-            if arcs is None:  # all ways are blocked: it is the first of the costs
+            if arcs is None:  # all paths are blocked: this shows at the first cost
                 self.ideal = self.nadir = np.zeros_like(self.least)
                 return Status.NO_PATH
             if not self._settle([arcs]):
@@ -197,23 +199,23 @@ class SupportedRun:
         return Status.TIME_LIMIT
 
     def _round(self, weights: list[Vector], sweep: Sweep[Reduced, Task, IntArray]) -> bool:
-        """Solve some weights, again where a path is blocked, and keep what is found; False where it was late before."""
-        known = list(self.found)
-        nearest = (np.array(known, float) @ np.array(weights, float).reshape(-1, self.graph.criteria).T).argmin(axis=0)
-        tasks = [self._task(w, _dot(w, known[i])) for w, i in zip(weights, nearest, strict=True)]
+        """Solve some weights, again if a path is blocked, and record the paths; return False if the time was over."""
+        points = list(self.found)
+        nearest = (np.array(points, float) @ np.array(weights, float).reshape(-1, self.graph.criteria).T).argmin(axis=0)
+        tasks = [self._task(w, _dot(w, points[i])) for w, i in zip(weights, nearest, strict=True)]
         results: dict[int, IntArray] = {}
         try:
             while waiting := [i for i in range(len(tasks)) if i not in results]:
                 self.rounds += 1
-                found: dict[int, IntArray] = {}
+                solved: dict[int, IntArray] = {}
                 try:
-                    for place, arcs in sweep.run(self._posed([tasks[i] for i in waiting]), self._late):
-                        found[waiting[place]] = arcs
-                        self._report(len(results) + len(found), len(waiting) - len(found))
-                    ended = self._settle(list(found.values())) and len(found) == len(waiting)
-                finally:  # what is finished when Ctrl-C comes is kept
-                    results |= {i: arcs for i, arcs in found.items() if self._is_free(arcs)}
-                if not ended:
+                    for index, arcs in sweep.run(self._posed([tasks[i] for i in waiting]), self._late):
+                        solved[waiting[index]] = arcs
+                        self._report(len(results) + len(solved), len(waiting) - len(solved))
+                    is_complete = self._settle(list(solved.values())) and len(solved) == len(waiting)
+                finally:  # also after Ctrl-C
+                    results |= {i: arcs for i, arcs in solved.items() if self._is_free(arcs)}
+                if not is_complete:
                     return False
         finally:
             for i in sorted(results):
@@ -224,25 +226,25 @@ class SupportedRun:
     # Arcs that may be blocked
 
     def _posed(self, tasks: list[Task]) -> list[Task]:
-        """The same without the arcs that are known to be blocked."""
-        if self.asked is None:
+        """Return tasks without the arcs that are known to be blocked."""
+        if self.states is None:
             return tasks
-        blocked = np.flatnonzero(self.asked.blocked[self.place])
+        blocked = np.flatnonzero(self.states.blocked[self.place])
         return [task._replace(blocked=blocked) for task in tasks]
 
     def _settle(self, paths: list[IntArray]) -> bool:
-        """Ask which paths are free; False where it was late before that is known."""
-        if self.asked is None or not paths:
+        """Check whether paths are free; return False if the time was over before."""
+        if self.states is None or not paths:
             return True
         lengths = np.array([arcs.size for arcs in paths])
-        return self.asked.settle(self.place[np.concatenate(paths)], lengths, self._late)
+        return self.states.settle(self.place[np.concatenate(paths)], lengths, self._late)
 
     def _is_free(self, arcs: IntArray) -> bool:
-        """Whether a path is known to be free."""
-        return self.asked is None or bool(self.asked.are_free(self.place[arcs], np.array([arcs.size]))[0])
+        """Return whether a path is known to be free."""
+        return self.states is None or bool(self.states.are_free(self.place[arcs], np.array([arcs.size]))[0])
 
     def _reduce(self, h: IntArray, targets: IntArray, unreachable: np.int64) -> None:
-        """Drop arcs that lead nowhere and reduce the costs of the rest."""
+        """Drop arcs that reach no target and reduce the costs of the others."""
         from hpop.search.machinery.slices import PARTS
         from hpop.search.supported.weighted_path import arcs_onward, reduce_costs
 
@@ -250,22 +252,22 @@ class SupportedRun:
         start = self.clock.call(arcs_onward, graph.indptr, graph.heads, h[0], unreachable)
         m = int(start[-1])
         farthest = h.max(axis=1, initial=0, where=h < unreachable)
-        narrow = (graph.largest + farthest).max() < 2**31  # no reduced cost is more, though all may be less
+        narrow = (graph.largest + farthest).max() < 2**31  # a bound on reduced costs
         self.place, heads = np.empty(m, np.int64), np.empty(m, np.int32)
         costs = np.empty((m, k), np.int32 if narrow else np.int64)
         borders = np.linspace(0, graph.nodes, PARTS + 1).astype(int).tolist()
-        rest = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.place, heads, costs)
-        largest, bound = zip(*self.clock.call_all(reduce_costs, [(p, *rest) for p in pairwise(borders)]), strict=True)
+        tables = ((graph.indptr, graph.heads, graph.costs), h, unreachable, start, self.place, heads, costs)
+        largest, bound = zip(*self.clock.call_all(reduce_costs, [(p, *tables) for p in pairwise(borders)]), strict=True)
         if np.max(largest) < 2**31:
             costs = costs.astype(np.int32, copy=False)
         is_target = np.zeros(graph.nodes, np.uint8)
         is_target[targets] = 1
-        # No path adds up to this much in a cost, so these are the digits of lexicographic order.
+        # No path costs this much, so these are radices of a lexicographic order.
         self.radix = [int(min(1.001 * worst + 2, LARGEST_SUM)) for worst in np.sum(bound, axis=0)]
         self.data = Reduced(start, heads, costs, self.source, is_target, tuple(np.max(largest, axis=0).tolist()))
 
     def _task(self, weights: Vector, limit: int) -> Task:
-        """Weights with the ties of zero weights broken: one number whose digits are the sum and these costs."""
+        """Return a task with broken ties: the digits of a sum are the weighted sum and the costs of weight 0."""
         refined = [0] * len(weights)
         scale = 1
         for j in reversed(range(len(weights))):
@@ -276,7 +278,7 @@ class SupportedRun:
         return Task(tuple(refined), (limit + 1) * scale - 1)
 
     def _adaptive(self, tested: Sequence[Vector]) -> Iterator[list[Vector]]:
-        """Rounds of weights, until every facet of the hull of what is found is tested."""
+        """Yield rounds of weights, until every facet of the hull of the found points is tested."""
         done = set(tested)
         inside: set[Vector] = set()
         cone: WeightCone | None = None
@@ -296,14 +298,14 @@ class SupportedRun:
             done.update(tasks)
             yield tasks
 
-    def _given(self, given: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
-        """One round of the given weights of normalised costs, but those of a single cost, which are solved already."""
+    def _fixed(self, weights: list[Vector], ranges: list[int], units: Sequence[Vector]) -> Iterator[list[Vector]]:
+        """Yield one round of given weights of normalised costs, without those of a single cost, which are solved."""
         product = math.prod(ranges)
-        scaled = dict.fromkeys(smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in given)
+        scaled = dict.fromkeys(smallest([w * (product // r) for w, r in zip(v, ranges, strict=True)]) for v in weights)
         yield [w for w in scaled if w not in units]
 
     def _keep(self, weights: Vector, arcs: IntArray) -> Vector:
-        """File a path under its reduced costs, and return these."""
+        """Record a path under its reduced costs, and return these."""
         costs = tuple(int(c) for c in self.data.costs[arcs].sum(axis=0, dtype=np.int64))
         self.solved += 1
         self.found.setdefault(costs, (arcs, []))[1].append(weights)
@@ -320,15 +322,15 @@ class SupportedRun:
             self.clock.progress(Progress("weights", labels=solved, open=waiting, front=front, seconds=seconds))
 
     def result(self, status: Status) -> SupportedPaths:
-        """What was found, in lexicographic order."""
+        """Return the paths found, in lexicographic order."""
         k = self.graph.criteria
         points = sorted(self.found)
         costs = np.array(points, np.int64).reshape(len(points), k) + self.least
         costs.setflags(write=False)
         ranges = [max(1, int(r)) for r in self.nadir - self.ideal]
         end = self.clock.seconds()
-        state = NONE if self.asked is None else self.asked.state
-        blocked = NONE if self.asked is None else np.flatnonzero(self.asked.blocked)
+        state = NONE if self.states is None else self.states.state
+        blocked = NONE if self.states is None else np.flatnonzero(self.states.blocked)
         stats = SearchStats(
             "weighted sum",
             peak_memory=self.clock.peak,
@@ -360,6 +362,6 @@ def _dot(weights: Vector, point: Vector) -> int:
 
 
 def _normalised(weights: Sequence[Vector], ranges: Sequence[int]) -> FloatArray:
-    """Weights (m, k) of normalised costs, summing to 1, from weights of the costs as they are."""
+    """Return weights (m, k) of normalised costs, each summing to 1, from weights of the original costs."""
     scaled = [[w * r for w, r in zip(row, ranges, strict=True)] for row in weights]
     return np.array([[float(Fraction(w, sum(row))) for w in row] for row in scaled])

@@ -1,8 +1,8 @@
-"""One shortest path for integer weights of the costs, exact however large the weights are.
+"""Shortest paths for integer weights of the costs, exact for weights of any size.
 
-Dijkstra's keys are w . c in words of 62 bits, most significant first, added with carry and compared as such: normals of
-facets are determinants, and with three costs of 25 bits the products pass 64 bits. Costs are reduced by the bounds of
-the cost-to-go (Johnson's potentials, one a cost, so valid for all weights), which turns Dijkstra into A*.
+Dijkstra's keys are w . c in words of 62 bits, most significant first, added with carry: normals of facets are
+determinants, and with three costs of 25 bits the products exceed 64 bits. Costs are reduced by the bounds of the
+cost-to-go (Johnson's potentials, one per cost and so valid for all weights), which turns Dijkstra into A*.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ UNSEEN = np.int64(-2)
 
 
 def encoded(weights: Sequence[int], limit: int, largest: Sequence[int]) -> tuple[IntArray, IntArray]:
-    """Weights (k, L) in limbs of 31 bits, least first, and the limit (W,) in words, so that no sum overflows.
+    """Return weights (k, L) in limbs of 31 bits, least first, and the limit (W,) in words, so that no sum overflows.
 
     largest (k,) is the greatest cost of an arc in each column.
 
@@ -52,12 +52,12 @@ def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: Int
     for i in range(len(limbs)):
         limbs[i] = 0
     for j in range(k):
-        rest = np.int64(costs[a, j])
+        remaining = np.int64(costs[a, j])
         shift = 0
-        while rest > 0:
-            digit = rest & LIMB_MASK
-            rest >>= LIMB_BITS
-            for i in range(min(count, 2 * words - shift)):  # what is beyond is zero
+        while remaining > 0:
+            digit = remaining & LIMB_MASK
+            remaining >>= LIMB_BITS
+            for i in range(min(count, 2 * words - shift)):  # higher limbs are zero
                 product = weights[j, i] * digit
                 limbs[i + shift] += product & LIMB_MASK
                 limbs[i + shift + 1] += product >> LIMB_BITS
@@ -71,7 +71,7 @@ def weigh(costs: IntArray, a: int, weights: IntArray, limbs: IntArray, step: Int
 
 @lean
 def compare(a: IntArray, b: IntArray) -> int:
-    """Sign of a - b, both words with the most significant first."""
+    """Return the sign of a - b, both in words with the most significant first."""
     for w in range(len(a)):
         if a[w] != b[w]:
             return -1 if a[w] < b[w] else 1
@@ -80,7 +80,7 @@ def compare(a: IntArray, b: IntArray) -> int:
 
 @kernel
 def arcs_onward(indptr: IntArray, heads: NDArray[np.int32], bound: IntArray, unreachable: int) -> IntArray:
-    """Offsets (n + 1,) of the arcs that lead on: to where the bound (n,) of a cost-to-go is not unreachable."""
+    """Return the offsets (n + 1,) of the arcs to nodes from which a target can be reached, by their bounds (n,)."""
     start = np.zeros(len(indptr), np.int64)
     for u in range(len(indptr) - 1):
         start[u + 1] = start[u]
@@ -100,11 +100,11 @@ def reduce_costs(
     heads: NDArray[np.int32],
     costs: IntArray,
 ) -> tuple[IntArray, NDArray[np.float64]]:
-    """Fill in the arcs that lead on from some nodes, with their costs less what they gain on the bounds h (k, n).
+    """Write the arcs of some nodes that lead to targets, with costs reduced by the bounds h (k, n).
 
-    nodes the first and one past the last; start (n + 1,) of :func:`arcs_onward`. Arrays (m,), (m,) and (m, k) receive
-    places in the graph, heads and c(u, v) + h(v) - h(u). Returns the largest of these (k,), and what no path without
-    cycles exceeds in these nodes (k,).
+    nodes are the first and one past the last; start (n + 1,) is from :func:`arcs_onward`. Arrays (m,), (m,) and (m, k)
+    receive indices in the graph, heads and c(u, v) + h(v) - h(u). Returns the largest of these costs (k,), and bounds
+    (k,) on their sums over these nodes along a path without cycles.
     """
     indptr, all_heads, all_costs = graph
     k = len(h)
@@ -142,7 +142,7 @@ def weighted_path(
     weights: IntArray,
     limit: IntArray,
 ) -> IntArray:
-    """Arcs of a path of least weighted cost to a target, from the source on; [-1] if none is within the limit."""
+    """Return the arcs of a path of least weighted cost to a target, or [-1] if none is within the limit."""
     n = len(indptr) - 1
     words = len(limit)
     best = np.empty((n, words), np.int64)
@@ -151,24 +151,24 @@ def weighted_path(
     capacity = 1024
     keys = np.empty(capacity * words, np.int64)
     nodes = np.empty(capacity, np.int64)
-    here = np.zeros(words, np.int64)
-    there = np.empty(words, np.int64)
+    cost = np.zeros(words, np.int64)
+    new_cost = np.empty(words, np.int64)
     step = np.empty(words, np.int64)
     limbs = np.empty(2 * words + 3, np.int64)
     for w in range(words):
         best[source, w] = 0
     arc_in[source] = -1
     size = np.int64(0)  # not 0: numba would compile the heap once for that number alone
-    push(keys, nodes, size, words, here, source)
+    push(keys, nodes, size, words, cost, source)
     size += 1
     reached = -1
     while size > 0:
         u = nodes[0]
         for w in range(words):
-            here[w] = keys[w]
+            cost[w] = keys[w]
         drop_first(keys, nodes, size, words)
         size -= 1
-        if compare(here, best[u]) > 0:
+        if compare(cost, best[u]) > 0:
             continue
         if is_target[u]:
             reached = u
@@ -182,16 +182,16 @@ def weighted_path(
             weigh(costs, a, weights, limbs, step)
             carry = np.int64(0)
             for w in range(words - 1, -1, -1):
-                total = here[w] + step[w] + carry
+                total = cost[w] + step[w] + carry
                 carry = total >> WORD_BITS
-                there[w] = total & WORD_MASK
-            if compare(there, limit) > 0 or (arc_in[head] != UNSEEN and compare(there, best[head]) >= 0):
+                new_cost[w] = total & WORD_MASK
+            if compare(new_cost, limit) > 0 or (arc_in[head] != UNSEEN and compare(new_cost, best[head]) >= 0):
                 continue
             for w in range(words):
-                best[head, w] = there[w]
+                best[head, w] = new_cost[w]
             arc_in[head] = a
             tail_in[head] = u
-            push(keys, nodes, size, words, there, head)
+            push(keys, nodes, size, words, new_cost, head)
             size += 1
     if reached < 0:
         return np.full(1, -1, np.int64)

@@ -1,4 +1,4 @@
-"""Weights of costs, given or worth testing next, as whole numbers; one shortest path for a weight, for workers."""
+"""Weights of costs as integers, given or chosen from the hull of points, and the shortest path of a weight."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from hpop.errors import OptionError
 #
 #     { (w, b) : w_j >= 0 for all j,  w . y - b >= 0 for all y in Y },
 #
-# and its facets are the cone's extreme rays. The cone of one point is simplicial, so it is known; each further point
-# cuts it with a half-space, and the double description method (Motzkin, Raiffa, Thompson and Thrall 1953; Fukuda and
-# Prodon 1996) updates the rays: those on the wrong side go, and each adjacent pair across the cut gives a new one.
-# Fewer points than dimensions, points in a plane and weights of zero need no special care, as they would in a convex
-# hull in floating point. The facets are the weights of the outer-approximation algorithms of Ehrgott, Loehne and Shao
-# (2012) and Boekler and Mutzel (2015); for two costs they are the dichotomy of Aneja and Nair (1979).
+# and its facets are the cone's extreme rays. The cone of one point is simplicial, so its rays are known. Each further
+# point cuts the cone with a half-space, and the double description method (Motzkin, Raiffa, Thompson and Thrall 1953;
+# Fukuda and Prodon 1996) updates the rays: those on the wrong side are dropped, and each adjacent pair across the cut
+# gives a new one. Fewer points than dimensions, points in a plane and weights of zero need no special cases, unlike in
+# a convex hull in floating point. The facets are the weights of the outer-approximation algorithms of Ehrgott, Loehne
+# and Shao (2012) and Boekler and Mutzel (2015); for two costs they are the dichotomy of Aneja and Nair (1979).
 
 
 Vector = tuple[int, ...]
@@ -46,7 +46,7 @@ class WeightCone:
         self._count = k + 1  # half-spaces so far: the k signs, then the points
         point = 1 << k
         signs = point - 1
-        self._rays: dict[Vector, int] = {}  # (w, b) -> the half-spaces on whose border it lies, a bit each
+        self._rays: dict[Vector, int] = {}  # the half-spaces with (w, b) on their border, as bits
         for j in range(k):
             unit = [0] * k
             unit[j] = 1
@@ -54,7 +54,7 @@ class WeightCone:
         self._rays[(*[0] * k, -1)] = signs
 
     def facets(self) -> list[tuple[Vector, int]]:
-        """Weights w, not all zero, and right-hand sides b, in an order that depends on the points alone."""
+        """Return weights w, not all zero, and right-hand sides b, in an order that depends on the points alone."""
         return [(ray[:-1], ray[-1]) for ray in self._rays if any(ray[:-1])]
 
     def add(self, point: Sequence[int]) -> None:
@@ -64,8 +64,8 @@ class WeightCone:
         bit = 1 << self._count
         self._count += 1
         value = {ray: sum(w * c for w, c in zip(ray, y, strict=False)) - ray[-1] for ray in self._rays}
-        kept = {ray: zero | bit if value[ray] == 0 else zero for ray, zero in self._rays.items() if value[ray] >= 0}
-        if len(kept) < len(self._rays):
+        rays = {ray: zero | bit if value[ray] == 0 else zero for ray, zero in self._rays.items() if value[ray] >= 0}
+        if len(rays) < len(self._rays):
             above = [(ray, zero) for ray, zero in self._rays.items() if value[ray] > 0]
             for low, low_zero in self._rays.items():
                 if value[low] >= 0:
@@ -73,16 +73,16 @@ class WeightCone:
                 for high, high_zero in above:
                     shared = low_zero & high_zero
                     if shared.bit_count() >= k - 1 and self._adjacent(shared, low, high):
-                        kept[_between(high, value[high], low, value[low])] = shared | bit
-        self._rays = kept
+                        rays[_between(high, value[high], low, value[low])] = shared | bit
+        self._rays = rays
 
     def _adjacent(self, shared: int, low: Vector, high: Vector) -> bool:
-        """Two rays span a face of dimension two: no other lies on all the borders that they share."""
+        """Return whether two rays span a face of dimension two: no other ray lies on all their shared borders."""
         return all(zero & shared != shared or ray is low or ray is high for ray, zero in self._rays.items())
 
 
 def _between(high: Vector, above: int, low: Vector, below: int) -> Vector:
-    """The ray where the plane spanned by two rays meets the cut."""
+    """Return the ray in which the plane of two rays meets the cut."""
     ray = [above * a - below * b for a, b in zip(low, high, strict=True)]
     divisor = gcd(*ray)
     return tuple(value // divisor for value in ray)
@@ -93,7 +93,7 @@ MAX_WEIGHTS = 100_000
 
 
 def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
-    """All vectors of k non-negative integers that sum to ``divisions``, in lexicographic order.
+    """Yield all vectors of k non-negative integers that sum to ``divisions``, in lexicographic order.
 
     >>> list(simplex_lattice(2, 2))
     [(0, 2), (1, 1), (2, 0)]
@@ -102,24 +102,24 @@ def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
         yield (divisions,)
         return
     for first in range(divisions + 1):
-        for rest in simplex_lattice(divisions - first, k - 1):
-            yield (first, *rest)
+        for tail in simplex_lattice(divisions - first, k - 1):
+            yield (first, *tail)
 
 
-def checked_divisions(given: Any, k: int = 1) -> int:
-    """Return the divisions of a simplex lattice of k weights; OptionError unless it can have that many."""
-    divisions = whole("divisions", given, 1, kind="a whole number of steps from weight 0 to weight 1,")
+def checked_divisions(divisions: Any, k: int = 1) -> int:
+    """Return the divisions of a simplex lattice of k weights; OptionError if they are invalid or too many."""
+    divisions = whole("divisions", divisions, 1, kind="a whole number of steps from weight 0 to weight 1,")
     count = math.comb(divisions + k - 1, k - 1)
     if count > MAX_WEIGHTS:
         raise OptionError(
             f"{divisions} divisions of {k} weights make {count:,} weights, more than {MAX_WEIGHTS:,}; take fewer, or "
-            "leave them out: then weights are chosen where they find something"
+            "leave divisions out: then weights are adaptive"
         )
     return divisions
 
 
 def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
-    """Whole numbers in the proportions of weights; k says how many there must be.
+    """Return integers in the proportions of weights; k is the required number of weights.
 
     >>> integer_weights([0.1, 0.25, 0])
     (2, 5, 0)
@@ -127,7 +127,7 @@ def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
     try:
         values = [real("a weight", w, 0, sys.float_info.max) for w in weights]
     except TypeError:
-        raise OptionError(f"weights are lists of numbers, one a cost, got {shown(weights)}") from None
+        raise OptionError(f"weights are lists of numbers, one per cost, got {shown(weights)}") from None
     if k is not None and len(values) != k:
         raise OptionError(f"there are {k} costs to be weighted, got {len(values)} weights: {values}")
     if not any(values):
@@ -137,7 +137,7 @@ def integer_weights(weights: Sequence[float], k: int | None = None) -> Vector:
 
 
 def smallest(vector: Sequence[int]) -> Vector:
-    """The least whole numbers in the same proportions."""
+    """Return the least integers in the same proportions."""
     divisor = math.gcd(*vector)
     return tuple(v // divisor for v in vector)
 
@@ -146,11 +146,11 @@ NONE = np.zeros(0, np.int64)
 
 
 class Task(NamedTuple):
-    """A path of least weighted cost is sought.
+    """Query for a path of least weighted cost.
 
     weights  of the reduced costs
-    limit    what the least weighted sum is known not to exceed
-    blocked  (b,)  arcs of the reduced graph that it must not take
+    limit    upper bound of the least weighted sum
+    blocked  (b,)  arcs of the reduced graph that the path must not use
     """
 
     weights: Vector
@@ -160,10 +160,10 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """What a worker needs: the graph without dead ends, costs reduced by the bounds of the cost-to-go.
+    """Graph without dead ends, with costs reduced by the bounds of the cost-to-go, for workers.
 
-    The reduced cost of an arc, c(u, v) + h(v) - h(u), is not negative, and along a path from the source to a target
-    adds up to its cost minus the ideal.
+    The reduced cost of an arc, c(u, v) + h(v) - h(u), is not negative. The reduced cost of a path from the source to a
+    target is its cost minus the ideal.
 
     indptr, heads  arcs in compressed rows
     costs          (m, k)  reduced, in int32 where they fit
@@ -181,7 +181,7 @@ class Reduced:
 
 
 def solve_weight(data: Reduced, task: Task) -> IntArray:
-    """Arcs (in the reduced graph) of a path of least weighted cost."""
+    """Return the arcs, in the reduced graph, of a path of least weighted cost."""
     arcs = least_path(data, task, lambda kernel, *arguments: kernel(*arguments))
     if arcs is None:
         raise AssertionError(f"no path within the limit {task}: the graph's bounds are wrong, please report")
@@ -189,12 +189,12 @@ def solve_weight(data: Reduced, task: Task) -> IntArray:
 
 
 def least_path(data: Reduced, task: Task, call: Any) -> IntArray | None:
-    """The same, the kernel called by ``call``; None if no path is within the limit."""
+    """Return the arcs of a path of least weighted cost, or None beyond the limit; ``call`` calls the kernel."""
     from hpop.search.supported.weighted_path import encoded, weighted_path  # numba: on first use
 
     weights, limit = encoded(task.weights, task.limit, data.largest)
     heads = data.heads
-    if task.blocked.size:  # as loops, which no shortest path takes
+    if task.blocked.size:  # they become loops, which no shortest path uses
         heads = heads.copy()
         heads[task.blocked] = np.searchsorted(data.indptr, task.blocked, side="right") - 1
     arcs: IntArray = call(weighted_path, data.indptr, heads, data.costs, data.source, data.is_target, weights, limit)

@@ -141,13 +141,13 @@ class KeptSolutions:
     def keep(self, solutions: Callable[[], Sequence[Seed]]) -> None:
         """Save, if it is time."""
         if self.keeper is not None:
-            self.keeper.made = lambda: self._saved(solutions())
+            self.keeper.snapshot = lambda: self._saved(solutions())
             self.keeper.keep()
 
     def save(self, solutions: Callable[[], Sequence[Seed]]) -> None:
         """Write what there is."""
         if self.keeper is not None:
-            self.keeper.made = lambda: self._saved(solutions())
+            self.keeper.snapshot = lambda: self._saved(solutions())
             self.keeper.save()
 
     def _saved(self, solutions: Sequence[Seed]) -> Saved:

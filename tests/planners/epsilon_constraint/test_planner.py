@@ -271,8 +271,8 @@ def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch, step):
     assert candidates.status is Status.INTERRUPTED
     assert candidates.trajectories == first.trajectories
     known = f"{len(first.trajectories)} warm starts"
-    kept = f"interrupted: kept what was found until then, {known}, from which nothing goes on"
-    assert kept in candidates.notes
+    note = f"interrupted: these are the warm starts found by then ({known}); no plan started from them"
+    assert note in candidates.notes
     lengths = first.planned[:, 2]
     bound = float(np.median(lengths))
     bounded = EpsilonConstraint(step=1.0, epsilon={"length": bound}).solve(PAPER)
@@ -331,7 +331,7 @@ def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost
 def test_programs_that_are_not_kept_are_built_again_and_find_the_same(monkeypatch):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["exposure", "length"])
     kept = EpsilonConstraint(step=1.0, divisions=1, max_points=4).solve(problem)
-    monkeypatch.setattr("hpop.planners.programs.epsilon_constraint.job.KEPT", 1)
+    monkeypatch.setattr("hpop.planners.programs.epsilon_constraint.job.CACHED", 1)
     again = EpsilonConstraint(step=1.0, divisions=1, max_points=4).solve(problem)
     np.testing.assert_array_equal(again.planned, kept.planned)
     assert again.stats["programs"] > kept.stats["programs"]

@@ -196,7 +196,7 @@ def test_a_file_that_has_meanwhile_become_that_of_another_search_is_left_to_it(t
             assert pareto_paths(theirs, 0, 30, checkpoint=file, budget=few).status is Status.LABEL_LIMIT
 
     few = Budget(max_labels=300)
-    with pytest.warns(RuntimeWarning, match="has become that of another search, so this one is not kept"):
+    with pytest.warns(RuntimeWarning, match="was overwritten by another search, so this one is not saved"):
         found = pareto_paths(ours, 0, 40, method="general", checkpoint=file, budget=few, progress=begin_another)
     assert found.status is Status.LABEL_LIMIT
     assert pareto_paths(theirs, 0, 30, checkpoint=file).costs.tolist() == pareto_paths(theirs, 0, 30).costs.tolist()

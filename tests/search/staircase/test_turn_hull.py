@@ -17,7 +17,7 @@ from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
 from hpop.search.staircase import search as staircase
-from hpop.search.staircase.labels import Corners, may_improve
+from hpop.search.staircase.labels import UncoveredCorners, may_improve
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import H_FIRST, H_REST
 from hpop.search.staircase.turn_hull import LANES, STEP_BITS, TurnHull, directions, turn_hull
@@ -97,7 +97,7 @@ def test_a_label_is_followed_exactly_where_no_solution_covers_it(solutions, fewe
     """Nothing but turns is left to come, more of them than there are layers; small costs are weighed to the unit."""
     weights = directions((100, 100))
     table = np.array(solutions, np.int64).reshape(-1, 3)
-    corners = Corners.of(table, weights, Clock(Budget(), None))
+    corners = UncoveredCorners.of(table, weights, Clock(Budget(), None))
     layers, scratch = np.zeros((1, 1, LANES), np.uint16), np.zeros((2, LANES), np.int32)
     for label in [(0, 0, 0), *solutions, *[(a - 1, n, b) for a, n, _ in solutions for _, _, b in solutions]]:
         label = (max(label[0], 0), *label[1:])

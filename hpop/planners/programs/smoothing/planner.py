@@ -53,7 +53,7 @@ class Smoothing:
     name. Guarantees that every candidate is free of collisions on the exact geometry, within the model's wheel speeds
     and accelerations, has no fewer turns than its polyline, can be deformed into it without crossing an obstacle, and
     costs at most 2 % more in each smooth criterion than the polyline, planned or executed, whichever is more. Each is a
-    local optimum for its sequence of turns, or ended where the objective no longer fell, as the certificate says. A
+    local optimum for its sequence of turns, or ended where the objective fell no more, as the certificate says. A
     second program corrects the errors of fields and samples in the first, and has a hundredth of its weights of time
     and effort. If it does not converge, the first solution stays, ``settled`` in the provenance is false, and a note
     counts such candidates. The peak of the optic flow, which has many kinks, may not converge; a note counts such
@@ -143,7 +143,7 @@ def _candidates(
     )
     count = len(accepted.trajectories)
     flat = sum(origin["status"] == FLAT for origin in accepted.provenance)
-    nearly = f", {flat} of {count} only nearly: the objective no longer fell" if flat else ""
+    nearly = f", {flat} of {count} only nearly: the objective fell no more" if flat else ""
     names = ", ".join(criteria[j].name for j in job.smooth)
     unsettled = sum(not origin["settled"] for origin in accepted.provenance)
     why = "the time was over before" if tally.counts[LATE] else "the last program did not converge"
