@@ -13,8 +13,8 @@ generation and again at expansion ("lazy", as in BOA*, Hernandez et al. 2023).
 
 If the arcs that raise the index form groups of nodes (turns in place, see :mod:`.machinery.turns`), labels are
 generated only where other arcs arrive, and one shared staircase per group represents turns from any of its nodes. The
-staircases of a group are stored side by side, so that one cache line serves all its nodes. After many expansions, the
-search adds bounds for each number of remaining turns (:mod:`.staircase.tables`).
+staircases of a group are stored side by side, in one cache line. After many expansions, the search adds bounds for each
+number of remaining turns (:mod:`.staircase.tables`).
 
 A search within a precision uses joint bounds of both other costs instead (:mod:`.turn_hull`). The best paths of these
 bounds pass few nodes, and the front on these nodes alone is found soon and near the whole front. A part that covers it

@@ -106,9 +106,9 @@ def simplex_lattice(divisions: int, k: int) -> Iterator[Vector]:
             yield (first, *tail)
 
 
-def checked_divisions(divisions: Any, k: int = 1) -> int:
+def checked_divisions(value: Any, k: int = 1) -> int:
     """Return the divisions of a simplex lattice of k weights; OptionError if they are invalid or too many."""
-    divisions = whole("divisions", divisions, 1, kind="a whole number of steps from weight 0 to weight 1,")
+    divisions = whole("divisions", value, 1, kind="a whole number of steps from weight 0 to weight 1,")
     count = math.comb(divisions + k - 1, k - 1)
     if count > MAX_WEIGHTS:
         raise OptionError(
