@@ -161,7 +161,7 @@ def test_a_file_of_a_search_that_knew_all_arcs_to_be_free_is_of_another_problem(
         pareto_paths(graph, 0, graph.nodes - 1, checkpoint=file)
 
 
-WRITTEN = (*module.KEPT, "known")
+WRITTEN = (*module.SAVED, "known")
 FORGERIES: dict[str, Callable[[IntArray], IntArray]] = {
     "longer": lambda array: np.append(array, 1),
     "shorter": lambda array: array[:-1],
@@ -186,7 +186,7 @@ def test_a_file_that_knows_other_things_of_its_arcs_is_refused(stopped, name: st
 def test_a_file_without_what_is_known_of_its_arcs_is_refused(stopped) -> None:
     graph, doors, file = stopped
     saved = Saved.read(file)
-    for name in (*module.KEPT, "known"):
+    for name in (*module.SAVED, "known"):
         replace(saved, arrays={key: array for key, array in saved.arrays.items() if key != name}).write(file)
         with pytest.raises(CheckpointError, match="it lacks the states of the arcs"):
             lazy(graph, doors, checkpoint=file)
@@ -198,7 +198,7 @@ def test_arcs_that_are_sealed_as_free_and_blocked_are_refused(stopped) -> None:
     arrays = saved.arrays | {"arcs_free": saved.arrays["arcs_blocked"]}
     for arcs in (arrays["arcs_free"], np.array([-1]), np.array([graph.arcs]), np.array([2, 1])):
         arrays["arcs_free"] = arcs
-        arrays["known"] = module._evidence([arrays[name] for name in module.KEPT])
+        arrays["known"] = module._checksum([arrays[name] for name in module.SAVED])
         replace(saved, arrays=arrays).write(file)
         with pytest.raises(CheckpointError, match="does not fit this search"):
             lazy(graph, doors, checkpoint=file)

@@ -70,7 +70,7 @@ def test_one_that_takes_the_costs_in_another_order_is_refused(interrupted, monke
     before = file.read_bytes()
     code = sys.modules["hpop.search.pareto_paths"]
     monkeypatch.setattr(code, "_by_spread", lambda *arguments, usual=code._by_spread: usual(*arguments)[::-1])
-    with pytest.raises(CheckpointError, match=r"does not hold .*it takes the costs in another order.*; remove it"):
+    with pytest.raises(CheckpointError, match=r"does not fit .*it takes the costs in another order.*; remove it"):
         pareto_paths(graph, 0, 60, checkpoint=file)
     assert file.read_bytes() == before
 
