@@ -126,6 +126,7 @@ def test_answers_on_the_disk_are_what_was_clicked(enter: Enter, folder: Path, de
     assert all(event.at.endswith("Z") and event.at.startswith(f"{BEGIN:%Y-%m-%dT%H}") for event in session.events)
 
 
+@pytest.mark.proof
 def test_a_reload_goes_on_where_it_was_with_the_answers_so_far(enter: Enter, folder: Path) -> None:
     with served(folder) as server:
         someone = enter(f"{server.address()}p01")
@@ -202,6 +203,7 @@ def test_what_does_not_arrive_is_said_and_sent_again(enter: Enter, folder: Path)
     someone.complaints.clear()  # of connections that were refused
 
 
+@pytest.mark.proof
 def test_of_two_windows_the_earlier_says_that_it_records_no_more(enter: Enter, folder: Path) -> None:
     with served(folder) as server:
         earlier, later = (enter(f"{server.address()}p01") for _ in range(2))

@@ -58,6 +58,7 @@ def test_who_stands_too_near_may_be_left(place: tuple[float, float]) -> None:
     assert gap.min() >= gap[0] - 1e-5
 
 
+@pytest.mark.cases("0.4", "-0.02")
 @pytest.mark.parametrize("apart", [0.4, 0.05, 0.0, -0.02])
 def test_a_slow_walker_against_the_robot_leaves_it_options(apart: float) -> None:
     following = drive()

@@ -33,6 +33,7 @@ def turning(share: float) -> tuple[hpop.drive.Execution, tuple[float, float, flo
     raise AssertionError("the plan turns nowhere near Ada")
 
 
+@pytest.mark.cases("0.4", "0.9")
 @pytest.mark.parametrize("share", [0.02, 0.4, 0.9])
 def test_of_a_turn_that_is_under_way_counts_what_is_done(share: float) -> None:
     drive, (begin, t, end) = turning(share)

@@ -23,6 +23,7 @@ def planned(person: Person, **options: float) -> tuple[hpop.Problem, hpop.Front]
     return problem, problem.solve("lattice", step=0.5, **options)
 
 
+@pytest.mark.cases("0.4-0.2", "-0.02-0.0")
 @pytest.mark.parametrize(("gap", "margin"), [(0.4, 0.0), (0.4, 0.2), (0.0, 0.0), (-0.02, 0.0)])
 def test_the_front_is_that_among_people_who_stop_before_the_robot(gap: float, margin: float) -> None:
     walks = Person(1.55 + gap, 2.0, velocity=(-0.3, 0.0), until=6.0, name="Bob")
