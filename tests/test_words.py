@@ -21,10 +21,9 @@ EXEMPT = {
     *("hpop/view",),
 }
 SEVERAL = """
-    Answer Asked Body Chains Clock Column Compared Comparison Condition Corners Deadline Driven Event Found Front
-    Goal Handler Joint JointBounds Known Leg Look LookAt Mesh Mount Network Part Pieces Planning Point Prism Query
-    Refused Region Rows Run Scale Scene Sheet Shown Spline Standing Steps Surroundings Sweep Tables Track View Ways
-    _Handler _Run
+    Answer Asked Body Clock Column Compared Comparison Condition Deadline Event Front Goal Handler Joint Known Leg
+    Look LookAt Mesh Mount Part Pieces Planning Point Prism Refused Run Scale Scene Sheet Shown Spline Standing
+    Surroundings Sweep Tables Track View Ways _Handler
 """
 FIRST = re.compile(r"(What|That|Whether|How|Who|Whom|Whose|Where|Which|When|The same|Of|So many|By how much)\b")
 PRONOUN = re.compile(r"\b(somebody|nobody|whom)\b", re.IGNORECASE)
