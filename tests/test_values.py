@@ -7,7 +7,7 @@ import shapely
 
 from hpop import DifferentialDrive, Problem, World
 from hpop.drive.closings import Closing
-from hpop.drive.ways import Ways
+from hpop.drive.drive_graph import DriveGraph
 from hpop.planners import Lattice
 from hpop.planners.objectives import edge_objectives
 
@@ -42,12 +42,12 @@ def test_states_costed_in_another_world_leave_the_states_in_their_own():
 def test_a_door_that_closes_leaves_earlier_paths_of_a_drive_as_they_were():
     problem = problem_in(ROOM)
     states = Lattice(step=0.5).lattice(problem)
-    ways = Ways.laid_out("lattice", states, problem, edge_objectives(problem.criteria, "lattice"))
+    ways = DriveGraph.laid_out("lattice", states, problem, edge_objectives(problem.criteria, "lattice"))
     start, prepared = ways.query.start, ways.prepared()
-    before = ways.rests(prepared, start, [], None).costs
+    before = ways.remaining_paths(prepared, start, [], None).costs
     closed = ways.changed(problem.world, [Closing(DOOR)], people=False)
     assert closed.closed.any()
     assert not ways.closed.any()
-    assert np.array_equal(ways.rests(prepared, start, [], None).costs, before)
-    fresh = closed.rests(closed.prepared(), start, [], None).costs
-    assert np.array_equal(closed.rests(closed.prepared(ways, prepared), start, [], None).costs, fresh)
+    assert np.array_equal(ways.remaining_paths(prepared, start, [], None).costs, before)
+    fresh = closed.remaining_paths(closed.prepared(), start, [], None).costs
+    assert np.array_equal(closed.remaining_paths(closed.prepared(ways, prepared), start, [], None).costs, fresh)

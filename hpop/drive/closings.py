@@ -1,7 +1,7 @@
-"""What is closed while a robot drives: doors and other areas, and which arcs of a graph lead through them.
+"""Closed areas of a drive, such as doors, and the arcs of a graph that lead through them.
 
-Whether a robot hits one area does not depend on what else there is. So an area is looked at in a world of its own, and
-only arcs near it are: the graph, with all that is known of it, stays.
+Whether a robot hits an area does not depend on the rest of the world. So each area is checked in a world of its own,
+against the arcs near it; the graph itself stays as it is.
 """
 
 from __future__ import annotations
@@ -22,24 +22,24 @@ from hpop.errors import CoversRobot, DriveError, MapError, did_you_mean
 from hpop.models.base import PlanarModel
 from hpop.models.collision.leaving import Leaving, alone
 from hpop.motions import Collision, Model, States
-from hpop.planners.graphs.arcs import MOVE, Chains
+from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.world import World
 from hpop.world.content.content import Zone
 
-BESIDE = 1.0  # m of room round an area in the world of its own, beyond all that a robot reaches
+BESIDE = 1.0  # m of free space round an area in its own world, beyond the robot's reach
 
 
-def polygon_of(given: Any, what: str) -> BaseGeometry:
-    """A shapely polygon, or one of corners ((x, y), ...), m, checked as zones are; DriveError for anything else."""
-    area = given
-    if not isinstance(given, BaseGeometry):
+def polygon_of(shape: Any, what: str) -> BaseGeometry:
+    """Return the polygon of a shapely geometry or of corners ((x, y), ...), m; raise DriveError for anything else."""
+    area = shape
+    if not isinstance(shape, BaseGeometry):
         try:
-            corners = np.array([(float(x), float(y)) for x, y in given])
+            corners = np.array([(float(x), float(y)) for x, y in shape])
         except (TypeError, ValueError, OverflowError):
             corners = np.zeros((0, 2))
         if len(corners) < 3 or not np.isfinite(corners).all():
-            raise DriveError(f"{what} must be a polygon, or three or more corners (x, y) in m, got {shown(given)}")
+            raise DriveError(f"{what} must be a polygon, or three or more corners (x, y) in m, got {shown(shape)}")
         area = Polygon(corners)
     try:
         return Zone("keep-out", area).area
@@ -51,46 +51,46 @@ def polygon_of(given: Any, what: str) -> BaseGeometry:
 class Closing:
     """An area, m, that is closed to the robot.
 
-    name  by which it is opened again; "" for one that is known by its polygon alone
-    who   whose body it is, who stands there: a name, or "somebody"; "" for an area
-    place  (x, y) m, where that is
+    name    to open it by; "" for an area that is known by its polygon alone
+    person  name of the standing person, or "somebody", if the area is a body; "" for other areas
+    place   (x, y) m, of that person
     """
 
     area: BaseGeometry
     name: str = ""
-    who: str = ""
+    person: str = ""
     place: tuple[float, float] = (0.0, 0.0)
 
     def __str__(self) -> str:
         x, y = self.area.centroid.x, self.area.centroid.y
-        if self.who:
-            return f"{self.who} who stands at ({x:.2f}, {y:.2f})"
+        if self.person:
+            return f"{self.person} who stands at ({x:.2f}, {y:.2f})"
         return repr(self.name) if self.name else f"an area about ({x:.2f}, {y:.2f})"
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return name and area, as JSON."""
         return {"name": self.name, "area": mapping(self.area)}
 
     @cached_property
     def alone(self) -> World:
-        """A world in which nothing else is."""
+        """A world with this area as its only obstacle."""
         return alone(self.area)
 
     def collision(self, model: Model) -> Collision:
-        """What tells which states and motions do not touch it; those too that leave contact with somebody."""
+        """Return the collision check with this area; motions out of contact with a standing person are free."""
         collision = model.collision(self.alone)
-        if not self.who:
+        if not self.person:
             return collision
         return Leaving(model.platform, self.place, collision)
 
     @cached_property
     def zone(self) -> Zone:
-        """The same as a zone of a world."""
+        """The area as a keep-out zone of a world."""
         return Zone("keep-out", self.area, name=self.name)
 
 
 def named_areas(world: World) -> dict[str, BaseGeometry]:
-    """The areas of a world that have names, m: its named zones, of which keep-out ones are closed."""
+    """Return the named zones of a world by name, m; keep-out zones among them are closed."""
     areas: dict[str, list[BaseGeometry]] = {}
     for zone in world.content.zones:
         if zone.name:
@@ -98,52 +98,49 @@ def named_areas(world: World) -> dict[str, BaseGeometry]:
     return {name: shapely.union_all(several) for name, several in areas.items()}
 
 
-def to_close(given: Any, name: str, known: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> Closing:
-    """The closing of a polygon, or of an area that is known by its name; DriveError for what is neither.
+def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> Closing:
+    """Return the closed area for a polygon, or for a known name; raise DriveError for anything else.
 
-    known   areas by name
-    closed  what is closed already: a name stands for one area
+    areas   by name
+    closed  the areas that are closed already; each name stands for one area
     """
-    if isinstance(given, str):
-        if given not in known:
-            raise DriveError(_no_door(given, known, "give a polygon, with name= to open it by"))
-        closing = Closing(known[given], given)
+    if isinstance(area, str):
+        if area not in areas:
+            raise DriveError(_no_door(area, areas, "give a polygon, with name= to open it by"))
+        closing = Closing(areas[area], area)
     else:
-        closing = Closing(polygon_of(given, "what is closed"), name)
+        closing = Closing(polygon_of(area, "an area to close"), name)
     if closing.name and any(other.name == closing.name for other in closed):
         raise DriveError(f"{closing} is closed already; open it first, or give another name")
     return closing
 
 
-def to_open(given: Any, known: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
-    """Which of the closings an opening opens: those of the name, or of the very area.
-
-    Raises DriveError where there are none.
-    """
-    if isinstance(given, str):
-        if found := [closing for closing in closed if closing.name == given]:
-            return found
-        if given in known:
-            raise DriveError(f"{given!r} is not closed, so there is nothing to open; closed are {listed(closed)}")
+def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
+    """Return the closed areas that a name or a polygon opens; raise DriveError where there are none."""
+    if isinstance(area, str):
+        if opened := [closing for closing in closed if closing.name == area]:
+            return opened
+        if area in areas:
+            raise DriveError(f"{area!r} is not closed, so there is nothing to open; closed are {listed(closed)}")
         names = [closing.name for closing in closed if closing.name]
-        raise DriveError(_no_door(given, [*known, *names], f"closed are {listed(closed)}"))
-    area = polygon_of(given, "what is opened")
-    found = [closing for closing in closed if closing.area.equals(area)]
-    if not found:
+        raise DriveError(_no_door(area, [*areas, *names], f"closed are {listed(closed)}"))
+    polygon = polygon_of(area, "an area to open")
+    opened = [closing for closing in closed if closing.area.equals(polygon)]
+    if not opened:
         raise DriveError(
-            f"no closing has the area {shown(area.wkt)}; open one by its name, or by the polygon with which it was "
-            f"closed; closed are {listed(closed)}"
+            f"no closed area equals {shown(polygon.wkt)}; open an area by its name, or by the polygon with which it "
+            f"was closed; closed are {listed(closed)}"
         )
-    return found
+    return opened
 
 
 def refuse_covered(closings: Sequence[Closing], model: Model, here: States) -> None:
-    """Raise CoversRobot where a robot, in a state (1,), is within an area that is closed; people may be left."""
+    """Raise CoversRobot where a closed area, other than a person's body, covers a robot in a state (1,)."""
     for closing in closings:
-        if not closing.who and not closing.collision(model).states_free(here)[0]:
+        if not closing.person and not closing.collision(model).states_free(here)[0]:
             raise CoversRobot(
-                f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), from where nothing could be "
-                "planned; tell of what is beside it"
+                f"{closing} covers the robot, at ({here.x[0]:.2f}, {here.y[0]:.2f}), so no path leads on; close an "
+                "area that does not cover it"
             )
 
 
@@ -154,17 +151,17 @@ def _no_door(name: str, known: Any, hint: str) -> str:
 
 
 def listed(closed: Sequence[Closing]) -> str:
-    """What is closed, in words."""
+    """Return the closed areas in words."""
     return ", ".join(map(str, closed)) if closed else "none"
 
 
 def reach_of(model: PlanarModel) -> float:
-    """How far, m, a robot reaches from its place."""
+    """Return the largest distance, m, of a robot's body from its position."""
     return max(float(part.reach) for part in model.platform)
 
 
 def states_by_place(graph: StateGraph) -> tuple[States, float]:
-    """All states of a graph, and the length, m, of its longest move."""
+    """Return all states of a graph, and the length, m, of its longest move."""
     states, longest = graph.states(np.arange(graph.size)), 0.0
     arcs = graph.arcs
     tails = np.repeat(np.arange(graph.size), np.diff(arcs.start))
@@ -176,9 +173,9 @@ def states_by_place(graph: StateGraph) -> tuple[States, float]:
 
 
 def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: float) -> IntArray:
-    """Which arcs (c,) of a graph, by number, lead through a closing, or past it where corners may not be cut.
+    """Return the arcs (c,) of a graph that lead through a closed area, or cut its corners where that is not allowed.
 
-    states, longest  of the graph, as :func:`states_by_place` gives them
+    states, longest  of the graph, from :func:`states_by_place`
     """
     collision = closing.collision(graph.model)
     x_min, y_min, x_max, y_max = closing.area.bounds
@@ -200,14 +197,14 @@ def closed_arcs(graph: StateGraph, closing: Closing, states: States, longest: fl
         if own.size:
             closed[own] = ~collision.motions_free(graph.motions(kind, tails[own], heads[own]))
     closed |= graph.cut_corners(tails, kinds, near[~collision.states_free(states.take(near))])
-    found: IntArray = places[closed]
-    return found
+    arcs: IntArray = places[closed]
+    return arcs
 
 
-def chains_closed(chains: Chains, closing: Closing) -> BoolArray:
-    """Which chains (C,) of motions touch a closing."""
+def chains_closed(chains: MotionChains, closing: Closing) -> BoolArray:
+    """Mark the chains (C,) of motions that touch a closed area."""
     collision = closing.collision(chains.graph.model)
-    closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.who)  # contact may be left
+    closed: BoolArray = ~collision.states_free(chains.corners[0]) & (not closing.person)  # contact may be left
     for rows, motions in chains.motions():
         free: BoolArray = collision.motions_free(motions)
         closed[rows] |= ~free

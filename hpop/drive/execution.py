@@ -1,7 +1,7 @@
-"""A drive: a plan of a front on its way, the world as it changes, and what may be chosen instead.
+"""A drive: a plan that a robot follows, changes of the world on the way, and the options that it may take instead.
 
-Time is told, never taken: ``now`` is seconds on any clock that the caller keeps. So a drive is the same each time that
-it is told the same, and can be repeated from its record.
+The caller tells the time: ``now`` is in seconds on any clock of the caller's. So a drive that is told the same events
+does the same, and can be repeated from its event log.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
 from hpop.drive.closings import Closing, refuse_covered
-from hpop.drive.moment import Moment, Stretch, front_of_rest, past, stopped
-from hpop.drive.network import Found, Network
-from hpop.drive.options import Commit, Compared, Later, Option, Options, same_side
-from hpop.drive.plan import SAME, Cut, Plan, between, closed_ways, cut_of, held, joined, motion_ends, part, until
-from hpop.drive.storage import Change, Telling, deadline_of, written
-from hpop.drive.surroundings import Surroundings
+from hpop.drive.moment import Moment, DriveProgress, front_of_rest, past
+from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanComparison, same_side
+from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, part
+from hpop.drive.replanning import Replanner, ReplanResult
+from hpop.drive.storage import Change, EventLog, deadline_of, written
+from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
@@ -40,30 +40,30 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 DEADLINE = 0.2
-"""s, for options, where none is given."""
+"""Default deadline for options, s."""
 SHIFT = 0.01
-"""s: by less a robot is not earlier or later than it was taken to be."""
+"""Smallest delay or lead of the robot, s, that changes where it is taken to be."""
 
 
 @checked_arguments
-class Execution(Telling):
-    """A plan that is driven, and what may be chosen instead; :func:`hpop.follow` makes one.
+class Execution(EventLog):
+    """A drive along a plan, with options to change it; :func:`hpop.follow` makes one.
 
     problem     as it was planned
-    choice      the plan that was chosen first; ``ways`` are those that were known then
-    patience    by how much, as a share, another way must be better for the robot to take it by itself
-    notice      s before the first turn that nobody was told of, where it does
-    preference  of the person aboard: what is better for the robot to take by itself; it is not saved, what was taken is
-    record      what it was told, as JSON; see :meth:`save`
+    choice      the plan that was chosen first; ``ways`` are all plans of the front
+    patience    share by which another plan must be better before the robot takes it by itself
+    notice      s, least time between such a change and the first turn that was not announced
+    preference  of the person aboard, by which the robot chooses; it is not saved, but what was taken is
+    record      the event log, as JSON; see :meth:`save`
 
-    Accepts: fronts of planners whose graph has turns and straight moves (lattice, roadmap of positions), or of others
-    with such a planner beside; any criteria that these take.
+    Accepts: fronts of planners on graphs with turns and straight moves (lattice, roadmap of positions), or of other
+    planners if such a planner is given as well; any criteria that the planner takes.
 
-    Guarantees: options are what an exact search finds from the same node in the world as it is, or, where a deadline
-    ends it, at most a factor 1 + gap worse. The present plan is among them while it is open. What is driven has no jump
-    in place, heading or, by the planning law, speed. Told the same it does the same.
+    Guarantees: options are what an exact search from the same node finds in the world as it is now. If a deadline ends
+    the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. What is driven
+    has no jump in place, heading or, by the planning law, speed. The same events give the same drive.
 
-    Cost: the graph is laid out once; then some milliseconds a question in rooms and offices.
+    Cost: the graph is laid out once; a query then takes some milliseconds in rooms and offices.
     """
 
     def __init__(
@@ -83,187 +83,179 @@ class Execution(Telling):
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
         self.notice = real("notice", notice, 0, MOST, "a time in s", error=DriveError)
         self.preference = preference
-        self._network = Network(problem, planner, ways, self.begin)
-        self._plan = Plan(choice)
-        self._lag = float(self.begin)  # s of the drive at which the plan began, by where the robot was seen last
-        self._stretches = [Stretch(Surroundings.of(problem, self._lag, planner.margin), 0.0, self._lag)]
+        self._replanner = Replanner(problem, planner, ways, self.begin)
+        surroundings = DriveSurroundings.of(problem, float(self.begin), planner.margin)
+        self._progress = DriveProgress(Plan(choice), surroundings, float(self.begin), planner.margin)
         self._latest: Options | None = None
-        self.ready(self.begin)  # ahead of the first question
+        self.ready(self.begin)  # ahead of the first query
 
     def __repr__(self) -> str:
-        plan = self._plan
-        ends = "to the goal" if plan.stops is None else "to where it is closed"
+        plan = self._progress.plan
+        ends = "to the goal" if plan.stops is None else "to where the plan is closed"
         return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
 
     def _lay_out(self, now: float) -> None:
-        """Make ready for questions from now on, in the world as it is now: among people who move, beside the drive."""
+        """Prepare the graph for queries from now on; while people move, in another thread."""
         if not self.surroundings.moving:
-            self._network.ways(self.surroundings)
+            self._replanner.graph(self.surroundings)
         elif not (commit := self.commit(now, 0.0)).arrives:
-            self._network.begin(self.surroundings, commit)
+            self._replanner.begin(self.surroundings, commit)
 
     def ready(self, now: float | None = None) -> None:
-        """Wait until all is laid out anew that a change of the world made necessary, however long that takes.
+        """Wait until the graph is rebuilt after a change of the world, however long that takes.
 
-        Where nobody waits, options are those of :meth:`options` meanwhile. Wait where time is told and does not pass.
+        Call it where time is simulated. Without it, :meth:`options` answers from known plans until the graph is ready.
         """
         self._lay_out(now := self._now() if now is None else now)
         for deadline in (0.0, DEADLINE) if self.surroundings.moving else ():
             if not (commit := self.commit(now, deadline)).arrives:
-                self._network.ready(self.surroundings, commit)
+                self._replanner.ready(self.surroundings, commit)
 
-    # Where it is
+    # Where the robot is
 
     @property
     def plan(self) -> Trajectory:
-        """What is driven from the beginning on, if nothing changes any more."""
-        return self._plan.driven
+        """The trajectory from the beginning of the drive on, as the robot follows it if nothing changes."""
+        return self._progress.plan.driven
 
     @property
     def announced(self) -> Trajectory:
-        """The same to the goal, also where it is closed on the way."""
-        return self._plan.announced
+        """The trajectory from the beginning of the drive to the goal, even where it is closed now."""
+        return self._progress.plan.announced
 
     @property
-    def surroundings(self) -> Surroundings:
-        """The world as it is now, and what is closed in it."""
-        return self._stretches[-1].surroundings
+    def surroundings(self) -> DriveSurroundings:
+        """The world as it is now, with its closed areas."""
+        return self._progress.surroundings
 
     def at(self, now: float, state: StateSpec | None = None) -> Moment:
-        """Where the robot is, what the drive has cost so far, and the rest of the plan.
+        """Return where the robot is, what the drive has cost so far, and the remaining plan.
 
-        state  where it is seen, if it is: a robot is seldom where its plan has it, so feed places; times follow. It is
-               then where the plan passes nearest to it. What is seen is told in order of time
+        state  where the robot was measured; the robot is then taken to be where the plan passes nearest to it, and
+               later times shift with it. Measured states must come in order of time
         """
+        progress = self._progress
         if state is None:
-            now = self._time(now)
-        else:
-            now = self._in_order(now)
-            space = self.problem.model.space
-            given = space.state(state, what="state that is seen")
-            planned = self._plan.seen(given, self._planned(now))
-            self._lag = self._told(now) - planned
-            if abs(self._lag - self._stretches[-1].lag) > SHIFT:
-                self._shift(now)
-            self._note("seen", now, state=list(space.values(given)))
-        planned = self._planned(now)
-        return Moment(
-            now,
-            planned,
-            self._plan.driven.at(planned),
-            self._plan.stops is not None and planned >= self._plan.end - SAME,
-            self._plan.stops is None and planned >= self._plan.end - SAME,
-            self._plan,
-            tuple(self._stretches),
-            self._lag,
-        )
+            return progress.moment(self._time(now))
+        now = self._in_order(now)
+        space = self.problem.model.space
+        measured = space.state(state, what="state that is seen")
+        planned = progress.plan.nearest_time(measured, progress.planned(now))
+        progress.lag = self._told(now) - planned
+        if abs(progress.lag - progress.stretches[-1].lag) > SHIFT:
+            progress.shift(now)
+        self._note("seen", now, state=list(space.values(measured)))
+        return progress.moment(now)
 
     def commit(self, now: float, deadline: float = DEADLINE) -> Commit:
-        """The first place later than ``deadline`` s from now at which the robot may take another way.
+        """Return the first place, later than ``deadline`` s from now, at which the robot may change its plan.
 
-        That is where a straight move arrives, so that it goes straight on or stops to turn, as plans do; or where it
-        stands, at the start, because the rest of its way is closed, or at the goal.
+        That is the end of a straight move or hold, since plans go straight on or stop to turn there. Where the robot
+        stands (at the start, at the goal, or before a closed area), it is that place.
         """
-        now = self._time(now)
-        t = now + deadline_of(deadline) - self._lag
-        driven = self._plan.driven
-        place = self._plan.next_arrival(t)
+        now, plan, lag = self._time(now), self._progress.plan, self._progress.lag
+        t = now + deadline_of(deadline) - lag
+        driven = plan.driven
+        place = plan.next_arrival(t)
         at_end = place == len(driven)
-        arrives = at_end and self._plan.stops is None
+        arrives = at_end and plan.stops is None
         stands = t - float(driven.times[place]) if at_end and not arrives else 0.0
-        stands = max(stands, self._plan.stops_for) if stands > 0.0 else 0.0
-        time = self._lag + float(driven.times[place]) + stands
+        stands = max(stands, plan.stops_for) if stands > 0.0 else 0.0
+        time = lag + float(driven.times[place]) + stands
         states = States(**{name: getattr(driven.states, name) for name in self.problem.model.space.names})
-        times = self._lag + driven.times[self._plan.arrivals]
+        times = lag + driven.times[plan.arrivals]
         soon = (times > time + SAME) & (times <= time + LEAVING)
-        later = Later(times[soon], states.take(self._plan.arrivals[soon]))
+        later = LeavePoints(times[soon], states.take(plan.arrivals[soon]))
         before = held(part(driven, 0, place), stands)
         return Commit(time, states.take(np.array([place])), place, stands, arrives, before, later)
 
-    # What may be chosen
+    # Options
 
     def options(self, now: float, deadline: float = DEADLINE) -> Options:
-        """The front of the rest from the commit on, and the present plan among its points while it is open.
+        """Return the front of remaining plans from the commit on; the present plan is one of them while it is open.
 
-        deadline  s of this thread's processor time for the search. What is known of ways from there takes none, so that
-                  a deadline of 0 is answered with that; whatever is missing is at most a factor 1 + gap better. Where
-                  people have changed, so much time by the clock is given to what must be made anew; if that is not
-                  enough, the known ways that are open and clear of people are the answer, and the gap is infinite
+        deadline  s of this thread's processor time for the search. Known plans need none, so a deadline of 0 returns
+                  them; a missing plan is at most a factor 1 + gap better. After a change of people, the same number of
+                  seconds by the clock is given to rebuilding the graph. If that is not enough, the options are the
+                  known plans that are open and clear of people, and the gap is infinite
         """
         deadline, now = deadline_of(deadline), self._told(now)
-        options, found = self._options(now, deadline, None)
-        self._note("options", now, deadline=deadline, answer=found.answer)
+        options, result = self._options(now, deadline, None)
+        self._note("options", now, deadline=deadline, answer=result.answer)
         return options
 
     def options_again(self, now: float, deadline: float, answer: Mapping[str, Any] | None) -> Options:
-        """Options as a record has them: ``answer`` is what was found where the deadline cut that short; else all is."""
+        """Return options again, as in an event log; ``answer`` is the result of a search that its deadline ended."""
         now = self._told(now)
         self._note("options", now, deadline=deadline, answer=answer)
         return self._options(now, deadline_of(deadline), answer, again=True)[0]
 
-    def _options(self, now: float, deadline: float, answer: Any, *, again: bool = False) -> tuple[Options, Found]:
-        """Options, and what was found for them; ``again`` as before, however long that takes.
+    def _options(
+        self, now: float, deadline: float, answer: Any, *, again: bool = False
+    ) -> tuple[Options, ReplanResult]:
+        """Return options and the result behind them; with ``again`` as in an event log, without a deadline.
 
-        Where no path leads on, since people walk against the robot, they are taken to stop before it.
+        If people walk against the robot so that no path leads on, they are predicted to stop before it.
         """
         commit, seconds = self.commit(now, deadline), None if again else deadline
         if answer is not None and answer.get("stopping"):
             stopping = self.surroundings.with_people_who_stop(commit.places.states, commit.places.times)
         else:
-            options, found = self._options_from(commit, now, seconds, answer)
-            if found.candidates.status is not Status.NO_PATH:
-                return options, found
-            stopping = self._network.stopping(self.surroundings, commit)
+            options, result = self._options_from(commit, now, seconds, answer)
+            if result.candidates.status is not Status.NO_PATH:
+                return options, result
+            stopping = self._replanner.stopping(self.surroundings, commit)
         if stopping is not None:
-            before = part(self._plan.driven, 0, commit.place)
+            before = part(self._progress.plan.driven, 0, commit.place)
             self._change(now, stopping, ())
-            commit = commit if self._plan.begins_with(before) else self.commit(now, deadline)
-            options, found = self._options_from(commit, now, seconds, answer)
-            if found.answer is not None:
-                found = found._replace(answer={**found.answer, "stopping": True})
-        return options, found
+            commit = commit if self._progress.plan.begins_with(before) else self.commit(now, deadline)
+            options, result = self._options_from(commit, now, seconds, answer)
+            if result.answer is not None:
+                result = result._replace(answer={**result.answer, "stopping": True})
+        return options, result
 
-    def _options_from(self, commit: Commit, now: float, deadline: float | None, answer: Any) -> tuple[Options, Found]:
-        """Options from a commit on, and what was found for them."""
-        surroundings = self.surroundings
-        announced = self._plan.announced
-        begins = float(self._plan.driven.times[commit.place])
-        rest = between(announced, begins, announced.duration)
-        kept = rest if self._plan.stops is None and not commit.stands else None
-        found = self._network.found(surroundings, commit, kept, deadline, answer)
+    def _options_from(
+        self, commit: Commit, now: float, deadline: float | None, answer: Any
+    ) -> tuple[Options, ReplanResult]:
+        """Return options from a commit on, and the result behind them."""
+        surroundings, plan = self.surroundings, self._progress.plan
+        begins = float(plan.driven.times[commit.place])
+        remaining = between(plan.announced, begins, plan.announced.duration)
+        present = remaining if plan.stops is None and not commit.stands else None
+        result = self._replanner.result(surroundings, commit, present, deadline, answer)
         problem = surroundings.at(commit.state, commit.time)
         before = Plan(commit.before)
-        gone = partial(past, before, before.end, self._stretches, self.problem.criteria)
-        candidates = replace(found.candidates, notes=(*found.candidates.notes, *surroundings.stopping))
-        front, point, place = front_of_rest(problem, candidates, kept, gone)
-        closings = () if kept is None else surroundings.closed
-        compared = Compared(
-            part(self._plan.driven, 0, commit.place),
-            rest,
-            self._planned(now),
-            lambda way: same_side(way, rest, surroundings.problem.world, closings),
+        costs_so_far = partial(past, before, before.end, self._progress.stretches, self.problem.criteria)
+        candidates = replace(result.candidates, notes=(*result.candidates.notes, *surroundings.stopping))
+        front, point, place = front_of_rest(problem, candidates, present, costs_so_far)
+        closings = () if present is None else surroundings.closed
+        compared = PlanComparison(
+            part(plan.driven, 0, commit.place),
+            remaining,
+            self._progress.planned(now),
+            lambda trajectory: same_side(trajectory, remaining, surroundings.problem.world, closings),
         )
-        status = found.candidates.status
-        options = Options(front, now, commit, place, point, status, found.gap, found.labels, compared=compared)
+        status = result.candidates.status
+        options = Options(front, now, commit, place, point, status, result.gap, result.labels, compared=compared)
         self._latest = options
-        return options, found
+        return options, result
 
-    # What changes
+    # Changes
 
     def wish(self, wish: str | None = None, **shares: float) -> Wish:
-        """The last options' answer to a wish, which is a choice: "fewer turns", "hurry", ``duration=-0.2``.
+        """Return the option of the last options that meets a wish: "fewer turns", "hurry", ``duration=-0.2``.
 
-        See :func:`hpop.drive.wishes.wished`. Nothing is changed: take what it gives.
+        See :func:`hpop.drive.wishes.wished`. The drive does not change until the option is taken.
         """
         answer = wished(self._options_at_hand(), wish, shares)
         self._note("wish", self._last, wish=wish, shares=dict(shares), words=answer.words)
         return answer
 
     def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
-        """Drive one of the last options from their commit on; the plan that is driven then.
+        """Drive one of the last options from their commit on, and return the new plan.
 
-        A change that somebody asks for needs no margin and no notice. Raises DriveError where the commit is past, or
-        where the option has been closed meanwhile.
+        A change on request needs neither patience nor notice. Raises DriveError where the commit is past, or where the
+        option has been closed meanwhile.
         """
         options = self._options_at_hand()
         now = self._in_order(self._now() if now is None else now)
@@ -271,47 +263,47 @@ class Execution(Telling):
         chosen, commit = options[place], options.commit
         if now > commit.time + SAME and not commit.arrives:
             began = f"{commit.time:.2f} s, and it is {now:.2f} s"
-            raise DriveError(f"these options began at {began}: ask for options again")
-        if not self._plan.begins_with(options.compared.before):
-            raise DriveError("the way to where these options begin has been cut since; ask for options again")
-        if closed_ways([chosen.item], self.surroundings.closed).any():
-            raise DriveError(f"option {place} has been closed since; ask for options again")
+            raise DriveError(f"these options begin at {began}: call options(now) again")
+        if not self._progress.plan.begins_with(options.compared.before):
+            raise DriveError("the plan up to where these options begin has been cut since; call options(now) again")
+        if closed_trajectories([chosen.item], self.surroundings.closed).any():
+            raise DriveError(f"option {place} has been closed since; call options(now) again")
         self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
         self._note("take", self._told(now), place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
                    rest=None if chosen.keeps_on else chosen.item.describe(), costs=chosen.costs)  # fmt: skip
         return self.plan
 
-    def take_again(self, event: Mapping[str, Any], way: Trajectory | None) -> None:
-        """Drive on as a record has it: by a way, or as planned."""
-        now, most = self._told(event["now"]), len(self._plan.driven)
+    def take_again(self, event: Mapping[str, Any], trajectory: Trajectory | None) -> None:
+        """Take an option again, as in an event log; None keeps the plan."""
+        now, most = self._told(event["now"]), len(self._progress.plan.driven)
         place = whole("place", event["place"], 0, most, "the number of a state of the plan", error=DriveError)
         stands = real("stands", event["stands"], 0, MOST, "a time in s", error=DriveError)
-        self._drive(now, place, stands, way)
+        self._drive(now, place, stands, trajectory)
         self.record.append(dict(event))
 
-    def _drive(self, now: float, place: int, stands: float, rest: Trajectory | None) -> None:
-        """Go on by a way from a place of the plan, after standing there for a while; None: as planned."""
-        if rest is not None:
-            self._plan = self._plan.then(place, stands, rest)
-            self._cut(now)
+    def _drive(self, now: float, place: int, stands: float, trajectory: Trajectory | None) -> None:
+        """Follow a trajectory from a state of the plan on, after a stop there; None keeps the plan."""
+        if trajectory is not None:
+            self._progress.plan = self._progress.plan.then(place, stands, trajectory)
+            self._progress.cut(now)
         self._latest = None
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the drive and all that it was told to a JSON file; :func:`hpop.drive.load` makes the same drive of it.
+        """Write the drive and its event log to a JSON file; :func:`hpop.drive.load` makes the same drive from it.
 
         Raises OSError where it cannot be written.
         """
         storage.write(self, path)
 
     def adapt(self, options: Options) -> Option | None:
-        """What the robot changes by itself: the option taken, None where it keeps its plan.
+        """Let the robot change its plan by itself; return the option that it takes, None where it keeps its plan.
 
-        Where the plan is closed, it takes the knee. Else the option with the least share of the plan's rest, on the
-        mean over the costs, if that is better by ``patience``, and no turn that nobody was told of begins within
-        ``notice``. Where the person's preference is known, that says which is the best, and by what share it is better.
+        Where the plan is closed, it takes the knee. Otherwise it takes the option with the least costs, as shares
+        of the remaining plan's on average, if they are better by ``patience`` and no turn that was not announced
+        begins within ``notice``. A known preference of the person aboard replaces the average.
         """
         if options is not self._options_at_hand():
-            raise DriveError("these are not the last options; ask for options again")
+            raise DriveError("adapt takes the last options only; call options(now) again")
         chosen = adapted(options, self.patience, self.notice)
         if chosen is not None:
             self.take(chosen)
@@ -328,105 +320,59 @@ class Execution(Telling):
         name: str = "",
         groups: Iterable[Iterable[int]] = (),
     ) -> Change:
-        """Tell what changes in the world, one thing at a time, and hear what that makes of the plan.
+        """Tell one change of the world, and return its effect on the plan.
 
-        close   a zone of the map by its name, or a polygon, m, which ``name`` lets one open by name
-        open    what is closed, by name or by the polygon: of the map's zones those with a name are doors, and keep-out
-                ones among them are closed from the beginning
-        people  all who are there now, as they are predicted now; ``groups`` of them talk with each other
-        stop    one of them, by name or number, stands from now on
-        now     s; when it was last told where left out
+        close   a zone of the map by its name, or a polygon, m; ``name`` gives the polygon a name to open it by
+        open    a closed area by name, or the polygon that was closed. Zones of the map with a name are doors; keep-out
+                zones among them are closed at first
+        people  all people who are there now, as predicted from now on; ``groups`` of them talk with each other
+        stop    one person, by name or number, who stands from now on
+        now     s; left out, the time of the last event
 
-        Where the plan is cut, the robot drives on to the last place where it may take another way, or brakes.
+        Where the plan is cut, the robot drives on to the last place where it may change its plan, or brakes.
 
-        Who walks and is up to half a metre within an obstacle is shifted out of it, who is deeper is left out, and the
-        change's notes say so. A person who stands in contact with the robot is no closing: the robot may leave, where
-        the gap does not shrink. Where nothing is open because somebody walks against the robot, that person is taken
-        to stop before it.
+        A walking person up to half a metre within an obstacle is shifted out of it; one deeper within it is left out.
+        Notes of the change say so. A standing person in contact with the robot is not a closed area: the robot may
+        leave as long as the gap does not shrink. If a person walks against the robot so that no path is open, that
+        person is predicted to stop before it.
 
-        Raises DriveError for a door that is not on the map, for what was never closed, and for a closing that covers
-        the robot, MapError where all who walk are deep within obstacles; the drive is then as before.
+        Raises DriveError for a door that is not on the map, for opening an area that is not closed, and for a closed
+        area that covers the robot; MapError where all walking people are deep within obstacles. The drive is then
+        unchanged.
         """
         given = {"close": close, "open": open, "people": people, "stop": stop}
         told = [key for key, value in given.items() if value is not None]
         if len(told) != 1:
             got = ", ".join(told) or "none"
-            raise DriveError(f"tell one thing that changes: close, open, people or stop; got {got}")
+            raise DriveError(f"give exactly one of close, open, people and stop; got {got}")
         now = self._in_order(self._now() if now is None else now)
         before, what = self.surroundings, told[0]
         if isinstance(people, Iterable) and not isinstance(people, str):
             people = given["people"] = tuple(people)
         after = before.changed(now, what, given[what], name, groups)
         new = [closing for closing in after.closed if closing not in before.closed]
-        refuse_covered(new, self.problem.model, self._plan.driven.at(self._planned(now)))
+        refuse_covered(new, self.problem.model, self._progress.state(now))
         talk = after.problem.world.content.groups
         self._note(what, self._told(now), **written(close, open, people, talk, stop, name))
         return self._change(now, after, new)
 
-    def _change(self, now: float, after: Surroundings, new: Sequence[Closing]) -> Change:
-        """Go on in other surroundings, in which some closings are new."""
-        self._stand(now)
-        if after.people != self.surroundings.people:
-            self._plan = self._plan.among_others()
-        self._stretches.append(Stretch(after, motion_ends(self._plan.announced, self._planned(now)), self._lag))
-        cut = self._cut(now)
+    def _change(self, now: float, after: DriveSurroundings, new: Sequence[Closing]) -> Change:
+        """Continue in other surroundings with new closed areas."""
+        progress = self._progress
+        cut = progress.enter(after, now)
         self._lay_out(now)
-        invalid = closed_ways([] if self._latest is None else self._latest.ways, new)
-        invalid |= self._latest is not None and not self._plan.begins_with(self._latest.compared.before)
-        whole = Plan(self._plan.announced)
-        stops = None if cut.stops is None else self._lag + cut.stops
-        brakes = cut.stops is not None and np.abs(whole.driven.times[whole.arrivals] - cut.stops).min() > SAME
-        safe = None if cut.safe is None else self._lag + cut.safe
-        here = after.at(self._plan.driven.at(self._planned(now)), now).notes
-        notes = tuple(dict.fromkeys((*after.problem.notes, *here)))
+        invalid = closed_trajectories([] if self._latest is None else self._latest.ways, new)
+        invalid |= self._latest is not None and not progress.plan.begins_with(self._latest.compared.before)
+        announced = Plan(progress.plan.announced)
+        stops = None if cut.stops is None else progress.lag + cut.stops
+        times = announced.driven.times[announced.arrivals]
+        brakes = cut.stops is not None and np.abs(times - cut.stops).min() > SAME
+        safe = None if cut.safe is None else progress.lag + cut.safe
+        notes = after.at(progress.state(now), now).notes
+        notes = tuple(dict.fromkeys((*after.problem.notes, *notes)))
         return Change(now, safe, stops, bool(brakes), tuple(np.flatnonzero(invalid).tolist()), notes)
-
-    def _shift(self, now: float) -> None:
-        """Note that the robot is earlier or later than it was taken to be: what is driven from now on is."""
-        begins, last = motion_ends(self._plan.announced, self._planned(now)), self._stretches[-1]
-        if last.begins >= begins - SAME:
-            self._stretches.pop()
-            begins = last.begins
-        self._stretches.append(Stretch(last.surroundings, begins, self._lag))
-
-    def _stand(self, now: float) -> None:
-        """Note that the robot has stood until now, where it does because the rest of its way is closed."""
-        plan = self._plan
-        stood = now - self._lag - plan.end
-        if plan.stops is not None and stood > SAME:
-            before = held(until(plan.announced, plan.stops), max(stood, plan.stops_for))
-            rest = between(plan.announced, plan.stops, plan.announced.duration)
-            self._plan = Plan(joined(before, rest), before.duration)
-
-    def _cut(self, now: float) -> Cut:
-        """Look what is closed of the plan from now on, and let the robot stand before it."""
-        t, surroundings = self._planned(now), self.surroundings
-        then = max(now, self._lag)  # before it leaves people walk on
-        everybody = surroundings.at(self._plan.announced.at(t), then).world.content.people
-        told = surroundings.people  # who has stopped meanwhile is no closing
-        people = [one for one, before in zip(everybody, told, strict=True) if before.moves]
-        margin = self.planner.margin
-        among = partial(cut_of, closings=surroundings.closed, people=people, margin=margin)
-        cut, way = among(self._plan, t), self._plan.announced
-        if cut.stops == t and t not in way.times:
-            # A motion ends here; of a turn each part takes its own time.
-            before = until(way, t)
-            self._plan = Plan(joined(before, between(way, t, way.duration)))
-            self._lag = now - before.duration
-            self._stretches = stopped(self._stretches, t, before.duration, self._lag, way)
-            cut = among(self._plan, before.duration)
-        elif cut.stops is not None:
-            self._stretches = stopped(self._stretches, cut.stops, cut.stops, self._lag)
-        self._plan = self._plan.closed_at(cut.stops)
-        return cut
-
-    # Where on the plan
-
-    def _planned(self, now: float) -> float:
-        """Where on the plan the robot is, s."""
-        return min(max(now - self._lag, 0.0), self._plan.end)
 
     def _options_at_hand(self) -> Options:
         if self._latest is None:
-            raise DriveError("there are no options at hand since the plan was last changed: ask options(now) first")
+            raise DriveError("the plan has changed since the last options: call options(now) first")
         return self._latest

@@ -1,10 +1,10 @@
-"""Where a drive is, its costs so far, and the front of what remains of it."""
+"""The progress of a drive: where the robot is, the costs so far, and the front of remaining plans."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -12,8 +12,8 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs, running_costs, trajectory_costs
-from hpop.drive.plan import SAME, Plan, between, held, motion_ends
-from hpop.drive.surroundings import Surroundings
+from hpop.drive.plan import SAME, Cut, Plan, between, cut_of, held, joined, motion_ends, until
+from hpop.drive.surroundings import DriveSurroundings
 from hpop.frontier.dominance import quantised
 from hpop.motions import States
 from hpop.planners.base import Candidates
@@ -28,23 +28,23 @@ if TYPE_CHECKING:
 
 
 class Stretch(NamedTuple):
-    """Since when a drive is in some surroundings, and as early or late as it is.
+    """A part of a drive with the same surroundings and the same lag.
 
-    begins  s, of the plan: a motion that is under way is of the surroundings in which it began
-    lag     s, of the drive, at which the plan began, as far as it was known where the robot is
-    driven  where a motion of it was stopped and made two since, the plan as it was, and when that was, s of it
+    begins  s, of the plan; a motion under way belongs to the surroundings in which it began
+    lag     s, of the drive, at which the plan began, by where the robot was measured last
+    driven  the plan before, and a time of it, s, if a motion under way was split then; else None
     """
 
-    surroundings: Surroundings
+    surroundings: DriveSurroundings
     begins: float
     lag: float
     driven: tuple[Trajectory, float] | None = None
 
 
 class Past(NamedTuple):
-    """What a drive has cost so far, by criterion.
+    """Costs of a drive so far.
 
-    totals    sums; worst moments; integrals of time-means
+    totals    by criterion: sums, worst moments, or integrals of time-means
     duration  s
     """
 
@@ -52,67 +52,67 @@ class Past(NamedTuple):
     duration: float
 
     def cost(self, criterion: Criterion) -> float:
-        """The cost of what was driven; of a mean over its time."""
+        """Return the cost so far; a time-mean is that over the elapsed time."""
         total = self.totals[criterion.name]
         if criterion.aggregate == "time-mean":
             return total / self.duration if self.duration > 0.0 else 0.0
         return total
 
 
-def past(plan: Plan, until: float, stretches: Sequence[Stretch], criteria: Sequence[Criterion]) -> Past:
-    """What a plan has cost until a time of its own, s: each stretch as its world was when the robot was there.
+def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequence[Criterion]) -> Past:
+    """Return the costs of a plan up to a time of it, s; each stretch is costed in its own surroundings.
 
-    Criteria with memory are of the whole way in the world as it is now; within a motion they grow evenly.
+    Criteria with memory are costed along the whole way in the present world, and grow evenly within a motion.
     """
     totals, duration = dict.fromkeys((criterion.name for criterion in criteria), 0.0), 0.0
     plain = [criterion for criterion in criteria if criterion.aggregate != "trajectory"]
     ends = [stretch.begins for stretch in stretches[1:]]
-    for stretch, end in zip(stretches, [*ends, until], strict=True):
-        way, end = stretch.driven or (plan.announced, min(end, until))
-        duration += max(0.0, end - stretch.begins)
-        for values in _costs(plain, way, stretch, end):
+    for stretch, last in zip(stretches, [*ends, end], strict=True):
+        trajectory, stretch_end = stretch.driven or (plan.announced, min(last, end))
+        duration += max(0.0, stretch_end - stretch.begins)
+        for values in _costs(plain, trajectory, stretch, stretch_end):
             for criterion, value in zip(plain, values.tolist(), strict=True):
                 total = totals[criterion.name]
                 totals[criterion.name] = max(total, value) if criterion.aggregate == "max" else total + value
     if memory := [criterion for criterion in criteria if criterion.aggregate == "trajectory"]:
         world = stretches[-1].surroundings.problem.world
-        way = between(plan.announced, 0.0, motion_ends(plan.announced, until))
+        trajectory = between(plan.announced, 0.0, motion_ends(plan.announced, end))
         for criterion in memory:
-            running = np.append(0.0, running_costs(criterion, way, world))
-            totals[criterion.name] = float(np.interp(until, way.times, running))
+            running = np.append(0.0, running_costs(criterion, trajectory, world))
+            totals[criterion.name] = float(np.interp(end, trajectory.times, running))
     return Past(totals, duration)
 
 
-def _costs(criteria: Sequence[Criterion], way: Trajectory, stretch: Stretch, end: float) -> Iterator[FloatArray]:
-    """Costs (k,) of what of a stretch is done at a time, s of a way: of whole motions, and of the one under way.
+def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stretch, end: float) -> Iterator[FloatArray]:
+    """Yield costs (k,) of a stretch up to a time of the trajectory, s: of whole motions, then of the one under way.
 
-    That is costed in its own timing: a part of a turn would take longer as a turn of its own.
+    The part of a motion under way is costed in the timing of that motion: on its own, a part of a turn takes longer.
     """
-    last = float(way.times[max(0, int(np.searchsorted(way.times, end + SAME, side="right")) - 1)])
+    last = float(trajectory.times[max(0, int(np.searchsorted(trajectory.times, end + SAME, side="right")) - 1)])
     last = max(stretch.begins, last)
-    for begin, until in ((stretch.begins, last), (last, motion_ends(way, end))):
-        if min(until, end) <= begin + SAME:
+    for begin, motion_end in ((stretch.begins, last), (last, motion_ends(trajectory, end))):
+        if min(motion_end, end) <= begin + SAME:
             continue
-        some = between(way, begin, until)
-        world = stretch.surroundings.at(some.states.take([0]), stretch.lag + begin).world
-        if until <= end + SAME:
+        driven = between(trajectory, begin, motion_end)
+        world = stretch.surroundings.at(driven.states.take([0]), stretch.lag + begin).world
+        if motion_end <= end + SAME:
             means = [criterion.aggregate == "time-mean" for criterion in criteria]
-            yield trajectory_costs(criteria, [some], world)[0] * np.where(means, some.duration, 1.0)
+            yield trajectory_costs(criteria, [driven], world)[0] * np.where(means, driven.duration, 1.0)
             continue
-        for _, whole in some.batches(world):
-            ends = (some.at(moment) for moment in (0.0, end - begin))
-            here, there = (States(**{name: getattr(at, name) for name in whole.start.names}) for at in ends)
-            begun = sections(whole, np.zeros(1, np.int64), np.zeros(1), np.array([end - begin]), (here, there), None)
+        for _, motion in driven.batches(world):
+            ends = (driven.at(moment) for moment in (0.0, end - begin))
+            here, there = (States(**{name: getattr(at, name) for name in motion.start.names}) for at in ends)
+            begun = sections(motion, np.zeros(1, np.int64), np.zeros(1), np.array([end - begin]), (here, there), None)
             yield np.concatenate([np.zeros(0), *(motion_costs(criterion, begun) for criterion in criteria)])
 
 
 def stopped(
     stretches: Sequence[Stretch], t: float, begins: float, lag: float, driven: Trajectory | None = None
 ) -> list[Stretch]:
-    """Stretches of a drive that stops at a time of its plan, s: what was to begin with the next motion begins then.
+    """Return the stretches of a drive that stops at a time of its plan, s; a stretch after it begins at the stop.
 
-    begins, lag  of what follows, by the plan as it is now
-    driven       the plan as it was, if the motion that was under way then was stopped and made two
+    begins, lag  of that stretch, by the new plan
+    driven       the plan before, if the motion under way was split at the stop
     """
     last, begun = stretches[-1], [stretch for stretch in stretches if stretch.begins < t]
     if driven is not None:
@@ -122,16 +122,97 @@ def stopped(
     return [*begun, Stretch(last.surroundings, begins, lag)]
 
 
+class DriveProgress:
+    """The plan that a robot follows, the robot's place on it, and the surroundings on the way.
+
+    plan       as it is now
+    lag        s, of the drive, at which the plan began, by where the robot was measured last
+    stretches  of the drive; the last one has the surroundings of now
+    margin     m, to people who move
+    """
+
+    def __init__(self, plan: Plan, surroundings: DriveSurroundings, begin: float, margin: float) -> None:
+        self.plan, self.lag, self.margin = plan, begin, margin
+        self.stretches = [Stretch(surroundings, 0.0, begin)]
+
+    @property
+    def surroundings(self) -> DriveSurroundings:
+        """The world as it is now, with its closed areas."""
+        return self.stretches[-1].surroundings
+
+    def planned(self, now: float) -> float:
+        """Return the time of the plan, s, that the robot has reached."""
+        return min(max(now - self.lag, 0.0), self.plan.end)
+
+    def state(self, now: float) -> States:
+        """Return the state (1,) of the robot."""
+        return self.plan.driven.at(self.planned(now))
+
+    def moment(self, now: float) -> Moment:
+        """Return where the robot is at a time of the drive, s."""
+        planned, plan = self.planned(now), self.plan
+        at_end = planned >= plan.end - SAME
+        stands, arrived = plan.stops is not None and at_end, plan.stops is None and at_end
+        return Moment(now, planned, self.state(now), stands, arrived, plan, tuple(self.stretches), self.lag)
+
+    def shift(self, now: float) -> None:
+        """Begin a stretch with the present lag, at the end of the motion under way."""
+        begins, last = motion_ends(self.plan.announced, self.planned(now)), self.stretches[-1]
+        if last.begins >= begins - SAME:
+            self.stretches.pop()
+            begins = last.begins
+        self.stretches.append(Stretch(last.surroundings, begins, self.lag))
+
+    def enter(self, surroundings: DriveSurroundings, now: float) -> Cut:
+        """Begin a stretch in other surroundings, and return the open part of the plan there."""
+        self._stand(now)
+        if surroundings.people != self.surroundings.people:
+            self.plan = self.plan.among_others()
+        begins = motion_ends(self.plan.announced, self.planned(now))
+        self.stretches.append(Stretch(surroundings, begins, self.lag))
+        return self.cut(now)
+
+    def _stand(self, now: float) -> None:
+        """Add to the plan the time for which the robot has stood because the remaining plan is closed."""
+        plan = self.plan
+        stood = now - self.lag - plan.end
+        if plan.stops is not None and stood > SAME:
+            before = held(until(plan.announced, plan.stops), max(stood, plan.stops_for))
+            remaining = between(plan.announced, plan.stops, plan.announced.duration)
+            self.plan = Plan(joined(before, remaining), before.duration)
+
+    def cut(self, now: float) -> Cut:
+        """Stop the plan before closed areas and people in the way, from now on; return its open part."""
+        t, surroundings = self.planned(now), self.surroundings
+        then = max(now, self.lag)  # people walk on before the robot leaves
+        people = surroundings.at(self.plan.announced.at(t), then).world.content.people
+        predicted = surroundings.people  # a person who has stopped since is no closed area
+        people = tuple(person for person, before in zip(people, predicted, strict=True) if before.moves)
+        cut_from = partial(cut_of, closings=surroundings.closed, people=people, margin=self.margin)
+        cut, announced = cut_from(self.plan, t), self.plan.announced
+        if cut.stops == t and t not in announced.times:
+            # The motion under way ends here; each part of a split turn takes a time of its own.
+            before = until(announced, t)
+            self.plan = Plan(joined(before, between(announced, t, announced.duration)))
+            self.lag = now - before.duration
+            self.stretches = stopped(self.stretches, t, before.duration, self.lag, announced)
+            cut = cut_from(self.plan, before.duration)
+        elif cut.stops is not None:
+            self.stretches = stopped(self.stretches, cut.stops, cut.stops, self.lag)
+        self.plan = self.plan.closed_at(cut.stops)
+        return cut
+
+
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """Where a drive is at some time.
+    """The robot's place on its plan at a time of a drive, and the costs so far.
 
     now      s, of the drive
     planned  s, of the plan: where the robot is on it
     state    (1,) of the robot
-    stands   whether the robot stands because the rest of its way is closed
+    stands   whether the robot stands because the remaining plan is closed
     arrived  whether it is at the goal
-    plan     what is driven from the beginning on, if nothing changes any more
+    plan     the trajectory from the beginning on, as the robot follows it if nothing changes
     """
 
     now: float
@@ -145,113 +226,115 @@ class Moment:
 
     @property
     def plan(self) -> Trajectory:
-        """What is driven from the beginning on, if nothing changes any more."""
+        """The trajectory from the beginning of the drive on, as the robot follows it if nothing changes."""
         return self._plan.driven
 
     @cached_property
     def rest(self) -> Trajectory:
-        """What is still to be driven of it, as a plan from here: what is left of a turn begins and ends at rest."""
+        """The remaining plan from here; the rest of a turn under way begins and ends at rest."""
         return between(self._plan.driven, self.planned, self._plan.driven.duration)
 
     @cached_property
     def past(self) -> dict[str, float]:
-        """What the drive has cost so far, by criterion, each stretch in the world as it was then.
+        """The costs so far by criterion, each stretch in the surroundings of its time.
 
-        Also the time for which the robot has stood because the rest of its way is closed.
+        They include the time for which the robot has stood because the remaining plan is closed.
         """
         criteria = self._stretches[-1].surroundings.problem.criteria
         plan, end = self._plan, self.planned
         if self.stands:
             plan = Plan(held(plan.driven, self.now - self._lag - end))
             end = plan.end
-        found = past(plan, end, self._stretches, criteria)
-        return {criterion.name: found.cost(criterion) for criterion in criteria}
+        costs = past(plan, end, self._stretches, criteria)
+        return {criterion.name: costs.cost(criterion) for criterion in criteria}
 
 
 WHOLE = "worst moments and means are those of the whole drive"
 
 
 def front_of_rest(
-    problem: Problem, candidates: Candidates, kept: Trajectory | None, past: Callable[[], Past]
+    problem: Problem, candidates: Candidates, present: Trajectory | None, past: Callable[[], Past]
 ) -> tuple[Front, Point | None, int | None]:
-    """The front of what may be driven from now on; the present plan where others are better; its place, if any.
+    """Return the front of remaining plans, the present plan if it is dominated, and its index among the options.
 
-    Sums are of the rest alone, for the past adds the same to all. What was worst stays worst: so a worst moment, and a
-    mean, are those of the whole drive, and what differs in nothing else is the same.
+    Sums are those of the remaining plan alone, as the past adds the same to all. Worst moments and means are those of
+    the whole drive, so plans that differ in nothing else are one point.
 
-    problem  from where and when the rest begins
-    kept     the present plan from there, where it is open
-    past     what the drive has cost until then, asked where it matters
+    problem  from where and when the remaining plans begin
+    present  the present plan from there, None where it is closed
+    past     returns the costs of the drive up to there
     """
     front = solving.front(problem, candidates)
     criteria = [claimable(problem)[name] for name in (*front.names, *front.reported_names)]
-    whole = any(criterion.aggregate in ("max", "time-mean") for criterion in criteria)
-    rows = _Rows.of(front)
-    own = _Rows.none(front) if kept is None else _Rows.alone(kept, trajectory_costs(criteria, [kept], problem.world))
-    if whole:
-        gone = past()
-        rows, own = (some.whole(criteria, gone) for some in (rows, own))
+    rows = _CostedPlans.of(front)
+    if present is None:
+        own = _CostedPlans.none(front)
+    else:
+        own = _CostedPlans.alone(present, trajectory_costs(criteria, [present], problem.world))
+    if any(criterion.aggregate in ("max", "time-mean") for criterion in criteria):
+        costs_so_far = past()
+        rows, own = (plans.whole(criteria, costs_so_far) for plans in (rows, own))
         front = rows.front(front)
         front = replace(front, certificate=f"{front.certificate}; {WHOLE}")
-    if kept is None:
+    if present is None:
         return front, None, None
     place = _place(front, own)
     if place is None and not _is_dominated(front, own):
-        front = _Rows.of(front).and_those_of(own).front(front)
+        front = _CostedPlans.of(front).and_those_of(own).front(front)
         place = _place(front, own)
     if place is None:
         return front, own.point(front), len(front)
-    items = tuple(kept if i == place else way for i, way in enumerate(front.items))
-    return replace(front, items=items), None, place  # of ways that cost the same the present plan is no change
+    items = tuple(present if i == place else trajectory for i, trajectory in enumerate(front.items))
+    return replace(front, items=items), None, place  # of plans with equal costs, the present one is no change
 
 
 @dataclass(frozen=True, eq=False)
-class _Rows:
-    """Ways with their costs and reported values (n, k + r), and where they come from."""
+class _CostedPlans:
+    """Remaining plans with their costs and reported values (n, k + r), and their provenance."""
 
-    ways: tuple[Trajectory, ...]
+    trajectories: tuple[Trajectory, ...]
     values: FloatArray
     origins: tuple[dict[str, Any], ...]
 
     @classmethod
-    def of(cls, front: Front) -> _Rows:
-        """Those of a front."""
+    def of(cls, front: Front) -> _CostedPlans:
+        """Return the plans of a front."""
         return cls(front.trajectories, np.hstack([front.costs, front.reported]), front.provenance)
 
     @classmethod
-    def alone(cls, kept: Trajectory, values: FloatArray) -> _Rows:
-        """The present plan."""
-        return cls((kept,), values, ({"planner": "drive", "kept": True},))
+    def alone(cls, present: Trajectory, values: FloatArray) -> _CostedPlans:
+        """Return the present plan alone."""
+        return cls((present,), values, ({"planner": "drive", "kept": True},))
 
     @classmethod
-    def none(cls, front: Front) -> _Rows:
-        """No way."""
+    def none(cls, front: Front) -> _CostedPlans:
+        """Return no plan, with the columns of a front."""
         return cls((), np.zeros((0, len(front.names) + len(front.reported_names))), ())
 
-    def and_those_of(self, others: _Rows) -> _Rows:
-        """These and others."""
+    def and_those_of(self, others: _CostedPlans) -> _CostedPlans:
+        """Return these plans and others."""
         values = np.concatenate([self.values, others.values])
-        return _Rows(self.ways + others.ways, values, self.origins + others.origins)
+        return _CostedPlans(self.trajectories + others.trajectories, values, self.origins + others.origins)
 
-    def whole(self, criteria: Sequence[Criterion], past: Past) -> _Rows:
-        """The same, worst moments and means those of the whole drive."""
+    def whole(self, criteria: Sequence[Criterion], past: Past) -> _CostedPlans:
+        """Return the plans with worst moments and means of the whole drive."""
         values = self.values.copy()
         for j, criterion in enumerate(criteria):
             if criterion.aggregate == "max":
                 values[:, j] = np.maximum(values[:, j], past.totals[criterion.name])
             elif criterion.aggregate == "time-mean":
-                lasts = np.array([way.duration for way in self.ways])
-                all_ = past.duration + lasts
-                integral = past.totals[criterion.name] + values[:, j] * lasts
-                values[:, j] = np.divide(integral, all_, out=np.zeros(all_.size), where=all_ > 0.0)
+                durations = np.array([trajectory.duration for trajectory in self.trajectories])
+                total = past.duration + durations
+                integral = past.totals[criterion.name] + values[:, j] * durations
+                values[:, j] = np.divide(integral, total, out=np.zeros(total.size), where=total > 0.0)
         return replace(self, values=values)
 
     def front(self, like: Front) -> Front:
-        """The front of these ways, in all else like another."""
+        """Return the front of these plans, with the names, certificate and problem of another."""
         k = len(like.names)
         return Front.of(
             self.values[:, :k],
-            self.ways,
+            self.trajectories,
             names=like.names,
             units=like.units,
             quanta=like.quanta,
@@ -267,26 +350,26 @@ class _Rows:
         )
 
     def point(self, front: Front) -> Point:
-        """The one way as a point that a front does not have."""
+        """Return the only plan as a point beside a front."""
         values, k = self.values[0].tolist(), len(front.names)
         return Point(
             index=len(front),
             costs=dict(zip(front.names, values[:k], strict=True)),
             reported=dict(zip(front.reported_names, values[k:], strict=True)),
-            item=self.ways[0],
+            item=self.trajectories[0],
             provenance=self.origins[0],
         )
 
 
-def _counts(front: Front, own: _Rows) -> IntArray:
+def _counts(front: Front, own: _CostedPlans) -> IntArray:
     return quantised(own.values[:, : len(front.names)], front.quanta)
 
 
-def _place(front: Front, own: _Rows) -> int | None:
-    """The point of a front that costs the same."""
+def _place(front: Front, own: _CostedPlans) -> int | None:
+    """Return the index of the point with the costs of a plan; None where there is none."""
     same = np.flatnonzero((front.integers == _counts(front, own)).all(axis=1))
     return int(same[0]) if same.size else None
 
 
-def _is_dominated(front: Front, own: _Rows) -> bool:
+def _is_dominated(front: Front, own: _CostedPlans) -> bool:
     return bool((front.integers <= _counts(front, own)).all(axis=1).any())

@@ -1,4 +1,4 @@
-"""What may be chosen while a robot drives: the front of the rest of the way, and what each choice would change."""
+"""Options of a drive: the front of remaining plans, and how each of them differs from the present plan."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
-ALIKE = 1e-6  # m, rad or s: what differs by less is the same
+ALIKE = 1e-6  # m, rad or s: smaller differences count as none
 STRAIGHT = "straight"
 
 
-class Run(NamedTuple):
-    """Motions of a way that nobody aboard tells apart: straight ones in a row, or another one.
+class PerceivedMotion(NamedTuple):
+    """Motions that a person aboard perceives as one: straight moves in a row, or one other motion.
 
-    kind        its law's, "straight" of moves
-    change      by how much each state changes
+    kind        of its law; "straight" for moves
+    change      of each state
     begin, end  s
     """
 
@@ -41,63 +41,66 @@ class Run(NamedTuple):
     end: float
 
 
-def runs(way: Trajectory) -> list[Run]:
-    """The runs of a way, in order."""
-    steps = np.stack([np.diff(getattr(way.states, name)) for name in way.model.space.names], axis=1)
-    found, laws = list[Run](), laws_of(way.model)
-    for i, kind in enumerate(way.kinds):
+def perceived_motions(trajectory: Trajectory) -> list[PerceivedMotion]:
+    """Return the perceived motions of a trajectory, in order."""
+    steps = np.stack([np.diff(getattr(trajectory.states, name)) for name in trajectory.model.space.names], axis=1)
+    motions, laws = list[PerceivedMotion](), laws_of(trajectory.model)
+    for i, kind in enumerate(trajectory.kinds):
         moves = "x" in laws[kind].varies
-        run = Run(STRAIGHT if moves else kind, steps[i], float(way.times[i]), float(way.times[i + 1]))
-        if moves and found and found[-1].kind == STRAIGHT:
-            run = run._replace(change=found[-1].change + run.change, begin=found.pop().begin)
-        found.append(run)
-    return found
+        motion = PerceivedMotion(
+            STRAIGHT if moves else kind, steps[i], float(trajectory.times[i]), float(trajectory.times[i + 1])
+        )
+        if moves and motions and motions[-1].kind == STRAIGHT:
+            motion = motion._replace(change=motions[-1].change + motion.change, begin=motions.pop().begin)
+        motions.append(motion)
+    return motions
 
 
-def leaves(way: Trajectory, announced: Trajectory) -> float | None:
-    """When, s, a way leaves another that begins where it does; None where it never does.
+def leaves(trajectory: Trajectory, announced: Trajectory) -> float | None:
+    """Return the time, s, at which a trajectory departs from the announced one; None where it never does.
 
-    Both go straight ahead, so of two straight runs the shorter one is left at its end.
+    Both begin at one place. Of two straight runs ahead, the shorter one is left at its end.
     """
-    one, other = runs(way), runs(announced)
-    for mine, theirs in zip(one, other, strict=False):
+    own, expected = perceived_motions(trajectory), perceived_motions(announced)
+    for mine, theirs in zip(own, expected, strict=False):
         if mine.kind != theirs.kind:
             return mine.begin
         if mine.kind in (STRAIGHT, HOLD.kind) and abs(mine.end - theirs.end) > ALIKE:
             return min(mine.end, theirs.end)
         if np.abs(mine.change - theirs.change).max() > ALIKE:
             return mine.begin
-    return None if len(one) == len(other) else min(way.duration, announced.duration)
+    return None if len(own) == len(expected) else min(trajectory.duration, announced.duration)
 
 
-def next_turn(way: Trajectory, t: float) -> float | None:
-    """When, s, the first turn of a way later than ``t`` begins; None where there is none."""
-    later = [time for time, kind in zip(way.times.tolist(), way.kinds, strict=False) if kind == "turn" and time > t]
+def next_turn(trajectory: Trajectory, t: float) -> float | None:
+    """Return the time, s, at which the first turn later than ``t`` begins; None where there is none."""
+    later = [
+        time
+        for time, kind in zip(trajectory.times.tolist(), trajectory.kinds, strict=False)
+        if kind == "turn" and time > t
+    ]
     return later[0] if later else None
 
 
-def same_side(way: Trajectory, other: Trajectory, world: World, closings: Sequence[Closing] = ()) -> bool | None:
-    """Whether two ways of a robot in the plane pass all obstacles and closings on the same sides, in the same order.
-
-    None where they end at different places, so that there is no telling.
-    """
-    one, two = (np.stack([t.states.x, t.states.y], axis=1) for t in (way, other))
-    if np.abs(one[-1] - two[-1]).max() > ALIKE:
+def same_side(trajectory: Trajectory, other: Trajectory, world: World, closings: Sequence[Closing] = ()) -> bool | None:
+    """Return whether two trajectories pass obstacles and closed areas on the same sides; None if their ends differ."""
+    there, back = (np.stack([t.states.x, t.states.y], axis=1) for t in (trajectory, other))
+    if np.abs(there[-1] - back[-1]).max() > ALIKE:
         return None
-    loop = np.concatenate([one, two[::-1], one[:1]])
-    heights = {(part.z_min, part.z_max) for part in way.model.platform}
+    loop = np.concatenate([there, back[::-1], there[:1]])
+    heights = {(part.z_min, part.z_max) for part in trajectory.model.platform}
     points = [holes(loop, world.ground.free_space(z)) for z in sorted(heights)]
-    # A point too many is harmless: two in one obstacle, or one that no free loop goes about.
+    # More points than obstacles do no harm: two in one obstacle, or one that no free loop encloses.
     areas = [part for closing in closings for part in shapely.get_parts(closing.area)]
     points.append(shapely.get_coordinates(shapely.point_on_surface(areas)).reshape(-1, 2))
     return not crossing_word(loop, np.concatenate(points))
 
 
-class Later(NamedTuple):
-    """Places of a plan at which a drive may take another way.
+class LeavePoints(NamedTuple):
+    """Places of a plan at which the robot may change it.
 
     times   (L,)  s, of the drive
-    states  (L,)  of the robot, then
+    states  (L,)  of the robot
     """
 
     times: FloatArray
@@ -106,15 +109,15 @@ class Later(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Commit:
-    """Where a drive may take another way: until then nothing changes any more.
+    """The place where a drive may change its plan next; up to there the plan is fixed.
 
     time     s, of the drive
-    state    (1,) of the robot, then
-    place    the state of the plan that is driven, by number
-    stands   s that the robot stands there before
-    arrives  whether that is the goal
-    before   what is driven until then
-    later    places soon after it at which the robot may do so as well
+    state    (1,) of the robot
+    place    index of the state in the driven plan
+    stands   s, for which the robot stands there before
+    arrives  whether it is the goal
+    before   the plan up to there
+    later    places soon after it at which the robot may change its plan as well
     """
 
     time: float
@@ -123,25 +126,25 @@ class Commit:
     stands: float
     arrives: bool
     before: Trajectory
-    later: Later
+    later: LeavePoints
 
     @property
-    def places(self) -> Later:
-        """The commit's own place and those soon after it."""
+    def places(self) -> LeavePoints:
+        """The commit's own place, and the places soon after it."""
         here, later = self.state.__dict__, self.later.states
         states = States(**{name: np.append(column, getattr(later, name)) for name, column in here.items()})
-        return Later(np.append(self.time, self.later.times), states)
+        return LeavePoints(np.append(self.time, self.later.times), states)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Option(Point):
-    """One way to go on from where another way may be taken; see :class:`hpop.problems.front.Point`.
+    """A remaining plan from the commit on; see :class:`hpop.problems.front.Point`.
 
-    leaves_at   s, of the drive: when it leaves the announced way; None: never
+    leaves_at   s, of the drive, when it departs from the announced plan; None: never
     next_turn   s from now on until the robot's next turn in place begins; None: there is none
-    same_side   whether it passes all obstacles on the same sides as the announced way; None: it ends elsewhere
+    same_side   whether it passes all obstacles on the same sides as the announced plan; None: it ends elsewhere
     keeps_on    whether it is the present plan
-    dominated   whether another option is better: only the present plan is listed then
+    dominated   whether another option is better; only the present plan is listed then
     """
 
     leaves_at: float | None = None
@@ -154,17 +157,17 @@ class Option(Point):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Options(Sequence[Option]):
-    """The front of the rest of a drive, and the present plan among its points.
+    """The front of the remaining plans of a drive, with the present plan among them.
 
-    front     costs of the rest from the commit on; worst moments and means are those of the whole drive
-    now       s, of the drive, when it was asked
-    commit    where the rest begins
-    keep_on   place of the present plan among the options, None where it is closed
-    kept      the present plan where others are better than it: it is listed after the points of the front
-    status    COMPLETE, NO_PATH, or what stopped the search
+    front     costs from the commit on; worst moments and means are those of the whole drive
+    now       s, of the drive, of the query
+    commit    where the remaining plans begin
+    keep_on   index of the present plan among the options, None where it is closed
+    kept      the present plan if it is dominated; it is listed after the points of the front
+    status    COMPLETE, NO_PATH, or the limit that stopped the search
     gap       every missing vector is covered by one of the front within the factor 1 + gap
     labels    count  partial paths that the search made
-    compared  what options are compared with
+    compared  the announced plan, with which options are compared
     """
 
     front: Front
@@ -175,23 +178,23 @@ class Options(Sequence[Option]):
     status: Status
     gap: float
     labels: int
-    compared: Compared = field(kw_only=True)
+    compared: PlanComparison = field(kw_only=True)
 
     @property
     def certificate(self) -> str:
-        """What is claimed of the front."""
+        """The claim for the front, in words."""
         return self.front.certificate
 
     @property
     def ways(self) -> tuple[Trajectory, ...]:
-        """The ways that may be driven, in the order of the options."""
+        """The trajectories of the options, in their order."""
         return self.front.trajectories if self.kept is None else (*self.front.trajectories, self.kept.item)
 
     def __len__(self) -> int:
         return len(self.front) + (self.kept is not None)
 
     def __getitem__(self, index: Any) -> Any:
-        """An option by its number, or several by a slice."""
+        """Return an option by its number, or several by a slice."""
         if isinstance(index, slice):
             return [self[i] for i in range(*index.indices(len(self)))]
         if not -len(self) <= index < len(self):
@@ -223,64 +226,65 @@ class Options(Sequence[Option]):
     # Choosing
 
     def knee(self) -> Option:
-        """The best compromise; see :meth:`hpop.Front.knee`."""
+        """Return the best compromise; see :meth:`hpop.Front.knee`."""
         return self._option(self.front.knee().index)
 
     def best(self, name: str) -> Option:
-        """The least in one criterion; see :meth:`hpop.Front.best`."""
+        """Return the least in one criterion; see :meth:`hpop.Front.best`."""
         return self._option(self.front.best(name).index)
 
     def lexicographic(self, order: Sequence[str]) -> Option:
-        """The best by criteria in an order; see :meth:`hpop.Front.lexicographic`."""
+        """Return the best by criteria in an order; see :meth:`hpop.Front.lexicographic`."""
         return self._option(self.front.lexicographic(order).index)
 
     def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Option:
-        """The least weighted sum, or what a person prefers; see :meth:`hpop.Front.select`."""
+        """Return the least weighted sum, or the option that a person prefers; see :meth:`hpop.Front.select`."""
         return self._option(self.front.select(weights, preference=preference).index)
 
     def nearest(self, wishes: Mapping[str, float]) -> Option:
-        """The nearest to some wished values; see :meth:`hpop.Front.nearest`."""
+        """Return the option nearest to some wished values; see :meth:`hpop.Front.nearest`."""
         return self._option(self.front.nearest(wishes).index)
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Option:
-        """The best against aspirations; see :meth:`hpop.Front.reference_point`."""
+        """Return the best against aspirations; see :meth:`hpop.Front.reference_point`."""
         return self._option(self.front.reference_point(aspirations).index)
 
     def place_of(self, chosen: Any) -> int:
-        """The number of an option that is given as itself, as a point of :attr:`front`, or by its number."""
+        """Return the number of an option, given as itself, as a point of :attr:`front`, or by its number."""
         if is_whole(chosen) and -len(self) <= chosen < len(self):
             return int(chosen) % len(self)
         if isinstance(chosen, Point):
-            for i, way in enumerate(self.ways):
-                if way is chosen.item:
+            for i, trajectory in enumerate(self.ways):
+                if trajectory is chosen.item:
                     return i
         raise DriveError(f"take one of the last options, or its number, 0 to {len(self) - 1}; got {shown(chosen)}")
 
 
 @dataclass(frozen=True, eq=False)
-class Compared:
-    """What options are compared with.
+class PlanComparison:
+    """The announced plan, with which options are compared.
 
-    before     what is driven up to the commit
-    announced  the announced rest from there
-    sides      whether a way passes obstacles on the same sides as the announced rest
+    before      the plan up to the commit
+    announced   the announced plan from there on
+    query_time  s, of the plan
+    sides       returns whether a trajectory passes obstacles on the same sides as the announced plan
     """
 
     before: Trajectory
     announced: Trajectory
-    asked: float
+    query_time: float
     sides: Callable[[Trajectory], bool | None]
 
-    def of(self, way: Trajectory, options: Options, *, keeps_on: bool) -> dict[str, Any]:
-        """`leaves_at`, `next_turn` and `same_side` of a way from the commit on."""
-        at = None if keeps_on else leaves(way, self.announced)
-        sooner = next_turn(self.before, self.asked)
-        later = next_turn(way, -1.0)
-        turn = None if sooner is None else sooner - self.asked
+    def of(self, trajectory: Trajectory, options: Options, *, keeps_on: bool) -> dict[str, Any]:
+        """Return `leaves_at`, `next_turn` and `same_side` of a trajectory from the commit on."""
+        at = None if keeps_on else leaves(trajectory, self.announced)
+        sooner = next_turn(self.before, self.query_time)
+        later = next_turn(trajectory, -1.0)
+        turn = None if sooner is None else sooner - self.query_time
         if turn is None and later is not None:
             turn = options.commit.time - options.now + later
         return {
             "leaves_at": None if at is None else options.commit.time + at,
             "next_turn": turn,
-            "same_side": True if keeps_on else self.sides(way),
+            "same_side": True if keeps_on else self.sides(trajectory),
         }

@@ -1,4 +1,4 @@
-"""A plan that is driven: trajectories cut and joined without a jump, where it may be left, where the robot stands."""
+"""A plan that is driven: trajectories cut and joined without a jump, places to leave it, and stops before obstacles."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from hpop.trajectories.contacts import STEP, first_contact
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 
-SAME = 1e-9  # s, m or rad: two moments, or two states, are the same
-FARTHEST = 1.0  # m: a robot that is said to be farther from its plan has left it
-SAMPLED = 0.02  # s between the moments of a plan at which a robot is looked for
-AROUND = 10.0  # s of a plan in which a robot is looked for, before and after where it should be
+SAME = 1e-9  # s, m or rad: smaller differences of times or states count as none
+FARTHEST = 1.0  # m: a robot measured farther from its plan has left it
+SAMPLED = 0.02  # s between the times of a plan that are compared with a measured state
+AROUND = 10.0  # s of a plan, before and after the expected time, that are compared with a measured state
 
 
 def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
-    """The motions of a trajectory from one of its states (n+1,) to another."""
+    """Return the motions of a trajectory between two of its states, by index."""
     kinds = trajectory.kinds[begin:end]
     names = (*trajectory.model.space.names, *extras(trajectory.model, kinds))
     states = trajectory.states.take(slice(begin, end + 1))
@@ -37,12 +37,12 @@ def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
 
 
 def until(trajectory: Trajectory, t: float) -> Trajectory:
-    """The first ``t`` seconds of a trajectory; what was under way then ends there."""
+    """Return the first ``t`` seconds of a trajectory; a motion under way is cut."""
     return between(trajectory, 0.0, t)
 
 
 def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
-    """A trajectory from one time to another, s; motions that are under way then are cut."""
+    """Return a trajectory from one time to another, s; motions under way are cut."""
     times = trajectory.times
     first = int(np.searchsorted(times, begin + SAME, side="right")) - 1
     last = int(np.searchsorted(times, end - SAME, side="left"))
@@ -50,31 +50,31 @@ def between(trajectory: Trajectory, begin: float, end: float) -> Trajectory:
     if first >= last:
         at = trajectory.at(begin)
         return Trajectory(trajectory.model, _columns(at, trajectory.model.space.names), (), trajectory.punctual)
-    some = part(trajectory, first, last)
-    columns = {name: np.array(column) for name, column in some.states.__dict__.items()}
+    whole_motions = part(trajectory, first, last)
+    columns = {name: np.array(column) for name, column in whole_motions.states.__dict__.items()}
     for row, t, is_cut in ((0, begin, begin > times[first] + SAME), (-1, end, end < times[last] - SAME)):
         if is_cut:
-            here = trajectory.at(t)
+            state = trajectory.at(t)
             for name, column in columns.items():
-                column[row] = getattr(here, name)[0]
-    return Trajectory(trajectory.model, States(**columns), some.kinds, trajectory.punctual)
+                column[row] = getattr(state, name)[0]
+    return Trajectory(trajectory.model, States(**columns), whole_motions.kinds, trajectory.punctual)
 
 
 def motion_ends(trajectory: Trajectory, t: float) -> float:
-    """When the motion ends that is under way at a time, s."""
+    """Return the time, s, at which the motion under way at ``t`` ends."""
     return float(trajectory.times[min(int(np.searchsorted(trajectory.times, t - SAME)), len(trajectory))])
 
 
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
-    """A trajectory and another that begins where it ends, but for whole turns of what comes round.
+    """Join a trajectory with another that begins where it ends; angles may differ by whole turns.
 
-    Raises DriveError where it does not: nothing that is driven jumps.
+    Raises DriveError where the second begins elsewhere.
     """
     model, space = first.model, first.model.space
     end, begin = first.states.take(slice(-1, None)), second.states.take(slice(0, 1))
     for name, off in space.differences(end, begin).items():
         if abs(off[0]) > SAME:
-            raise DriveError(f"a way that goes on must begin where the one before it ends, but {name} is off by {off}")
+            raise DriveError(f"a plan must go on where the plan before it ends, but {name} differs by {off}")
     kinds = first.kinds + second.kinds
     columns = {}
     for name in space.names:
@@ -88,7 +88,7 @@ def joined(first: Trajectory, second: Trajectory) -> Trajectory:
 
 
 def held(trajectory: Trajectory, seconds: float) -> Trajectory:
-    """A trajectory after which the robot stands for a while; one at whose end it stands already stands longer."""
+    """Return a trajectory that ends with a hold of some seconds more."""
     if seconds <= SAME:
         return trajectory
     kinds = (*trajectory.kinds, HOLD.kind)
@@ -97,7 +97,9 @@ def held(trajectory: Trajectory, seconds: float) -> Trajectory:
     clock[-1] += seconds
     stands = sum(np.diff(clock)[[kind == HOLD.kind for kind in kinds]])
     if stands > LONGEST:
-        raise DriveError(f"the robot stands for {stands:,.0f} s in all, and a drive does for {LONGEST:,.0f} s at most")
+        raise DriveError(
+            f"the robot would stand for {stands:,.0f} s in all; a drive may do so for {LONGEST:,.0f} s at most"
+        )
     return Trajectory(trajectory.model, States(**columns), kinds, trajectory.punctual)
 
 
@@ -107,11 +109,11 @@ def _columns(states: States, names: tuple[str, ...]) -> States:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A trajectory that is being driven, and how far of it may be driven. Its times are planned ones, s.
+    """A trajectory that is being driven, and the time up to which it is open. Its times are planned times, s.
 
-    announced  from where the drive began to the goal
-    stops      s, where the robot stands if nothing is chosen before, since the rest is closed; None: it arrives
-    chosen     s, where the way begins that was chosen last: who is near then may be left, as where a plan begins
+    announced  from the beginning of the drive to the goal
+    stops      s, when the robot stops because the plan is closed beyond; None: it arrives
+    chosen     s, when the part begins that was chosen last; people near the robot then may be left, as at a start
     """
 
     announced: Trajectory
@@ -122,25 +124,25 @@ class Plan:
         laws = laws_of(self.announced.model)
         if curves := sorted({kind for kind in self.announced.kinds if is_curve(laws[kind])}):
             raise DriveError(
-                f"a plan to follow is made of turns, straight moves and holds, after which another way may be taken; "
-                f"this one has {', '.join(curves)}: follow the polyline that was smoothed"
+                f"a plan to follow consists of turns, straight moves and holds, after each of which it may change; "
+                f"this one has {', '.join(curves)}: follow the polyline from which it was smoothed"
             )
 
     @property
     def end(self) -> float:
-        """When the robot stands, s: at the goal, or where its way is closed."""
+        """The time, s, at which the robot stands: at the goal, or before a closed area."""
         return self.announced.duration if self.stops is None else self.stops
 
     @cached_property
     def driven(self) -> Trajectory:
-        """What is driven if nothing changes any more."""
+        """The trajectory up to the goal, or up to the stop before a closed area."""
         return self.announced if self.stops is None else until(self.announced, self.stops)
 
     @cached_property
     def arrivals(self) -> IntArray:
-        """States (a,) of `driven`, by number, where a straight move or a hold arrives, and the first and the last.
+        """Indices (a,) of states of `driven` at which a straight move or hold ends, and of the first and last state.
 
-        The robot may leave there for another way: it goes straight on, or stops to turn, as planned motions do.
+        The robot may change its plan there: it goes straight on, or stops to turn, as planned motions do.
         """
         kinds = self.driven.kinds
         after = [0] + [i + 1 for i, kind in enumerate(kinds) if "x" in laws_of(self.driven.model)[kind].varies]
@@ -149,22 +151,22 @@ class Plan:
 
     @property
     def ramp(self) -> float:
-        """How much longer a run takes that ends, s: v/2a, half of what stopping and starting lose."""
+        """Extra time, s, of a straight run that ends in a stop: v/2a, half of the loss by stopping and starting."""
         turn = self.announced.model.laws.get("turn")
         return 0.5 * turn.loss if isinstance(turn, Turn) else 0.0
 
     @property
     def stops_for(self) -> float:
-        """How long a robot stands at least, s, that has stopped: where the clock is kept, until it has really done."""
+        """Least time, s, for which a robot that has stopped stands; on a clock, until the late robot stands as well."""
         return self.ramp if self.announced.punctual else 0.0
 
     def next_arrival(self, t: float) -> int:
-        """The first of the arrivals later than ``t``; the last where none is."""
+        """Return the first of `arrivals` later than ``t``, or the last of all."""
         times = self.driven.times[self.arrivals]
         return int(self.arrivals[min(int(np.searchsorted(times, t + SAME, side="right")), times.size - 1)])
 
     def braked(self, t: float) -> float:
-        """When a robot stands that brakes at ``t``: v²/2a on in a straight run; a turn or a hold is done first."""
+        """Return the time, s, at which a robot that brakes at ``t`` stands: v²/2a on, or after the present turn."""
         motions, laws = self.announced, laws_of(self.announced.model)
         if t >= self.end - SAME or not len(motions):
             return self.end
@@ -174,12 +176,12 @@ class Plan:
         last = i
         while last + 1 < len(motions) and "x" in laws[motions.kinds[last + 1]].varies:
             last += 1
-        return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed is v²/2a of way
+        return float(min(t + self.ramp, motions.times[last + 1]))  # v/2a at cruise speed makes v²/2a
 
-    def seen(self, state: States, t: float) -> float:
-        """When the plan passes nearest to a state (1,) in which the robot is seen, about ``t``.
+    def nearest_time(self, state: States, t: float) -> float:
+        """Return the time, s, about ``t``, at which the plan passes nearest to a measured state (1,).
 
-        Raises DriveError for a robot that has left its plan.
+        Raises DriveError where the robot has left its plan.
         """
         space = self.announced.model.space
         begin, end = max(0.0, t - AROUND), min(self.end, t + AROUND)
@@ -188,48 +190,46 @@ class Plan:
         for _ in range(2):
             moments = np.linspace(low, high, count)
             off = space.apart(state.take(np.zeros(count, np.int64)), self.announced.at(moments))
-            nearest = int(
-                np.argmin(off + SAME * np.abs(moments - t))
-            )  # of a robot that stands, as late as it should be
+            nearest = int(np.argmin(off + SAME * np.abs(moments - t)))  # while it stands, the time nearest to t
             at, apart = float(moments[nearest]), float(off[nearest])
             low, high, count = float(moments[max(nearest - 1, 0)]), float(moments[min(nearest + 1, count - 1)]), 101
         if apart > FARTHEST:
             raise DriveError(
-                f"the robot is seen {apart:.2f} m from its plan, more than {FARTHEST:g} m: plan anew from where it "
-                "is, with problem.at(state, t), and follow that"
+                f"the robot is {apart:.2f} m from its plan, more than {FARTHEST:g} m: plan again from where it is, "
+                "with problem.at(state, t), and follow that plan"
             )
         return at
 
-    def begins_with(self, way: Trajectory) -> bool:
-        """Whether what is driven begins with all motions of a way."""
-        same = self.driven.kinds[: len(way)] == way.kinds
+    def begins_with(self, trajectory: Trajectory) -> bool:
+        """Return whether `driven` begins with all motions of a trajectory."""
+        same = self.driven.kinds[: len(trajectory)] == trajectory.kinds
         return same and all(
-            np.array_equal(column, getattr(self.driven.states, name)[: len(way) + 1])
-            for name, column in way.states.__dict__.items()
+            np.array_equal(column, getattr(self.driven.states, name)[: len(trajectory) + 1])
+            for name, column in trajectory.states.__dict__.items()
         )
 
-    def then(self, i: int, stands: float, rest: Trajectory) -> Plan:
-        """The plan up to a state of `driven`, a while of standing there, and the rest from there on."""
+    def then(self, i: int, stands: float, remaining: Trajectory) -> Plan:
+        """Return the plan up to a state of `driven`, with a stop there, s, and another trajectory from there on."""
         before = held(part(self.driven, 0, i), stands)
-        return Plan(joined(before, rest), chosen=before.duration)
+        return Plan(joined(before, remaining), chosen=before.duration)
 
     def closed_at(self, stops: float | None) -> Plan:
-        """The same, driven only until then."""
+        """Return the plan, driven only up to a time, s; None for all of it."""
         return replace(self, stops=stops)
 
     def among_others(self) -> Plan:
-        """The same, among people who are told anew: of them none was near when its way was chosen."""
+        """Return the plan among other people, who were not near when it was chosen."""
         return replace(self, chosen=0.0)
 
 
-HALVINGS = 20  # of a motion in which a robot would touch what is closed
+HALVINGS = 20  # of a motion that touches a closed area
 
 
 class Cut(NamedTuple):
-    """What a closing leaves of a plan; its times are the plan's, s.
+    """The part of a plan that stays open, in times of the plan, s.
 
-    safe   until when the plan may be driven, None for all the way
-    stops  when the robot stands, None where it arrives
+    safe   up to which the plan is free, None for all of it
+    stops  at which the robot stands, None where it arrives
     """
 
     safe: float | None
@@ -239,26 +239,25 @@ class Cut(NamedTuple):
 def cut_of(
     plan: Plan, t: float, closings: Iterable[Closing], people: Sequence[Person] = (), margin: float = 0.0
 ) -> Cut:
-    """What is left of a plan from a time on, at which the robot touches none of some closings.
+    """Return the part of a plan, from a time on, that is free of closed areas and people.
 
-    Nor may it come nearer than ``margin``, m, to ``people``, as they are predicted from then on: by the plan,
-    and as it is executed where that keeps the plan's clock. Who stands is not safe from people who walk: then another
-    way is to be taken in time.
+    The robot must not come nearer than ``margin``, m, to ``people`` as predicted from then on, neither by the plan nor,
+    if that keeps the plan's clock, as executed. Standing does not protect it from people who walk: another plan must
+    then be taken in time.
 
-    The robot stands at the last place before where it may leave its plan, so that it goes on driving while others are
-    looked for. Where it cannot stop there any more it brakes, and where it would touch what is closed while it brakes
-    it stops at once.
+    The robot stops at the last free place where it may change its plan, so that it goes on while other plans are
+    searched. If it is too late for that place it brakes; if braking would touch a closed area it stops at once.
     """
     touches = [at for closing in closings if (at := _touches(plan.announced, t, closing)) is not None]
     if people:
-        # By the plan's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
-        way, parts = plan.announced, plan.announced.model.platform
-        ways = {way, way.execution()} if way.punctual else {way}
-        for one, least in product(ways, {0.0, margin}):  # a margin may be left within a second, but nobody be touched
-            met, begin = first_contact(parts, people, one, least, begin=t), t
+        # In times of the whole plan: the rest of a turn under way would take longer as a turn of its own.
+        announced, parts = plan.announced, plan.announced.model.platform
+        trajectories = {announced, announced.execution()} if announced.punctual else {announced}
+        for trajectory, least in product(trajectories, {0.0, margin}):  # a margin may be left soon, a touch never be
+            met, begin = first_contact(parts, people, trajectory, least, begin=t), t
             if met is not None and t < plan.chosen <= t + met[0]:
                 begin, then = plan.chosen, [person.later(plan.chosen - t) for person in people]
-                met = first_contact(parts, then, one, least, begin=begin)
+                met = first_contact(parts, then, trajectory, least, begin=begin)
             touches += [] if met is None else [begin + max(0.0, met[0] - STEP)]
     if not touches:
         return Cut(None, None)
@@ -269,51 +268,50 @@ def cut_of(
     able = times[(times >= brakes) & (times <= safe) & ((times < end) | (safe < end))]
     if able.size:
         return Cut(safe, float(able[-1]))
-    if safe >= end:  # as it stops at the goal, from which it can no more keep away
+    if safe >= end:  # as it stops at the goal, which it cannot avoid any more
         return Cut(None, None)
     return Cut(safe, brakes if brakes <= safe else _at_once(plan.announced, t, safe))
 
 
-def closed_ways(ways: Sequence[Trajectory], closings: Iterable[Closing]) -> BoolArray:
-    """Which of some ways (n,) lead through any of some closings."""
-    closed = np.zeros(len(ways), dtype=np.bool_)
+def closed_trajectories(trajectories: Sequence[Trajectory], closings: Iterable[Closing]) -> BoolArray:
+    """Mark the trajectories (n,) that lead through a closed area."""
+    closed = np.zeros(len(trajectories), dtype=np.bool_)
     for closing in closings:
-        for owner, motions in batches(ways, closing.alone):
+        for owner, motions in batches(trajectories, closing.alone):
             closed[owner[~closing.collision(motions.model).motions_free(motions)]] = True
     return closed
 
 
-def _at_once(way: Trajectory, t: float, safe: float) -> float:
-    """When a robot stands that stops as soon as it can: in a straight run just before what is closed, else now."""
-    return safe if "x" in laws_of(way.model)[way.kinds[_motion(way, safe)]].varies else t
+def _at_once(trajectory: Trajectory, t: float, safe: float) -> float:
+    """Return the time, s, of an emergency stop: in a straight run just before the closed area, otherwise now."""
+    return safe if "x" in laws_of(trajectory.model)[trajectory.kinds[_motion(trajectory, safe)]].varies else t
 
 
-def _motion(way: Trajectory, t: float) -> int:
-    """The motion that is under way just before a time."""
-    return max(0, int(np.searchsorted(way.times, t, side="left")) - 1)
+def _motion(trajectory: Trajectory, t: float) -> int:
+    """Return the index of the motion under way just before a time, s."""
+    return max(0, int(np.searchsorted(trajectory.times, t, side="left")) - 1)
 
 
-def _touches(way: Trajectory, t: float, closing: Closing) -> float | None:
-    """Until when a way is free of a closing from a time on; None where it always is."""
-    collision = closing.collision(way.model)
-    rest = between(way, t, way.duration)
-    free = _free(rest, collision, closing.alone)
+def _touches(trajectory: Trajectory, t: float, closing: Closing) -> float | None:
+    """Return the time, s, up to which a trajectory is free of a closed area from ``t`` on; None where it stays free."""
+    collision = closing.collision(trajectory.model)
+    free = _free(between(trajectory, t, trajectory.duration), collision, closing.alone)
     if free.all():
         return None
-    # By the way's own times: of a turn that is under way the rest, as a turn of its own, would take longer.
-    first = int(np.searchsorted(way.times, t + SAME, side="right")) - 1 + int(np.argmin(free))
-    begin = low = max(t, float(way.times[first]))
-    high = float(way.times[first + 1])
+    # In times of the whole trajectory: the rest of a turn under way would take longer as a turn of its own.
+    first = int(np.searchsorted(trajectory.times, t + SAME, side="right")) - 1 + int(np.argmin(free))
+    begin = low = max(t, float(trajectory.times[first]))
+    high = float(trajectory.times[first + 1])
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        some = between(way, begin, middle)
-        low, high = (middle, high) if _free(some, collision, closing.alone).all() else (low, middle)
+        tried = between(trajectory, begin, middle)
+        low, high = (middle, high) if _free(tried, collision, closing.alone).all() else (low, middle)
     return low
 
 
-def _free(way: Trajectory, collision: Collision, world: World) -> BoolArray:
-    """Which motions (n,) of a way are free."""
-    free = np.ones(len(way), dtype=np.bool_)
-    for index, motions in way.batches(world):
+def _free(trajectory: Trajectory, collision: Collision, world: World) -> BoolArray:
+    """Mark the motions (n,) of a trajectory that are free."""
+    free = np.ones(len(trajectory), dtype=np.bool_)
+    for index, motions in trajectory.batches(world):
         free[index] = collision.motions_free(motions)
     return free

@@ -1,4 +1,4 @@
-"""Ways into a drive: from a point of a front, from its record, and by a script."""
+"""Starting a drive: from a point of a front, from its file, and by a script of events."""
 
 from __future__ import annotations
 
@@ -34,24 +34,25 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 from hpop.world.content.people import person_from
 
-# The clock is told, so a drive of minutes is over as soon as its options are found. After each event the options are
-# asked for, and what nobody chose is left to the robot (:meth:`hpop.drive.Execution.adapt`).
+# Time is simulated, so a scripted drive takes only the time of its searches. After each event options are computed; if
+# no person chooses one, the robot decides (:meth:`hpop.drive.Execution.adapt`).
 
 
 WORLD = ("close", "open", "people", "stop")
-ASKED = ("wish", "take")
-KINDS = (*WORLD, *ASKED, "options")
+CHOICES = ("wish", "take")
+KINDS = (*WORLD, *CHOICES, "options")
 
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """Something that happens during a drive, or that somebody asks for.
+    """An event of a drive: a change of the world, or a choice of the person aboard.
 
     at     s, of the drive
     kind   "close", "open", "people" or "stop": the world changes (:meth:`hpop.drive.Execution.world`); "wish" or
-           "take": somebody aboard chooses; "options": they are only looked at
-    value  a polygon or a door's name; people; who; words or shares of a wish; a number, "knee" or "least NAME"; None
-    name   by which a polygon that is closed is opened again
+           "take": the person aboard chooses; "options": they are only listed
+    value  by kind: a polygon or a door's name; people; a person; words or shares of a wish; a number, "knee" or "least
+           NAME"; None
+    name   of a closed polygon, to open it by
     """
 
     at: float
@@ -67,35 +68,35 @@ class Event:
     def __str__(self) -> str:
         match self.kind, self.value:
             case (("close" | "open"), str()):
-                what = repr(self.value)
+                words = repr(self.value)
             case (("close" | "open"), _):
-                what = repr(self.name) if self.name else "an area"
+                words = repr(self.name) if self.name else "an area"
             case "people", people:
-                what = f"{len(people)} there now"
+                words = f"{len(people)} there now"
             case "stop", Person():
-                what = self.value.name or "somebody"
+                words = self.value.name or "somebody"
             case "wish", Mapping():
-                what = ", ".join(f"{name} {share:+.0%}" for name, share in self.value.items())
+                words = ", ".join(f"{name} {share:+.0%}" for name, share in self.value.items())
             case _, None:
-                what = ""
+                words = ""
             case _:
-                what = str(self.value)
-        return f"{self.kind}: {what}" if what else self.kind
+                words = str(self.value)
+        return f"{self.kind}: {words}" if words else self.kind
 
 
 @dataclass(frozen=True, eq=False)
 class Happening:
-    """An event, and what became of it.
+    """An event, and its effect on the drive.
 
-    change   of the plan, by a change of the world; None of other events, and where it could not be
-    options  that there were then
-    taken    the option that is driven from their commit on; None where the robot keeps its plan
-    asked    whether somebody took it, or the robot did by itself
-    words    what is said of it: what was chosen, or why nothing could be done
-    driven   until then
-    before   the plan before it, from the beginning to the goal
-    closed   what is closed then
-    people   who are there, with their time from then on
+    change   effect of a change of the world; None for other events, and for a change that was refused
+    options  after the event
+    taken    the option that is driven from the commit on; None where the robot keeps its plan
+    asked    whether the person aboard chose it, rather than the robot
+    words    what was chosen, or why nothing could be done
+    driven   the trajectory up to the event
+    before   the plan before the event, from the beginning to the goal
+    closed   closed areas after the event
+    people   who are there, with predictions from the event on
     """
 
     event: Event
@@ -112,12 +113,11 @@ class Happening:
 
 @checked_arguments
 def performed(drive: Execution, events: Iterable[Event], *, deadline: float = DEADLINE) -> Iterator[Happening]:
-    """Drive by a script; what becomes of each event, in order of time. The robot changes its plan by itself too.
+    """Drive by a script of events, and yield the effect of each. The robot may change its plan by itself as well.
 
     deadline  s of this thread's processor time for options
 
-    Raises DriveError for events that are not in order of time, or come after the robot has arrived, and as the methods
-    of the drive do.
+    Raises DriveError for events that are out of order or come after the arrival, and as the methods of the drive do.
     """
     last = 0.0
     for event in events:
@@ -132,20 +132,20 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
     if moment.arrived:
         raise DriveError(
             f"the event at {event.at:g} s comes too late: the robot arrives at {drive.begin + drive.plan.duration:.1f} "
-            "s; leave it out, or let it happen before"
+            "s; leave it out, or give it an earlier time"
         )
     driven, before = until(moment.plan, moment.planned), drive.announced
     change, words = None, ""
     if event.kind in WORLD:
         try:
             change = drive.world(event.at, name=event.name, **{event.kind: event.value})
-        except CoversRobot as error:  # only now is it known where the robot is
+        except CoversRobot as error:  # where the robot is becomes known only now
             words = str(error)
-    drive.ready(event.at)  # the clock is told, and waits
+    drive.ready(event.at)  # simulated time waits for the graph
     closed = drive.surroundings.closings
     options = drive.options(event.at, deadline)
     taken = None
-    if event.kind in ASKED:
+    if event.kind in CHOICES:
         taken, words = _chosen(drive, options, event)
     asked = taken is not None
     if asked:
@@ -158,7 +158,7 @@ def _happened(drive: Execution, event: Event, deadline: float) -> Happening:
 
 
 def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | None, str]:
-    """The option that somebody asks for, and what is said of it."""
+    """Return the option that the person aboard chooses, and words on it."""
     if event.kind == "wish":
         value = event.value
         wish = drive.wish(**value) if isinstance(value, Mapping) else drive.wish(value)
@@ -167,21 +167,21 @@ def _chosen(drive: Execution, options: Options, event: Event) -> tuple[Option | 
         return None, f"there is nothing to take: {options.certificate}"
     try:
         (row,) = named_rows(options.front, [event.value])
-    except OptionError:  # only now is it known how many there are
+    except OptionError:  # the number of options becomes known only now
         last = len(options) - 1
         return None, f"no option {shown(event.value)}: " + (f"they are numbered 0 to {last:,}" if last else "0 is all")
     option: Option = options[row.number]
     return option, str(row)
 
 
-# A search that a deadline cut short would not be: what it found is in the record, and is told again as well.
+# A search that its deadline ended cannot be repeated exactly, so the event log has its result.
 
 
 @checked_arguments
 def load(path: str | os.PathLike[str]) -> Execution:
-    """The drive that :meth:`hpop.drive.Execution.save` wrote, told again all that it was told.
+    """Read a drive that :meth:`hpop.drive.Execution.save` wrote, and repeat its events.
 
-    Raises DriveError for a file that is none of a drive, OSError for one that cannot be read.
+    Raises DriveError for any other file, OSError where it cannot be read.
     """
     stored = read(path)
     try:
@@ -206,7 +206,7 @@ def load(path: str | os.PathLike[str]) -> Execution:
 
 
 def tell(drive: Execution, event: Mapping[str, Any]) -> None:
-    """Tell a drive one event of a record; raises DriveError for one that makes no sense."""
+    """Repeat an event of a log; raise DriveError for an invalid one."""
     kind, now = event["event"], event["now"]
     if kind == "seen":
         drive.at(now, event["state"])
@@ -220,8 +220,8 @@ def tell(drive: Execution, event: Mapping[str, Any]) -> None:
         drive.take_again(event, way)
     elif kind in ("close", "open"):
         area = event["area"]
-        told: dict[str, Any] = {kind: area if isinstance(area, str) else shape(area)}
-        drive.world(now, **told, name=event["name"])
+        change: dict[str, Any] = {kind: area if isinstance(area, str) else shape(area)}
+        drive.world(now, **change, name=event["name"])
     elif kind == "people":
         drive.world(now, people=[person_from(person) for person in event["people"]], groups=event["groups"])
     elif kind == "stop":
@@ -230,7 +230,7 @@ def tell(drive: Execution, event: Mapping[str, Any]) -> None:
         raise DriveError(f"a drive has no event {shown(kind)}")
 
 
-OF_TIME = ("clock", "hold", "arrive_by", "margin")  # what a plan says among whose origins they are
+OF_TIME = ("clock", "hold", "arrive_by", "margin")  # options of time, in the provenance of a plan among people
 
 
 @checked_arguments
@@ -244,41 +244,40 @@ def follow(
     patience: float = PATIENCE,
     notice: float = NOTICE,
 ) -> Execution:
-    """Drive one of a front's plans: where the robot is, and what may be chosen instead on the way.
+    """Start a drive along one of a front's plans.
 
     Parameters
     ----------
-    problem : what the front answers
-    choice : a point of the front, its row, or a name it goes by, such as "knee" (:meth:`hpop.Front.named`); or a
-        person (:class:`hpop.study.Preference`): then what the person prefers, on the way as well, where the robot
-        chooses by itself
-    planner : whose graph other ways are looked for on; else the planner that found the choice, with its options
-    begin : s, when the robot leaves, on the clock by which everything is told
+    problem : the problem of the front
+    choice : a point of the front, its row, or its name, such as "knee" (:meth:`hpop.Front.named`); or a person's
+        preference (:class:`hpop.study.Preference`), by which the robot then also chooses on the way
+    planner : with the graph to search on the way; left out, the planner that found the choice, with its options
+    begin : s, when the robot leaves, on the caller's clock
     patience, notice : see :class:`hpop.drive.Execution`
 
-    Raises QueryError where the front is of another problem, DriveError for what is no point of it, for a plan that is
-    not made of turns, straight moves and holds, and where no graph is known to look for others on; UnsupportedModel
-    for a planner whose graph the robot cannot drive.
+    Raises QueryError where the front belongs to another problem; DriveError for a choice that is no point of the front,
+    for a plan with motions other than turns, straight moves and holds, and for a planner without a graph;
+    UnsupportedModel for a planner whose graph the robot cannot drive.
     """
     if not isinstance(problem, Problem):
-        raise DriveError(f"follow an answer to an hpop.Problem, got {shown(problem)}")
+        raise DriveError(f"problem must be an hpop.Problem, got {shown(problem)}")
     if not isinstance(front, Front):
-        raise DriveError(f"follow a point of a front of trajectories, an hpop.Front, got {shown(front)}")
+        raise DriveError(f"front must be an hpop.Front of trajectories, got {shown(front)}")
     if front.problem is not None and question_of(front.problem) != question_of(plain(problem.describe())):
         raise QueryError(
-            "the front answers another problem than the one given; hpop.Problem.from_description(front.problem) is its "
-            "own"
+            "the front belongs to another problem than the one given; hpop.Problem.from_description(front.problem) is "
+            "its own"
         )
     preference = choice if isinstance(choice, Preferring) else None
     point = _point(front, choice) if preference is None else front.select(preference=preference)
     made = _planner_of(point.provenance) if planner is None else make_planner(planner)
     refuse_unsupported(made, problem.model)
-    given: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
-    return Execution(problem, front.trajectories, point.item, made, **given)
+    options: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
+    return Execution(problem, front.trajectories, point.item, made, **options)
 
 
 def _point(front: Front, choice: Any) -> Point:
-    """The point that is chosen."""
+    """Return the chosen point of a front."""
     if isinstance(choice, str):
         named = front.named()
         if choice not in named:
@@ -293,17 +292,17 @@ def _point(front: Front, choice: Any) -> Point:
         return choice
     if is_whole(choice) and -len(front) <= choice < len(front):
         return front[int(choice)]
-    raise DriveError(f"the choice is a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")
+    raise DriveError(f"the choice must be a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")
 
 
 def _planner_of(origin: Mapping[str, Any]) -> Planner:
-    """The planner that found a point, with the options that make its graph and those of time; no other options."""
+    """Return the planner that found a point, with its options of the graph and of time."""
     name = origin.get("planner")
     options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
     if not options:
         raise DriveError(
-            f"{shown(name)} has no graph on which other ways can be looked for; plan with lattice or roadmap, or in "
-            "Python give one of them, planner='lattice'"
+            f"{shown(name)} has no graph on which a drive can search; plan with lattice or roadmap, or in Python give "
+            "one of them, planner='lattice'"
         )
-    given = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
-    return make_planner({cast(str, name): given})
+    chosen = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
+    return make_planner({cast(str, name): chosen})

@@ -1,4 +1,4 @@
-"""What a drive is told and what changes make of it, as a record and as a file."""
+"""The event log of a drive, its file, and the effect of a change on the plan."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 SCHEMA, VERSION = "hpop-drive", 1
 SIZE_LIMIT = 512 * 1024**2  # bytes
-LEFT_OUT = ("checkpoint",)  # of a planner's options: a file of another search
+LEFT_OUT = ("checkpoint",)  # options of a planner that are not stored: the file of another search
 KEYS = {"schema", "version", "problem", "planner", "begin", "patience", "notice", "ways", "events"}
 
 
@@ -54,9 +54,9 @@ def write(drive: Execution, path: str | os.PathLike[str]) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """What :func:`write` wrote, with the problem's files as they are found from the folder of this one.
+    """Read a file of :func:`write`; the problem's files are found relative to its folder.
 
-    Raises DriveError for a file that is none of a drive, OSError for one that cannot be read.
+    Raises DriveError for any other file, OSError where it cannot be read.
     """
     source = checked_path(path)
     try:
@@ -73,66 +73,68 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _described(planner: Planner) -> dict[str, dict[str, Any]]:
-    """A planner as JSON, from which :func:`hpop.planners.base.make_planner` makes it again."""
-    known = [field for field in fields(planner) if field.name not in LEFT_OUT]  # type: ignore[arg-type]
-    given = {field.name: getattr(planner, field.name) for field in known}
-    changed = {field.name: given[field.name] for field in known if given[field.name] != field.default}
+    """Return a planner as JSON, for :func:`hpop.planners.base.make_planner`."""
+    stored = [field for field in fields(planner) if field.name not in LEFT_OUT]  # type: ignore[arg-type]
+    options = {field.name: getattr(planner, field.name) for field in stored}
+    changed = {field.name: options[field.name] for field in stored if options[field.name] != field.default}
     return {planner.name: plain(changed)}
 
 
-class Telling:
-    """The record of what was told from a beginning on.
+class EventLog:
+    """The log of the events of a drive.
 
     begin   s, when the robot leaves
-    record  what was told, as JSON
+    record  the events, as JSON
     """
 
     def __init__(self, begin: float) -> None:
-        """Begin, with nothing told."""
+        """Begin an empty log."""
         self.begin = real("begin", begin, -MOST, MOST, "a time in s", error=DriveError)
         self.record: list[dict[str, Any]] = []
-        self._last = -np.inf  # s, when it was last told anything
+        self._last = -np.inf  # s, of the last event
 
     def _time(self, now: float) -> float:
         return float(real("now", now, -MOST, MOST, "a time in s", error=DriveError))
 
     def _in_order(self, now: float) -> float:
-        """A time at which something is told or asked; DriveError where something was told later."""
+        """Return the time of an event, no earlier than the last one; raise DriveError where it is earlier."""
         now = self._time(now)
         if now < self._last - SAME:
-            raise DriveError(f"it was {self._last:.3f} s already, now it is {now:.3f} s: tell events in order of time")
+            raise DriveError(
+                f"the last event was at {self._last:.3f} s, this one is at {now:.3f} s: tell events in order of time"
+            )
         return max(now, self._last)
 
     def _told(self, now: float) -> float:
-        """The same, and that it is told now."""
+        """Return the time of an event, and make it that of the last event."""
         self._last = self._in_order(now)
         return self._last
 
     def _now(self) -> float:
-        """When it was last told anything, s."""
+        """Return the time of the last event, s."""
         return max(self._last, self.begin)
 
-    def _note(self, event: str, now: float, **what: Any) -> None:
-        """Write into the record."""
-        told = json.dumps({"event": event, "now": now, **what}, allow_nan=False, default=strict_json.of_numpy)
-        self.record.append(json.loads(told))
+    def _note(self, event: str, now: float, **values: Any) -> None:
+        """Append an event to the record."""
+        line = json.dumps({"event": event, "now": now, **values}, allow_nan=False, default=strict_json.of_numpy)
+        self.record.append(json.loads(line))
 
 
 def deadline_of(seconds: float) -> float:
-    """A deadline, s; DriveError for what is none."""
+    """Return a checked deadline, s; raise DriveError for an invalid one."""
     return float(real("deadline", seconds, 0, MOST, "a time in s", error=DriveError))
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a change of the world makes of a drive.
+    """Effect of a change of the world on a drive.
 
     now         s, of the drive
-    safe_until  s, of the drive, until when the present plan may be driven; None for all the way
-    stops_at    s, of the drive, when the robot stands if nothing else is taken; None where it arrives
-    brakes      whether it cannot come to where it might take another way
-    invalid     of the last options, by number, those that are closed now, or whose beginning is not driven to any more
-    notes       what was made of that: people within obstacles, predictions that were cut, whom the robot touches
+    safe_until  s, of the drive, up to which the present plan is free; None for all of it
+    stops_at    s, of the drive, at which the robot stands if it takes no option; None where it arrives
+    brakes      whether the robot cannot reach a place where it may change its plan
+    invalid     numbers of the last options that are closed now, or no longer reached by the plan
+    notes       on people within obstacles, predictions that were cut, and people in contact with the robot
     """
 
     now: float
@@ -151,7 +153,7 @@ def written(
     stop: Any,
     name: str,
 ) -> dict[str, Any]:
-    """What a change was told by, as JSON."""
+    """Return the arguments of a change of the world, as JSON."""
     if close is not None or open_ is not None:
         area = open_ if close is None else close
         return {"area": area if isinstance(area, str) else mapping(polygon_of(area, "an area")), "name": name}

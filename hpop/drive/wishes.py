@@ -1,4 +1,4 @@
-"""Wishes: what a person aboard wants, as a choice among the options. Same costs, another preference."""
+"""Wishes of the person aboard: which option meets a wish, and which option the robot takes by itself."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from hpop.drive.plan import SAME
 from hpop.errors import DriveError, did_you_mean
 
 SHARE = 0.2
-"""By how much, as a share, other costs may grow where somebody is in a hurry and does not say."""
+"""Share by which other costs may grow in a hurry, if the wish names none."""
 HURRY = "hurry"
 LESS = re.compile(r"(?:fewer|less)\s+(.+)")
 
 
 @dataclass(frozen=True)
 class Wish:
-    """What became of a wish.
+    """Answer to a wish.
 
-    option  that fulfils it, None where none does
-    words   what was chosen, or why nothing was
+    option  that meets it, None where none does
+    words   what was chosen, or why no option was
     """
 
     option: Option | None
@@ -35,28 +35,29 @@ class Wish:
 
 
 def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wish:
-    """The option that fulfils a wish with the least loss in the other costs.
+    """Return the option that meets a wish with the least loss in the other costs.
 
-    - "fewer turns", "less exposure": less of a cost than the rest of the plan has, at the least loss in the others.
-    - "hurry": the least duration of those whose other costs grow by no more than a fifth; of each cost that ``shares``
-      names by as much as that says.
-    - no words, ``duration=-0.2``: a cost that changes by at least that share (here: a fifth less), at the least loss.
+    - "fewer turns", "less exposure": less of that cost than the remaining plan, at the least loss in the others.
+    - "hurry": the least duration among options in which no other cost grows by more than a fifth, or by the share
+      that ``shares`` names for it.
+    - no words, ``duration=-0.2``: each named cost changes by at least that share (here: a fifth less), at the least
+      loss.
 
-    A loss is what costs grow by over the rest of the plan, each as a part of its range over the options. Raises
-    DriveError for a wish for a cost that is none of the front's, and for what is no wish.
+    The loss is the growth of the costs over the remaining plan, each as a part of its range over the options. Raises
+    DriveError for an unknown wish, and for a cost that the front does not have.
     """
-    asked = checked_wish(wish, shares, options.front.names)
+    checked = checked_wish(wish, shares, options.front.names)
     if options.keep_on is None:
-        return Wish(None, "a wish is measured by the rest of the plan, which is closed; take one of the options")
-    if asked.name is not None:
-        return _less(options, asked.name)
-    return _within(options, asked.shares) if wish is None else _hurry(options, asked.shares)
+        return Wish(None, "a wish is compared with the remaining plan, which is closed; take one of the options")
+    if checked.name is not None:
+        return _less(options, checked.name)
+    return _within(options, checked.shares) if wish is None else _hurry(options, checked.shares)
 
 
-class _Asked(NamedTuple):
-    """A wish that makes sense.
+class _CheckedWish(NamedTuple):
+    """A valid wish.
 
-    name    of the cost of which there is to be less, None where none is named
+    name    of the cost to reduce, None where none is named
     shares  by which costs may grow at most
     """
 
@@ -64,19 +65,19 @@ class _Asked(NamedTuple):
     shares: dict[str, float]
 
 
-def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> _Asked:
-    """A wish as :func:`wished` takes it, for one of the costs of these names; raises DriveError for what is none."""
+def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> _CheckedWish:
+    """Return a wish of :func:`wished`, checked against the names of the costs; raise DriveError for an invalid one."""
     limits = {name: real(f"the wish for {name}", share, -1, 100, "a share") for name, share in shares.items()}
     for name in limits:
         _check(name, names)
     if wish is None:
         if not limits:
             raise DriveError("a wish is words, such as 'fewer turns' or 'hurry', or a cost and a share: duration=-0.2")
-        return _Asked(None, limits)
+        return _CheckedWish(None, limits)
     if not isinstance(wish, str):
         raise DriveError(f"a wish is words, such as 'fewer turns', got {shown(wish)}")
     if wish == HURRY:
-        return _Asked(None, limits)
+        return _CheckedWish(None, limits)
     match = LESS.fullmatch(wish.strip())
     if match is None:
         raise DriveError(
@@ -87,7 +88,7 @@ def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> 
         raise DriveError(f"{shown(wish)} takes no shares; say duration=-0.2 alone, or 'hurry' with them")
     name = match.group(1)
     _check(name, names)
-    return _Asked(name, {})
+    return _CheckedWish(name, {})
 
 
 def _check(name: str, names: Sequence[str]) -> None:
@@ -102,7 +103,7 @@ def _less(options: Options, name: str) -> Wish:
     counts, plan = _counts(options)
     j = options.front.names.index(name)
     able = counts[:, j] < plan[j]
-    return _least_loss(options, able, f"with less {name} than the rest of the plan")
+    return _least_loss(options, able, f"with less {name} than the remaining plan")
 
 
 def _within(options: Options, limits: Mapping[str, float]) -> Wish:
@@ -111,14 +112,17 @@ def _within(options: Options, limits: Mapping[str, float]) -> Wish:
     for name, share in limits.items():
         j = options.front.names.index(name)
         able &= counts[:, j] <= plan[j] * (1.0 + share) + 1e-9
-    said = " and ".join(f"at most {1.0 + share:.3g} times the {name}" for name, share in limits.items())
-    return _least_loss(options, able, f"with {said} of the rest of the plan")
+    words = " and ".join(f"at most {1.0 + share:.3g} times the {name}" for name, share in limits.items())
+    return _least_loss(options, able, f"with {words} of the remaining plan")
 
 
 def _hurry(options: Options, limits: Mapping[str, float]) -> Wish:
     names = options.front.names
     if "duration" not in names:
-        return Wish(None, "'duration' is no cost of the front, so nothing tells what is quicker; plan with it as well")
+        return Wish(
+            None,
+            "the front has no cost 'duration', so no option is known to be quicker; plan with that criterion as well",
+        )
     counts, plan = _counts(options)
     able = np.ones(len(counts), dtype=np.bool_)
     for j, name in enumerate(names):
@@ -127,15 +131,15 @@ def _hurry(options: Options, limits: Mapping[str, float]) -> Wish:
     j = names.index("duration")
     able &= counts[:, j] < plan[j]
     if not able.any():
-        return Wish(None, "no option is quicker without other costs that grow by more than was asked for")
+        return Wish(None, "every quicker option raises another cost by more than its share")
     rows = np.flatnonzero(able)
-    return _chosen(options, int(rows[np.argmin(counts[rows, j])]), "the quickest whose other costs grow by so little")
+    return _chosen(options, int(rows[np.argmin(counts[rows, j])]), "the quickest option within the shares")
 
 
-def _least_loss(options: Options, able: BoolArray, said: str) -> Wish:
-    """Of the options of a mask (n,) the one whose costs grow least, each as a part of its range."""
+def _least_loss(options: Options, able: BoolArray, words: str) -> Wish:
+    """Return the option of a mask (n,) with the least growth of costs, each as a part of its range."""
     if not able.any():
-        return Wish(None, f"there is no option {said}")
+        return Wish(None, f"there is no option {words}")
     counts, plan = _counts(options)
     span = np.ptp(np.concatenate([counts, plan[None]]), axis=0)
     growth = np.divide(counts - plan, span, out=np.zeros(counts.shape), where=span > 0)
@@ -143,10 +147,10 @@ def _least_loss(options: Options, able: BoolArray, said: str) -> Wish:
     losses = np.maximum(growth[rows], 0.0).sum(axis=1)
     gains = np.maximum(-growth[rows], 0.0).sum(axis=1)
     best = int(rows[np.lexsort((-gains, np.round(losses, 12)))[0]])
-    return _chosen(options, best, f"the least loss {said}")
+    return _chosen(options, best, f"the least loss {words}")
 
 
-def _chosen(options: Options, row: int, said: str) -> Wish:
+def _chosen(options: Options, row: int, words: str) -> Wish:
     option: Option = options[row]
     plan = _plan_of(options)
     counts, own = _counts(options)
@@ -157,34 +161,35 @@ def _chosen(options: Options, row: int, said: str) -> Wish:
         )
         if changed
     ]
-    return Wish(option, f"{said}: {', '.join(changes) or 'the present plan'}")
+    return Wish(option, f"{words}: {', '.join(changes) or 'the present plan'}")
 
 
 def _plan_of(options: Options) -> Mapping[str, float]:
-    """What the rest of the plan costs."""
+    """Return the costs of the remaining plan."""
     assert options.keep_on is not None
     costs: Mapping[str, float] = options[options.keep_on].costs
     return costs
 
 
 def _counts(options: Options) -> tuple[Any, Any]:
-    """Costs (n, k) of the front's points, and (k,) of the rest of the plan, in whole quanta."""
+    """Return costs (n, k) of the front's points and (k,) of the remaining plan, in quanta."""
     front = options.front
     plan = np.array([_plan_of(options)[name] for name in front.names])
     return front.integers.astype(np.float64), np.rint(plan / front.quanta)
 
 
 PATIENCE = 0.1
-"""By how much, as a share, another way must be better for the robot to take it by itself."""
+"""Default share by which an option must be better before the robot takes it by itself."""
 NOTICE = 2.0
-"""s before the first turn that nobody was told of, at least, where the robot changes its plan by itself."""
+"""Default time, s, between a change by the robot itself and the first turn that was not announced."""
 
 
 def adapted(options: Options, patience: float, notice: float) -> Option | None:
-    """The option that a robot takes by itself; None where it keeps its plan, or where there is none.
+    """Return the option that a robot takes by itself; None where it keeps its plan or has no option.
 
-    Where the plan is closed, it is the knee. Else the option with the least share of the plan's rest, on the mean over
-    the costs, if that is better by ``patience``, and no turn that nobody was told of begins within ``notice``, s.
+    Where the plan is closed, that is the knee. Otherwise it is the option with the least costs, as shares of the
+    remaining plan's on average, if they are better by ``patience`` and no turn that was not announced begins within
+    ``notice``, s.
     """
     if not len(options.front):
         return None

@@ -27,7 +27,7 @@ from pydantic import BaseModel, Field
 from shapely.geometry import Polygon
 
 from hpop.drive.script import KINDS, Event
-from hpop.drive.surroundings import Surroundings
+from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import HURRY, checked_wish
 from hpop.errors import HpopError
 from hpop.problems.named_rows import name_meant
@@ -103,7 +103,7 @@ def load_events(path: str | Path, problem: Problem | None = None, names: Sequenc
 
 def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequence[str]) -> None:
     """Note doors, people and costs that a drive does not know when they are told."""
-    there = Surroundings.of(problem, 0.0)
+    there = DriveSurroundings.of(problem, 0.0)
     for i, event in enumerate(events):
         place = ("events", i, event.kind)
         try:

@@ -44,7 +44,7 @@ def test_what_happens_is_printed_drawn_and_can_be_told_again(folder: Path, tmp_p
     for words in (
         "1.0 s, at",
         "close: 'north'",
-        "no options: no way is open",
+        "no options: none is open",
         "it waits before what is closed",
         "open: 'south'",
     ):

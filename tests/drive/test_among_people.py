@@ -14,7 +14,7 @@ from hpop.drive.plan import between
 from hpop.planners import Lattice
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TICK
-from hpop.planners.graphs.timed.plans import LaidOut
+from hpop.planners.graphs.timed.plans import GraphParts
 from hpop.planners.graphs.timed.presence import reading_time
 from hpop.runtime.status import Status
 from hpop.search.timed import timed_paths
@@ -49,7 +49,7 @@ def walkers(rng: np.random.Generator, now: float = 0.0) -> tuple[Person, ...]:
 
 def fresh(drive: Execution, options: Options) -> np.ndarray:
     """Return the costs, in quanta, that a search finds on a newly timed graph from the tick next to the commit."""
-    known, commit = drive._network._among, options.commit
+    known, commit = drive._replanner._timed, options.commit
     assert known is not None
     surroundings, space = drive.surroundings, known.ways.query.space
     tick = round((commit.time - surroundings.since) / TICK)
@@ -58,7 +58,7 @@ def fresh(drive: Execution, options: Options) -> np.ndarray:
     timed = reading_time(known.objectives.optimised, space)
     plain = space.graph([c for j, c in enumerate(known.objectives.optimised) if j not in timed])
     node = int(known.ways.nodes(commit.state)[0])
-    laid = LaidOut(plain, known.ways.closed, near=tuple((other, at - tick * TICK) for other, at in known.near))
+    laid = GraphParts(plain, known.ways.closed, near=tuple((other, at - tick * TICK) for other, at in known.near))
     goals = known.ways.query.goals
     graph = timed_graph(space, known.objectives.optimised, node, goals, known.options, then.quanta, laid).graph
     paths = timed_paths(graph, node, goals)
@@ -68,10 +68,10 @@ def fresh(drive: Execution, options: Options) -> np.ndarray:
 
 def counts(drive: Execution, options: Options) -> np.ndarray:
     """Return the costs, in quanta, that the drive's own search found."""
-    known, commit = drive._network._among, options.commit
+    known, commit = drive._replanner._timed, options.commit
     assert known is not None
     node = int(known.ways.nodes(commit.state)[0])
-    return known.rests(node, commit.time, drive._network._met, None).costs
+    return known.remaining_paths(node, commit.time, drive._replanner._last_scheduled, None).costs
 
 
 @pytest.mark.seeds(1, of=60)
@@ -89,9 +89,9 @@ def test_options_among_people_are_those_of_a_fresh_search(seed: int) -> None:
         elif event == "open":
             drive.world(now, open="wet floor")
         drive.ready()
-        graph = drive._network._among
+        graph = drive._replanner._timed
         options = drive.options(now, 0.2)
-        assert drive._network._among is graph  # it was made ready when the world changed
+        assert drive._replanner._timed is graph  # it was made ready when the world changed
         if options.commit.arrives or options.status is not Status.COMPLETE:
             continue
         mine, theirs = counts(drive, options), fresh(drive, options)
@@ -132,7 +132,7 @@ def test_what_was_driven_costs_what_it_did_when_the_robot_was_there() -> None:
     # Seen again where it is taken to be, nothing changes, however often.
     for t in (end + 0.1, end + 0.2, end + 0.3):
         drive.at(t + late, problem.model.space.values(way.at(t)))
-    assert len(drive._stretches) == 2
+    assert len(drive._progress.stretches) == 2
 
 
 def test_a_drive_keeps_the_margin_with_which_it_was_planned() -> None:

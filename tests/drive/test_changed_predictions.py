@@ -29,7 +29,7 @@ IN_SOUTH = Person(6.4, 0.7, velocity=(-0.05, 0.0), until=16.0, name="in the door
 def busy(drive: Execution) -> Iterator[None]:
     """Nothing is made meanwhile: the thread beside the drive has something else to do."""
     done = Event()
-    drive._network._aside.begin(done.wait)
+    drive._replanner._worker.begin(done.wait)
     try:
         yield
     finally:
@@ -129,9 +129,9 @@ def test_whom_a_way_was_chosen_to_leave_is_nobody_who_is_told_anew() -> None:
     """A route may leave a person who comes within the margin a second after it begins, if that was predicted."""
     drive = drive_among()
     drive.take(drive.options(0.3, 0.5)[-1])
-    begins = drive._plan.chosen
+    begins = drive._progress.plan.chosen
     assert begins > 0.7
     drive.world(0.5, close=SOUTH, name="south")
-    assert drive._plan.chosen == begins
+    assert drive._progress.plan.chosen == begins
     drive.world(0.7, people=[IN_SOUTH])
-    assert drive._plan.chosen == 0.0
+    assert drive._progress.plan.chosen == 0.0

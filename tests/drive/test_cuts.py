@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.drive.closings import Closing
 from hpop.drive.plan import Plan, between, cut_of, held, joined
-from hpop.drive.timed_ways import clear_ways
+from hpop.drive.timed_drive_graph import clear_trajectories
 from hpop.trajectories.contacts import contact
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -121,7 +121,7 @@ def test_known_ways_are_looked_at_as_a_robot_that_comes_along_executes_them() ->
     then = problem.at(ROBOT.space.values(rest.states.take([0])), 3.5)
     assert not contact(ROBOT.parts, then.world.content.people, rest)
     assert not contact(ROBOT.parts, then.world.content.people, rest.execution())
-    assert not [*clear_ways([rest], then, before, (), 0.0, None, bool)]
+    assert not [*clear_trajectories([rest], then, before, (), 0.0, None, bool)]
 
 
 def test_a_margin_into_which_somebody_comes_as_a_way_is_taken_may_be_left() -> None:

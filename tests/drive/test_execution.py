@@ -80,13 +80,13 @@ def test_without_another_way_the_robot_stands_before_the_door_until_it_opens() -
     [
         ({"close": "east"}, "no door or zone of the map is called 'east'"),
         ({"open": "north"}, "'north' is not closed"),
-        ({"open": SOUTH}, "no closing has the area"),
+        ({"open": SOUTH}, "no closed area equals"),
         ({"close": [(0.5, 1.5), (1.5, 1.5), (1.5, 2.5), (0.5, 2.5)]}, "covers the robot"),
-        ({"close": [(0, 0), (1, float("nan")), (1, 1)]}, "what is closed"),
-        ({"stop": "somebody"}, "nobody is there to stop, asked for 'somebody'"),
+        ({"close": [(0, 0), (1, float("nan")), (1, 1)]}, "an area to close"),
+        ({"stop": "somebody"}, "there are no people, so 'somebody' cannot stop"),
         ({"close": "north", "open": "south"}, "one thing that changes"),
         ({}, "one thing that changes"),
-        ({"close": [(0, 0), (10**400, 0), (1, 1)]}, "what is closed must be a polygon"),
+        ({"close": [(0, 0), (10**400, 0), (1, 1)]}, "an area to close must be a polygon"),
         ({"people": 5}, "people are a list of hpop.world.Person"),
         ({"people": "Ada"}, "all who are there now, got 'Ada'"),
         ({"people": [Person(4.0, 4.0)], "groups": 5}, "groups must be a list"),
@@ -104,7 +104,7 @@ def test_what_is_no_problem_and_no_options_is_told() -> None:
     problem, front = planned()
     with pytest.raises(DriveError, match=r"answer to an .*Problem, got None"):
         hpop.follow(None, front, "knee")  # type: ignore[arg-type]
-    with pytest.raises(DriveError, match="no options at hand"):
+    with pytest.raises(DriveError, match=r"call options\(now\) first"):
         hpop.follow(problem, front, "knee").adapt(None)  # type: ignore[arg-type]
 
 

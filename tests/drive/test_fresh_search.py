@@ -148,9 +148,9 @@ def check(hall: Hall, drive: hpop.drive.Execution, options: hpop.drive.Options) 
     assert covered(theirs, mine, slack)
     assert is_nondominated(options.front.integers).all()
     # The present plan is among them while nothing is closed on it.
-    rest = between(drive.announced, commit.time - drive._lag, drive.announced.duration)
+    rest = between(drive.announced, commit.time - drive._progress.lag, drive.announced.duration)
     is_open = not any(hits(hall, rest, area) for area in hall.closed)
-    assert (options.keep_on is not None) == (drive._plan.stops is None)
+    assert (options.keep_on is not None) == (drive._progress.plan.stops is None)
     if options.keep_on is not None:
         assert is_open
         assert options[options.keep_on].item.duration == pytest.approx(rest.duration)

@@ -198,7 +198,7 @@ def test_a_robot_is_where_it_is_seen_and_not_where_its_plan_has_it() -> None:
 def test_options_that_are_past_or_closed_cannot_be_taken() -> None:
     drive = drive_of()
     options = drive.options(1.0, 0.1)
-    with pytest.raises(DriveError, match="ask for options again"):
+    with pytest.raises(DriveError, match=r"call options\(now\) again"):
         drive.take(0, options.commit.time + 0.5)
     options = drive.options(options.commit.time + 0.6, 0.1)
     doomed = next(option for option in options if through(option.item) == "south")
@@ -286,7 +286,7 @@ def test_somebody_who_walks_into_the_way_cuts_it_and_the_robot_waits_or_gives_wa
     options = drive.options(0.5, 0.5)
     if len(options):
         drive.take(options.knee())
-        assert drive._plan.stops is None
+        assert drive._progress.plan.stops is None
     drive.world(1.0, stop="visitor")
     assert not drive.surroundings.moving
     assert drive.options(1.0).status is Status.COMPLETE
@@ -344,7 +344,7 @@ def test_options_whose_beginning_is_cut_are_invalid_and_are_not_taken() -> None:
     assert change.stops_at < options.commit.time
     assert change.invalid == tuple(range(len(options)))
     for option in options:
-        with pytest.raises(DriveError, match="cut since; ask for options again"):
+        with pytest.raises(DriveError, match=r"cut since; call options\(now\) again"):
             drive.take(option)
     drive.world(0.3, open="a trolley")
     assert drive.take(options[0]).duration > options.commit.time

@@ -72,7 +72,7 @@ def test_options_are_looked_at_without_a_change() -> None:
         ([Event(4.0, "options"), Event(3.0, "options")], "list events in order of time"),
         ([Event(500.0, "options")], "comes too late: the robot arrives"),
         ([Event(1.0, "close", "west")], "west"),
-        ([Event(1.0, "stop", "Ada")], "nobody is there to stop, asked for 'Ada'"),
+        ([Event(1.0, "stop", "Ada")], "there are no people, so 'Ada' cannot stop"),
         (
             [Event(1.0, "close", shapely.box(90, 1, 91, 2))],
             "about .90.50, 1.50. is not on the map, which is from .0, 0.",

@@ -158,7 +158,7 @@ REACHED = 1e-6  # m or rad: no column of a state in which a chain shall end is o
 
 
 @dataclass(frozen=True, eq=False)
-class Chains:
+class MotionChains:
     """Chains (C,) of motions from a node to another, as many legs each, of which some are no motion.
 
     graph         tells what is free
@@ -176,7 +176,7 @@ class Chains:
     present: tuple[BoolArray, ...]
 
     @classmethod
-    def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> Chains:
+    def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
         """Those that lead from states a (C,) to b, free or not; what is NaN in b is left as it comes."""
         kinds, corners, present = zip(*graph.model.connect(a, b), strict=True)
         if unknown := set(kinds) - graph.model.laws.keys():
@@ -184,13 +184,13 @@ class Chains:
         return cls(graph, tails, heads, kinds, (a, *corners), present)
 
     @classmethod
-    def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> Chains:
+    def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
         """Those of them that are free, and reach b: a model need not connect all of its states."""
         chains = cls.connecting(graph, tails, heads, a, b)
         return chains.take(np.flatnonzero(chains.free() & chains.reach(b)))
 
     @classmethod
-    def all_of(cls, parts: Sequence[Chains]) -> Chains:
+    def all_of(cls, parts: Sequence[MotionChains]) -> MotionChains:
         """The chains of several parts, in order."""
         corners = [
             States(**{name: np.concatenate([getattr(s, name) for s in states]) for name in states[0].names})
@@ -205,9 +205,9 @@ class Chains:
             tuple(np.concatenate(columns) for columns in zip(*(part.present for part in parts), strict=True)),
         )
 
-    def take(self, rows: IntArray) -> Chains:
+    def take(self, rows: IntArray) -> MotionChains:
         """Some of the chains."""
-        return Chains(
+        return MotionChains(
             self.graph,
             self.tails[rows],
             self.heads[rows],

@@ -170,7 +170,7 @@ def looked_at(query: Query, paths: ParetoPaths | TimedPaths) -> str:
 # Claims
 
 
-class Ended(Protocol):
+class SearchOutcome(Protocol):
     """What a search found, how it ended, and how much it may miss."""
 
     @property
@@ -183,7 +183,7 @@ class Ended(Protocol):
 
 
 def claimed(
-    paths: Ended,
+    paths: SearchOutcome,
     where: str,
     rounded: str = ROUNDED,
     *,
@@ -216,7 +216,7 @@ def claimed(
     return f"exact on {where}; {OFF}; {rounded}"
 
 
-def claimed_with_known(paths: Ended, where: str, rounded: str = ROUNDED) -> str:
+def claimed_with_known(paths: SearchOutcome, where: str, rounded: str = ROUNDED) -> str:
     """Say what is claimed of a search that begins with known paths."""
     if paths.status.is_final:
         return f"exact on {where}; {OFF}; {rounded}"

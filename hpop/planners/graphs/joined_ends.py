@@ -18,7 +18,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied, inserted
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
-from hpop.planners.graphs.arcs import MOVE, Chains
+from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # by this name too
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph
@@ -138,29 +138,29 @@ class JoinedEnds(TrajectoryGraph):
         return {**self.inner.options, "joined": counts}
 
     @cached_property
-    def joins(self) -> Chains:
+    def joins(self) -> MotionChains:
         """The arcs beside those of the inner graph, by their tails."""
         found = [self._joins(what) for what in self.ends]
         found += [self._straight(what) for what in self.ends if START in self.ends and what != START]
-        joins = Chains.all_of(found)
+        joins = MotionChains.all_of(found)
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
-    def _straight(self, goal: str) -> Chains:
+    def _straight(self, goal: str) -> MotionChains:
         """The join of the start to a goal, if they are near each other and it is free."""
         ends = [self.ends[what] for what in (START, goal)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
-        return Chains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
+        return MotionChains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
-    def _joins(self, what: str) -> Chains:
+    def _joins(self, what: str) -> MotionChains:
         """Free joins between an end and the states within reach."""
         end = self.ends[what]
         ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
         states, end = self.inner.states(ids), end.take(np.zeros(ids.size, np.int64))
         if what == START:
-            return Chains.between(self.inner, nodes, ids, end, states)
-        return Chains.between(self.inner, ids, nodes, states, end)
+            return MotionChains.between(self.inner, nodes, ids, end, states)
+        return MotionChains.between(self.inner, ids, nodes, states, end)
 
     def joined(self, what: str) -> IntArray:
         """States of the inner graph to which an end is joined, the nearest first."""

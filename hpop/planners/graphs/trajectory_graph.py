@@ -21,7 +21,7 @@ from hpop.search import Graph
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
-    from hpop.planners.graphs.arcs import Chains
+    from hpop.planners.graphs.arcs import MotionChains
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.world import World
 
@@ -213,7 +213,7 @@ class TrajectoryGraph(ABC):
         return nodes
 
     @property
-    def joins(self) -> Chains | None:
+    def joins(self) -> MotionChains | None:
         """The arcs that join ends to the graph of states, by their tails; None where it has none."""
         return None
 

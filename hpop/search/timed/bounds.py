@@ -18,11 +18,11 @@ from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import COUNTERS, N_FRONT, Clock
-from hpop.search.timed.best_ways import follow_all, lone_weights, mixed_weights
-from hpop.search.timed.calm import NOTHING, Ways, reversed_graph
+from hpop.search.timed.best_paths import follow_all, lone_weights, mixed_weights
+from hpop.search.timed.calm import NOTHING, PathBounds, reversed_graph
 from hpop.search.timed.graph import MAX_TICKS, TimedGraph
-from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, Ahead, Joint, Sweep, price_arcs, sweep
-from hpop.search.timed.tables import NEVER, Tables
+from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, JointSweep, JointTables, TimeWindows, price_arcs, sweep
+from hpop.search.timed.tables import NEVER, TimedTables
 
 AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
 MANY = 250_000  # states in between: fewer are swept at once
@@ -59,7 +59,7 @@ class Layout(NamedTuple):
     size: int
 
     @classmethod
-    def of(cls, ways: Ways, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
+    def of(cls, ways: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
         """The layout for some nodes (n,), which are at places (n,)."""
         n = len(needed)
         calm = np.where(needed, ways.calm, np.int32(NOTHING))
@@ -72,7 +72,7 @@ class Layout(NamedTuple):
 
 
 class Prices(NamedTuple):
-    """Weights of LANES lanes, and what arcs cost by them: see :class:`.Sweep` and :func:`.price_arcs`."""
+    """Weights of LANES lanes, and what arcs cost by them: see :class:`.JointSweep` and :func:`.price_arcs`."""
 
     weights: FloatArray
     columns: FloatArray
@@ -81,14 +81,14 @@ class Prices(NamedTuple):
     fixed: NDArray[np.int32]
 
 
-class JointBounds:
+class TimedJointBounds:
     """Tables of joint bounds, and the seeds that come with them."""
 
     def __init__(
         self,
         graph: TimedGraph,
-        tables: Tables,
-        ways: Ways,
+        tables: TimedTables,
+        ways: PathBounds,
         source: int,
         targets: IntArray,
         known: Iterable[Seed] = (),
@@ -101,11 +101,11 @@ class JointBounds:
         is_target = np.zeros(n, np.uint8)
         is_target[targets] = 1
         arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
-        self.ahead = Ahead(ways.ticks, ways.earliest, arrive_by, is_target)
+        self.ahead = TimeWindows(ways.ticks, ways.earliest, arrive_by, is_target)
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
-        self.sweeps: list[Sweep] = []
+        self.sweeps: list[JointSweep] = []
         self.room = tuple(np.empty(2 * (n + graph.horizon), np.int64) for _ in range(2))  # two of the longest ways
         self.seeds = list(known)
         self.shift = np.zeros(graph.graph.criteria, np.int64)
@@ -142,12 +142,12 @@ class JointBounds:
             if work is not None:
                 self._keep(weights, work)
 
-    def _keep(self, weights: FloatArray, work: Sweep) -> None:
+    def _keep(self, weights: FloatArray, work: JointSweep) -> None:
         self.weights.append(weights)
         self.rows.append(work.rows)
         self.sweeps.append(work)
 
-    def joint(self) -> Joint:
+    def joint(self) -> JointTables:
         """All tables, as kernels read them."""
         k = self.graph.graph.criteria
         alone = np.full(k, -1)
@@ -157,7 +157,7 @@ class JointBounds:
             rows = self.rows[0][None] if len(self.rows) == 1 else np.stack(self.rows)
             weights = np.stack(self.weights)
             alone[self.summed] = np.arange(len(self.summed))
-        return Joint(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
+        return JointTables(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
 
     def _needed(self) -> BoolArray:
         """The nodes (n,) through which something may come that no solution known covers."""
@@ -227,7 +227,7 @@ class JointBounds:
         one = LANES * (layout.size * 4 + self.graph.graph.arcs * PRICED + len(layout.order) * held)
         return one * (len(self.rows) + 1)
 
-    def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> Sweep | None:
+    def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> JointSweep | None:
         """A table, in slices; None where a limit was passed: the search that follows says so."""
         if clock.exceeded(0, self._memory(layout), record=False) is not None:
             return None
@@ -241,7 +241,7 @@ class JointBounds:
                 return None
             rows[:n, lanes] = np.minimum(h, FAR).T
         longest, ring = int(self.graph.durations.max(initial=1)), _power(self.tables.hold)
-        work = Sweep(
+        work = JointSweep(
             prices.columns, prices.most, prices.fixed, rows, layout.offset, layout.calm, layout.order, layout.first,
             int(self.graph.durations.min(initial=MAX_TICKS)), np.empty((len(layout.order), ring, LANES), np.int64),
             (prices.columns % 1 > 0).sum(axis=0), np.empty((longest + 1, LANES), np.int32), np.full(longest + 1, -1),
@@ -254,7 +254,7 @@ class JointBounds:
                 return None
         return work
 
-    def _seed(self, work: Sweep | None, clock: Clock) -> None:
+    def _seed(self, work: JointSweep | None, clock: Clock) -> None:
         """Add the ways that are best for the weights of a table."""
         if work is not None:
             every = np.arange(LANES)
@@ -278,7 +278,7 @@ class JointBounds:
         return self._followed(self.sweeps[table], lanes, nodes, tick, costs, clock)
 
     def _followed(
-        self, work: Sweep, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
+        self, work: JointSweep, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
         arcs, leaves = self.room
         ways: list[Seed | None] = []

@@ -17,7 +17,7 @@ from hpop.search.timed.graph import RATE, RATE_BITS, TimedGraph
 from hpop.search.timed.tables import (
     PLAIN,
     STAYS,
-    Tables,
+    TimedTables,
     arc_cost,
     free_since,
     is_open,
@@ -44,7 +44,7 @@ NOTHING = -1  # calm from tick 0 on
 
 
 @lean
-def settle(tables: Tables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
+def settle(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
     """The first tick (P,) from which on standing at a place is as from H on; whole (P,), whether rates are then."""
     last = tables.since.shape[1] - 1
     for p in range(len(settled)):
@@ -68,7 +68,9 @@ def settle(tables: Tables, whole: BoolArray, settled: NDArray[np.int32]) -> None
 
 
 @lean
-def last_changes(tables: Tables, leads: NDArray[np.uint8], settled: NDArray[np.int32], out: NDArray[np.int32]) -> None:
+def last_changes(
+    tables: TimedTables, leads: NDArray[np.uint8], settled: NDArray[np.int32], out: NDArray[np.int32]
+) -> None:
     """The last tick (n,) at which an arc that leaves a node differs from what it is at H; NOTHING if none does.
 
     leads (n,) says from where a target may be reached. An arc that stays may differ until its place is settled.
@@ -130,7 +132,7 @@ def spread_back(
 
 @lean
 def last_gains(
-    tables: Tables,
+    tables: TimedTables,
     leads: NDArray[np.uint8],
     calm: NDArray[np.int32],
     earliest: IntArray,
@@ -171,7 +173,7 @@ def last_gains(
 
 
 @lean
-def gains(tables: Tables, a: int, p: int, early: int, late: int) -> bool:
+def gains(tables: TimedTables, a: int, p: int, early: int, late: int) -> bool:
     """Whether leaving later may be of use: whether waiting behind the arc instead would cost more, or not be allowed.
 
     p is the place of the arc's tail.
@@ -202,7 +204,7 @@ UNKNOWN = -2  # nobody has asked yet
 NEVER_OF_USE = -1
 
 
-class Rest(NamedTuple):
+class RemainingBounds(NamedTuple):
     """What is known of the way that is left from each node.
 
     least   (k, n)  least costs, at whatever tick
@@ -231,7 +233,7 @@ class Rest(NamedTuple):
 
 
 @lean
-def wait_until(tables: Tables, rest: Rest, v: int) -> int:
+def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
     """The last tick at which waiting at a node may have a use; NEVER_OF_USE where it never has."""
     if rest.until[v] == UNKNOWN:
         latest = last_gains(tables, rest.leads, rest.calm, rest.earliest, rest.whole, rest.settled, v, rest.gain)
@@ -241,15 +243,15 @@ def wait_until(tables: Tables, rest: Rest, v: int) -> int:
 
 
 @lean
-def needs_one_stay(tables: Tables, rest: Rest, p: int) -> bool:
+def needs_one_stay(tables: TimedTables, rest: RemainingBounds, p: int) -> bool:
     """Whether at a place no use is in arcs that stay one after another."""
     if rest.one_stay[p] == UNKNOWN:
         rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
     return bool(rest.one_stay[p] != 0)
 
 
-class Ways(NamedTuple):
-    """What is known of the ways through each node, before any search; see :class:`.Rest`.
+class PathBounds(NamedTuple):
+    """What is known of the ways through each node, before any search; see :class:`.RemainingBounds`.
 
     through  (k, n)  least costs of a way from the source to a target, at whatever tick
     leads    (n,)    whether a target may be reached
@@ -266,9 +268,9 @@ class Ways(NamedTuple):
     settled: NDArray[np.int32]
 
 
-def ways_through(
-    graph: TimedGraph, tables: Tables, source: int, targets: IntArray, clock: Clock
-) -> tuple[Ways | None, Status | None]:
+def path_bounds(
+    graph: TimedGraph, tables: TimedTables, source: int, targets: IntArray, clock: Clock
+) -> tuple[PathBounds | None, Status | None]:
     """What is known of the ways, or the limit that was passed."""
     static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
     cheapest = _cheapest(graph)
@@ -298,14 +300,14 @@ def ways_through(
     is_max = np.array([aggregate == "max" for aggregate in static.aggregates])[:, None]
     worst = np.maximum(spent, least)
     through = np.where(is_max | (worst >= UNREACHABLE), worst, spent + least)
-    return Ways(least, through, needed[0], earliest[0], calm, leads, whole, settled), None
+    return PathBounds(least, through, needed[0], earliest[0], calm, leads, whole, settled), None
 
 
-def rest_of_way(graph: TimedGraph, ways: Ways, needed: BoolArray) -> Rest:
+def remaining_bounds(graph: TimedGraph, ways: PathBounds, needed: BoolArray) -> RemainingBounds:
     """What is known of the rest of the way from the nodes (n,) that anybody has to come to."""
     n, nodes = graph.graph.nodes, np.flatnonzero(needed)
     nodes = nodes[np.argsort(graph.place[nodes], kind="stable")]
-    return Rest(
+    return RemainingBounds(
         ways.least, ways.ticks, ways.earliest, np.where(needed, ways.calm, np.int32(NOTHING)),
         ways.leads, ways.whole, ways.settled,
         np.zeros(graph.graph.arcs, np.int32), np.full(n, UNKNOWN), np.full(graph.places, UNKNOWN, np.int8),

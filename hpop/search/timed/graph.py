@@ -245,7 +245,7 @@ def _read_only(array: NDArray[Any]) -> NDArray[Any]:
 HOLD = -1
 
 
-class Steps(NamedTuple):
+class PathSteps(NamedTuple):
     """A path, arcs and holds one after the other.
 
     nodes       (s + 1,)  source and target included; a hold has its node twice
@@ -289,7 +289,7 @@ class TimedPaths:
         """Of each path the places of its arcs in the graph, and the ticks at which they are left for."""
         return self._paths
 
-    def steps(self, i: int) -> Steps:
+    def steps(self, i: int) -> PathSteps:
         """The arcs and holds of path i."""
         arcs, leaves = self._paths[i]  # the arcs without holds, and when each is left for
         source = np.array([self._source], np.int64)
@@ -298,7 +298,7 @@ class TimedPaths:
         held = np.flatnonzero(leaves > ready)
         arrival = ends[-1:] if len(arcs) else np.array([self.begin], np.int64)
         nodes = np.concatenate([source, self._graph.graph.heads[arcs].astype(np.int64)])
-        return Steps(
+        return PathSteps(
             np.insert(nodes, held, nodes[held]),
             np.insert(self._graph.graph.arc[arcs].astype(np.int64), held, HOLD),
             np.append(np.insert(leaves, held, ready[held]), arrival),

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import inlined, lean, wide
-from hpop.search.timed.tables import NEVER, STAYS, Tables, arc_cost, free_since, is_open, omega_at
+from hpop.search.timed.tables import NEVER, STAYS, TimedTables, arc_cost, free_since, is_open, omega_at
 
 LANES = 8  # 32 bytes: one vector register
 UNIT = 2.0**27  # what a whole way costs, about; so FAR is eight times as much
@@ -34,7 +34,7 @@ IntLanes = NDArray[np.int32]
 Lanes = tuple[np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int32]  # LANES of them
 
 
-class Joint(NamedTuple):
+class JointTables(NamedTuple):
     """Bounds for some tables of LANES weights each.
 
     weights  (b, LANES, k)  0 of what is a maximum
@@ -53,7 +53,7 @@ class Joint(NamedTuple):
     shift: IntArray
 
 
-class Ahead(NamedTuple):
+class TimeWindows(NamedTuple):
     """What a sweep reads beside.
 
     ticks       (n,)  fewest to a target
@@ -75,7 +75,7 @@ def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
 
 
 @lean
-def price_arcs(tables: Tables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
+def price_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
     """Weigh what arcs cost for good, from H on, into `priced` (m, LANES), FAR where they are then closed.
 
     weights  (k, LANES)
@@ -104,7 +104,7 @@ def price_arcs(tables: Tables, weights: FloatArray, priced: IntLanes, fixed: Int
 
 @inlined
 def weigh_arc(
-    tables: Tables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
+    tables: TimedTables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
 ) -> None:
     """Weigh what a timed arc costs at a tick into `out` (1, LANES), less of it where that passes HALF.
 
@@ -124,7 +124,7 @@ def weigh_arc(
 
 @inlined
 def weigh_stay(
-    tables: Tables, weights: FloatArray, most: FloatArray, p: int, t: int, ticks: int, out: IntLanes
+    tables: TimedTables, weights: FloatArray, most: FloatArray, p: int, t: int, ticks: int, out: IntLanes
 ) -> None:
     """Weigh what standing at a place costs for so many ticks from tick t on into `out[ticks]`, as :func:`weigh_arc`.
 
@@ -144,7 +144,7 @@ def weigh_stay(
 
 
 @inlined
-def weigh_standing(tables: Tables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
+def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
     """Weigh what standing at a place has cost until tick t into `out` (LANES,); weights (k, LANES)."""
     for lane in range(LANES):
         out[lane] = 0
@@ -156,7 +156,7 @@ def weigh_standing(tables: Tables, weights: FloatArray, p: int, t: int, out: Int
                     out[lane] += np.int64(weights[j, lane] * spent)
 
 
-class Sweep(NamedTuple):
+class JointSweep(NamedTuple):
     """What a sweep for LANES weights works on.
 
     weights   (k, LANES); most (k,) of a cost that all lanes can weigh
@@ -222,7 +222,7 @@ def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: in
 
 
 @inlined
-def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int) -> None:
+def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t: int) -> None:
     """Write the least weighted rests of whoever leaves a node at tick t into `dep`; later rows are filled."""
     far = np.int32(FAR)
     least = (far, far, far, far, far, far, far, far)
@@ -257,7 +257,7 @@ def depart(tables: Tables, ahead: Ahead, work: Sweep, v: int, t: int) -> None:
 
 
 @wide
-def sweep(tables: Tables, ahead: Ahead, work: Sweep, state: IntArray, steps: int) -> bool:
+def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntArray, steps: int) -> bool:
     """Fill the rows of so many states in between, or a few more, or of all that are left; whether all are filled.
 
     state (2,) is where it is: the latest tick of those that are filled together, and the place; at first the latest of

@@ -33,8 +33,8 @@ from hpop.search.machinery.slices import (
     ROWS,
     SLICE,
 )
-from hpop.search.timed.calm import Rest, gains, needs_one_stay, wait_until
-from hpop.search.timed.joint import Joint, row_of
+from hpop.search.timed.calm import RemainingBounds, gains, needs_one_stay, wait_until
+from hpop.search.timed.joint import JointTables, row_of
 from hpop.search.timed.sets import (
     BEGIN,
     CALM,
@@ -44,14 +44,14 @@ from hpop.search.timed.sets import (
     ROOM,
     SIZE,
     TICK,
-    Sets,
+    LabelSets,
     enter_label,
     is_superfluous,
     make_room,
     refresh,
 )
-from hpop.search.timed.solutions import Goal, is_covered, may_improve, solve
-from hpop.search.timed.tables import STAYS, Tables, arc_cost, is_open, omega_at
+from hpop.search.timed.solutions import SolutionSet, is_covered, may_improve, solve
+from hpop.search.timed.tables import STAYS, TimedTables, arc_cost, is_open, omega_at
 
 # Where the search is: the tick, what is done at it, the first label closed at it, which label or node comes next, how
 # many nodes wait, the first free row of the queue and how many rows were ever used, and solutions ever found.
@@ -74,7 +74,7 @@ class Queue(NamedTuple):
     costs: IntArray
 
 
-class Known(NamedTuple):
+class ClosedLabels(NamedTuple):
     """Labels that have arrived.
 
     values, ticks  (c,)    closed labels, and when they arrived
@@ -90,7 +90,7 @@ class Known(NamedTuple):
     waits: NDArray[np.uint8]
 
 
-class Bounds(NamedTuple):
+class PruningBounds(NamedTuple):
     """What labels are compared with beside the solutions.
 
     joint    joint bounds
@@ -99,7 +99,7 @@ class Bounds(NamedTuple):
     weighed  (b, LANES)     room
     """
 
-    joint: Joint
+    joint: JointTables
     corners: IntArray
     lanes: NDArray[np.int32]
     hint: IntArray
@@ -108,10 +108,10 @@ class Bounds(NamedTuple):
 
 @lean
 def is_hopeless(
-    tables: Tables,
-    rest: Rest,
-    goal: Goal,
-    bounds: Bounds,
+    tables: TimedTables,
+    rest: RemainingBounds,
+    goal: SolutionSet,
+    bounds: PruningBounds,
     count: int,
     v: int,
     t: int,
@@ -133,10 +133,10 @@ def is_hopeless(
 
 @lean
 def offer(
-    tables: Tables,
-    rest: Rest,
-    goal: Goal,
-    bounds: Bounds,
+    tables: TimedTables,
+    rest: RemainingBounds,
+    goal: SolutionSet,
+    bounds: PruningBounds,
     queue: Queue,
     counters: IntArray,
     state: IntArray,
@@ -185,13 +185,13 @@ def advance(
     counters: IntArray,
     state: IntArray,
     work: int,
-    tables: Tables,
-    rest: Rest,
-    goal: Goal,
-    bounds: Bounds,
+    tables: TimedTables,
+    rest: RemainingBounds,
+    goal: SolutionSet,
+    bounds: PruningBounds,
     queue: Queue,
-    known: Known,
-    sets: Sets,
+    known: ClosedLabels,
+    sets: LabelSets,
     source: int,
     scratch: IntArray,
 ) -> int:
@@ -321,7 +321,7 @@ def under_way(
 
 
 @lean
-def lacking(goal: Goal, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
+def lacking(goal: SolutionSet, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
     """What has no room for so many labels."""
     if counters[N_FRONT] + more > len(goal.values):
         return FRONT
@@ -332,15 +332,15 @@ def lacking(goal: Goal, queue: Queue, counters: IntArray, state: IntArray, more:
 
 @lean
 def leave_after_hold(
-    tables: Tables,
-    rest: Rest,
-    goal: Goal,
-    bounds: Bounds,
+    tables: TimedTables,
+    rest: RemainingBounds,
+    goal: SolutionSet,
+    bounds: PruningBounds,
     queue: Queue,
     counters: IntArray,
     state: IntArray,
-    known: Known,
-    sets: Sets,
+    known: ClosedLabels,
+    sets: LabelSets,
     v: int,
     t: int,
     scratch: IntArray,

@@ -24,20 +24,20 @@ from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.kernels import proven_gap
 from hpop.search.machinery.slices import Clock, Deadline
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
-from hpop.search.timed.best_ways import cost_of_walk, gather_holds
-from hpop.search.timed.bounds import JointBounds, Seed
-from hpop.search.timed.calm import rest_of_way, ways_through
+from hpop.search.timed.best_paths import gather_holds, path_cost
+from hpop.search.timed.bounds import Seed, TimedJointBounds
+from hpop.search.timed.calm import path_bounds, remaining_bounds
 from hpop.search.timed.graph import TimedGraph, TimedPaths
 from hpop.search.timed.joint import LANES, row_of
 from hpop.search.timed.search import TimedSearch
-from hpop.search.timed.tables import Tables
+from hpop.search.timed.tables import TimedTables
 
 METHOD = "timed"
 FIRST, SECOND = 0.35, 0.95  # of all limits: in between comes a search within a precision
 GAP = 0.1  # its precision, relative
 
 
-class Walk(NamedTuple):
+class TimedPath(NamedTuple):
     """A path that is known: the places (s,) of its arcs in the graph, and the ticks (s,) at which they are left for."""
 
     arcs: IntArray
@@ -73,17 +73,17 @@ class PreparedTimed:
         first, self.targets = checked_node(graph.graph, source, "source"), checked_targets(graph.graph, target)
         begin = whole("begin", begin, 0, MOST_COUNTED, "a tick")
         clock = Clock(UNLIMITED, None)
-        self.tables = Tables.of(graph)
-        ways, _ = ways_through(graph, self.tables, first, self.targets, clock)
+        self.tables = TimedTables.of(graph)
+        ways, _ = path_bounds(graph, self.tables, first, self.targets, clock)
         assert ways is not None  # nothing limits it
         comes = ways.earliest < UNREACHABLE
         self.earliest = np.where(comes, ways.earliest + begin, UNREACHABLE)
         # No solution is known of all queries to come, so every node may be needed.
         through = np.where(comes & (ways.ticks < UNREACHABLE), ways.through * 0, UNREACHABLE)
         ways = ways._replace(earliest=self.earliest, through=through)
-        self.bounds = JointBounds(graph, self.tables, ways, first, self.targets, begin=begin)
+        self.bounds = TimedJointBounds(graph, self.tables, ways, first, self.targets, begin=begin)
         self.bounds.make_for_all(clock)
-        self.rest = rest_of_way(graph, ways, self.bounds.layout.needed)
+        self.rest = remaining_bounds(graph, ways, self.bounds.layout.needed)
         self.joint = self.bounds.joint()
 
     @property
@@ -100,7 +100,7 @@ class PreparedTimed:
         *,
         deadline: float | None = None,
         budget: Budget = UNLIMITED,
-        known: Sequence[Walk] = (),
+        known: Sequence[TimedPath] = (),
     ) -> TimedPaths:
         """Find every non-dominated cost vector of the paths that leave a node at a tick, or hold there, each with one.
 
@@ -118,7 +118,7 @@ class PreparedTimed:
             raise QueryError(f"node {source!r} cannot be reached by tick {tick}: prepare the graph from there")
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
-        run = _Run(self, start, tick, Deadline(deadline, budget, None))
+        run = _TimedPreparedRun(self, start, tick, Deadline(deadline, budget, None))
         run.know(known)
         try:
             status = run.go()
@@ -127,7 +127,7 @@ class PreparedTimed:
         return run.result(status)
 
 
-class _Run:
+class _TimedPreparedRun:
     """One question: from a node at a tick, with some paths known."""
 
     def __init__(self, prepared: PreparedTimed, source: int, tick: int, clock: Deadline) -> None:
@@ -137,7 +137,7 @@ class _Run:
         self.near: TimedSearch | None = None
         self.is_near = False  # whether the search within a precision is complete
 
-    def know(self, known: Sequence[Walk]) -> None:
+    def know(self, known: Sequence[TimedPath]) -> None:
         """Begin with those of some paths that the graph allows."""
         prepared, k = self.prepared, self.prepared.graph.graph.criteria
         latest = prepared.graph.arrive_by
@@ -145,7 +145,7 @@ class _Run:
             arcs, leaves = (np.ascontiguousarray(part, np.int64) for part in walk)
             total = np.zeros(k, np.int64)
             asked = prepared.tables, self.source, self.tick, arcs, leaves, total
-            if not arcs.size or self.clock.call(cost_of_walk, *asked) not in prepared.targets:
+            if not arcs.size or self.clock.call(path_cost, *asked) not in prepared.targets:
                 continue
             if latest is None or leaves[-1] + prepared.graph.durations[arcs[-1]] <= latest:
                 self.seeds.append(Seed(total, arcs, leaves))

@@ -27,10 +27,10 @@ from hpop.search.machinery.slices import (
     SLICE,
     Clock,
 )
-from hpop.search.timed.bounds import JointBounds, Seed
-from hpop.search.timed.calm import Rest
+from hpop.search.timed.bounds import Seed, TimedJointBounds
+from hpop.search.timed.calm import RemainingBounds
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import LANES, Joint
+from hpop.search.timed.joint import LANES, JointTables
 from hpop.search.timed.kernel import (
     FIRST,
     FREE,
@@ -42,15 +42,15 @@ from hpop.search.timed.kernel import (
     STATE,
     USED,
     WAITING,
-    Bounds,
-    Known,
+    ClosedLabels,
+    PruningBounds,
     Queue,
     advance,
     under_way,
 )
-from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, Sets, waiting
-from hpop.search.timed.solutions import MOST_CORNERS, Goal, cut_corners, is_covered, solve, weighed_corners
-from hpop.search.timed.tables import NEVER, Tables
+from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, LabelSets, waiting
+from hpop.search.timed.solutions import MOST_CORNERS, SolutionSet, cut_corners, is_covered, solve, weighed_corners
+from hpop.search.timed.tables import NEVER, TimedTables
 
 WAYS = 32  # that are followed after each slice of work
 BLOCK = 1 << 16  # labels whose estimates are made at once
@@ -63,14 +63,14 @@ class TimedSearch:
     def __init__(
         self,
         graph: TimedGraph,
-        tables: Tables,
-        rest: Rest,
+        tables: TimedTables,
+        rest: RemainingBounds,
         source: int,
         targets: IntArray,
         precision: Precision,
         at_most: Sequence[int],
-        bounds: JointBounds,
-        joint: Joint,
+        bounds: TimedJointBounds,
+        joint: JointTables,
         seeds: Sequence[Seed],
         before: tuple[int, int] = (0, 0),
         begin: int = 0,
@@ -155,8 +155,8 @@ class TimedSearch:
                 self.corners = cut_corners(self.corners, row)
         self.lanes = weighed_corners(self.corners, self.joint.weights)
 
-    def _goal(self) -> Goal:
-        return Goal(
+    def _goal(self) -> SolutionSet:
+        return SolutionSet(
             self.front, self.reach, self.solutions, self.leaves, self.most, self.arrive_by, self.is_target,
             self.eps, self.tolerance,
         )  # fmt: skip
@@ -165,10 +165,10 @@ class TimedSearch:
         """Run the kernel."""
         if self.cornered < self.state[SOLVED]:
             self._take_corners()
-        goal, bounds = self._goal(), Bounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)
+        goal, bounds = self._goal(), PruningBounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)
         queue = Queue(self.tops, self.below, self.values, self.costs)
-        known = Known(self.closed, self.ticks, self.fresh, self.kept, self.nodes, self.waits)
-        sets = Sets(self.heads, self.vectors, self.rows)
+        known = ClosedLabels(self.closed, self.ticks, self.fresh, self.kept, self.nodes, self.waits)
+        sets = LabelSets(self.heads, self.vectors, self.rows)
         arguments = (self.tables, self.rest, goal, bounds, queue, known, sets, self.source, self.scratch)
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
@@ -311,7 +311,7 @@ class TimedSearch:
         for some in np.split(np.arange(len(nodes)), np.flatnonzero(np.diff(block)) + 1):
             count = int(sizes[some].sum())
             owners, costs = np.empty(count, np.int64), _rows(count, len(self.most))
-            waiting(self.tables, Sets(self.heads, self.vectors, self.rows), nodes[some], owners, costs)
+            waiting(self.tables, LabelSets(self.heads, self.vectors, self.rows), nodes[some], owners, costs)
             yield self.closed[owners], self.ticks[owners].astype(np.int64), costs
 
 

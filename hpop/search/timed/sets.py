@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.timed.tables import NEVER, Tables, free_since, omega_at, worst_rate
+from hpop.search.timed.tables import NEVER, TimedTables, free_since, omega_at, worst_rate
 
 # Columns of a node: where its block begins and how long it is, ripe rows, all rows, when it was last seen, and whether
 # it is left for good.
@@ -34,7 +34,7 @@ TICK, OWNER, ROW_COLUMNS = range(3)
 LEAST_ROOM = 4
 
 
-class Sets(NamedTuple):
+class LabelSets(NamedTuple):
     """The sets of all nodes.
 
     heads   (n, SET_COLUMNS)
@@ -48,7 +48,7 @@ class Sets(NamedTuple):
 
 
 @lean
-def move_row(sets: Sets, source: int, target: int) -> None:
+def move_row(sets: LabelSets, source: int, target: int) -> None:
     """Copy a row over another."""
     for j in range(sets.vectors.shape[1]):
         sets.vectors[target, j] = sets.vectors[source, j]
@@ -57,7 +57,7 @@ def move_row(sets: Sets, source: int, target: int) -> None:
 
 
 @lean
-def drop_ripe(sets: Sets, v: int, i: int) -> None:
+def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
     """Take out row i of the block, a ripe one."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, RIPE] -= 1
@@ -67,7 +67,7 @@ def drop_ripe(sets: Sets, v: int, i: int) -> None:
 
 
 @lean
-def drop_green(sets: Sets, v: int, i: int) -> None:
+def drop_green(sets: LabelSets, v: int, i: int) -> None:
     """Take out row i of the block, a green one."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, SIZE] -= 1
@@ -75,7 +75,7 @@ def drop_green(sets: Sets, v: int, i: int) -> None:
 
 
 @lean
-def ripen(sets: Sets, v: int, i: int) -> int:
+def ripen(sets: LabelSets, v: int, i: int) -> int:
     """Let row i of the block, a green one, be ripe, unless a ripe one makes it superfluous; drop those it makes so.
 
     Returns which green row to look at next, if those before i have been looked at.
@@ -118,7 +118,7 @@ def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
 
 
 @lean
-def is_superfluous(sets: Sets, v: int, t: int, vector: IntArray) -> bool:
+def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
     """Whether a label that arrives at a node at tick t need not be kept."""
     head = sets.heads[v]
     begin = head[BEGIN]
@@ -134,7 +134,9 @@ def is_superfluous(sets: Sets, v: int, t: int, vector: IntArray) -> bool:
 
 
 @lean
-def enter_label(sets: Sets, v: int, t: int, vector: IntArray, owner: int, first: int, kept: NDArray[np.uint8]) -> None:
+def enter_label(
+    sets: LabelSets, v: int, t: int, vector: IntArray, owner: int, first: int, kept: NDArray[np.uint8]
+) -> None:
     """Enter a label that is not superfluous; those of the same tick that it makes so are marked in `kept`.
 
     first  the first closed label of the tick; `kept` tells of it and its followers
@@ -174,7 +176,7 @@ def enter_label(sets: Sets, v: int, t: int, vector: IntArray, owner: int, first:
 
 
 @lean
-def make_room(sets: Sets, v: int, used: int) -> int:
+def make_room(sets: LabelSets, v: int, used: int) -> int:
     """Give a node a block twice as long, at the end of the pool, if its own is full; how many rows are used then."""
     head = sets.heads[v]
     if head[SIZE] < head[ROOM]:
@@ -187,7 +189,7 @@ def make_room(sets: Sets, v: int, used: int) -> int:
 
 
 @lean
-def refresh(tables: Tables, calm: NDArray[np.int32], sets: Sets, v: int, t: int) -> None:
+def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: int, t: int) -> None:
     """Bring the set of a node to tick t: drop those who could not wait, let others ripen, raise what waiting raised."""
     head = sets.heads[v]
     seen, begin = head[SEEN], head[BEGIN]
@@ -243,7 +245,7 @@ def refresh(tables: Tables, calm: NDArray[np.int32], sets: Sets, v: int, t: int)
 
 
 @lean
-def waiting(tables: Tables, sets: Sets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
+def waiting(tables: TimedTables, sets: LabelSets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
     """The labels (r,) in the sets of nodes, and what they cost (r, k) when they arrived, or have to pay at least."""
     at = 0
     for v in nodes:

@@ -14,17 +14,17 @@ from hpop.search.machinery.approximation import ANYTHING
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper, Saved, not_kept
 from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.slices import N_FRONT, Clock
-from hpop.search.timed.best_ways import cost_of_walk
+from hpop.search.timed.best_paths import path_cost
 from hpop.search.timed.bounds import Seed
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.joint import DOWN, FAR, LANES, UP, Joint
-from hpop.search.timed.tables import Tables
+from hpop.search.timed.joint import DOWN, FAR, LANES, UP, JointTables
+from hpop.search.timed.tables import TimedTables
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
-class Goal(NamedTuple):
+class SolutionSet(NamedTuple):
     """Solutions, and what counts as one.
 
     costs, reach  (s, k)  of solutions; the least estimates that they cover
@@ -46,7 +46,7 @@ class Goal(NamedTuple):
 
 
 @lean
-def is_covered(goal: Goal, count: int, f: IntArray) -> bool:
+def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
     """Whether a solution covers an estimate, or it exceeds what it may."""
     k = len(f)
     for j in range(k):
@@ -62,7 +62,7 @@ def is_covered(goal: Goal, count: int, f: IntArray) -> bool:
 
 
 @lean
-def solve(goal: Goal, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
+def solve(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
     """Enter a solution, and leave out those that it dominates."""
     k = len(g)
     kept = 0
@@ -110,7 +110,7 @@ class KeptSolutions:
             rest = (*standing, graph.rate, graph.cut, graph.hold, graph.arrive_by)
             self.keeper = Keeper.of(checkpoint, graph.graph, METHOD, *clock, *rest, *question)
 
-    def seeds(self, tables: Tables, source: int, targets: IntArray, clock: Clock) -> list[Seed]:
+    def seeds(self, tables: TimedTables, source: int, targets: IntArray, clock: Clock) -> list[Seed]:
         """The solutions in the file; raises CheckpointError where they are none."""
         if self.keeper is None or self.keeper.saved is None:
             return []
@@ -129,10 +129,17 @@ class KeptSolutions:
         ]
 
     def _replayed(
-        self, tables: Tables, source: int, targets: IntArray, arcs: IntArray, leaves: IntArray, clock: Clock, path: Path
+        self,
+        tables: TimedTables,
+        source: int,
+        targets: IntArray,
+        arcs: IntArray,
+        leaves: IntArray,
+        clock: Clock,
+        path: Path,
     ) -> Seed:
         total = np.zeros(self.graph.graph.criteria, np.int64)
-        end = clock.call(cost_of_walk, tables, source, 0, arcs, leaves, total)
+        end = clock.call(path_cost, tables, source, 0, arcs, leaves, total)
         late = self.graph.arrive_by is not None and leaves[-1] + self.graph.durations[arcs[-1]] > self.graph.arrive_by
         if end not in targets or late:
             raise not_kept(path, "a solution is none")
@@ -202,7 +209,7 @@ def weighed_corners(corners: IntArray, weights: FloatArray) -> NDArray[np.int32]
 
 @lean
 def may_improve(
-    joint: Joint,
+    joint: JointTables,
     corners: IntArray,
     lanes: NDArray[np.int32],
     row: int,

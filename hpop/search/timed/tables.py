@@ -16,7 +16,7 @@ NARROW = 2**31 - 1
 NEVER = 2**40  # a tick later than any
 
 
-class Tables(NamedTuple):
+class TimedTables(NamedTuple):
     """What is known of arcs and places.
 
     start, heads, durations, costs   of the graph
@@ -50,7 +50,7 @@ class Tables(NamedTuple):
     hold: int
 
     @classmethod
-    def of(cls, graph: TimedGraph) -> Tables:
+    def of(cls, graph: TimedGraph) -> TimedTables:
         """The tables of a graph."""
         static, k, width = graph.graph, graph.graph.criteria, graph.horizon + 1
         row = np.full(static.arcs, PLAIN, np.int32)
@@ -114,7 +114,7 @@ def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[N
 
 
 @inlined
-def omega_at(tables: Tables, p: int, j: int, t: int) -> int:
+def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
     """What standing at a place has cost until tick t, of a sum."""
     rate = tables.rate[p, j]
     s = tables.omega_of[j]
@@ -127,7 +127,7 @@ def omega_at(tables: Tables, p: int, j: int, t: int) -> int:
 
 
 @lean
-def worst_rate(tables: Tables, p: int, j: int, begin: int, end: int) -> int:
+def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int:
     """The worst of standing at a place from a tick to another, of a maximum; 0 of no time."""
     if end <= begin:
         return 0
@@ -142,7 +142,7 @@ def worst_rate(tables: Tables, p: int, j: int, begin: int, end: int) -> int:
 
 
 @inlined
-def free_since(tables: Tables, p: int, t: int) -> int:
+def free_since(tables: TimedTables, p: int, t: int) -> int:
     """The first tick from which one may have stood at a place until tick t."""
     last = tables.since.shape[1] - 1
     if t > last:
@@ -151,7 +151,7 @@ def free_since(tables: Tables, p: int, t: int) -> int:
 
 
 @inlined
-def is_open(tables: Tables, a: int, p: int, t: int) -> bool:
+def is_open(tables: TimedTables, a: int, p: int, t: int) -> bool:
     """Whether an arc whose tail is at place p can be left for at a tick."""
     r = tables.row[a]
     if r == PLAIN:
@@ -163,7 +163,7 @@ def is_open(tables: Tables, a: int, p: int, t: int) -> bool:
 
 
 @lean
-def arc_cost(tables: Tables, a: int, p: int, j: int, t: int) -> int:
+def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
     """Cost j of an arc whose tail is at place p, left for at a tick."""
     r = tables.row[a]
     base = tables.costs[a, j]
@@ -193,7 +193,7 @@ def arc_cost(tables: Tables, a: int, p: int, j: int, t: int) -> int:
 
 
 @lean
-def one_stay_suffices(tables: Tables, nodes: IntArray) -> bool:
+def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
     """Whether no two arcs that stay need follow each other at a place; nodes are those of it that anybody comes to."""
     for u in nodes:
         p = np.int64(tables.place[u])
@@ -208,7 +208,7 @@ def one_stay_suffices(tables: Tables, nodes: IntArray) -> bool:
 
 
 @lean
-def is_needless(tables: Tables, u: int, p: int, first: int, second: int) -> bool:
+def is_needless(tables: TimedTables, u: int, p: int, first: int, second: int) -> bool:
     """Whether two arcs that stay, from u on, have no use."""
     w = np.int64(tables.heads[second])
     d = np.int64(tables.durations[first]) + np.int64(tables.durations[second])
@@ -222,7 +222,7 @@ def is_needless(tables: Tables, u: int, p: int, first: int, second: int) -> bool
 
 
 @lean
-def is_no_dearer(tables: Tables, p: int, first: int, second: int, third: int, spare: Any) -> bool:
+def is_no_dearer(tables: TimedTables, p: int, first: int, second: int, third: int, spare: Any) -> bool:
     """Whether an arc, or none (-1), and a hold of the spare ticks cost no more than two arcs."""
     if spare < 0 or (spare > 0 and (tables.hold == 0 or spare < tables.hold)):
         return False

@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec
     from hpop.search.machinery.slices import Clock
     from hpop.search.timed.bounds import Seed
-    from hpop.search.timed.calm import Ways
+    from hpop.search.timed.calm import PathBounds
     from hpop.search.timed.search import TimedSearch
     from hpop.search.timed.solutions import KeptSolutions
-    from hpop.search.timed.tables import Tables
+    from hpop.search.timed.tables import TimedTables
 
 METHOD = "timed"
 SOON = 100_000  # labels: a search that does not end with them begins again with solutions that coarser ones have found
@@ -116,8 +116,8 @@ class _TimedRun:
         self.graph, self.source, self.targets, self.kept = graph, source, targets, kept
         self.precision, self.at_most = precision, at_most
         self.search: TimedSearch | None = None
-        self.tables: Tables | None = None
-        self.ways: Ways | None = None
+        self.tables: TimedTables | None = None
+        self.ways: PathBounds | None = None
         self.seeds: list[Seed] = []
         self.after_bounds = 0.0
         self.proven = math.inf  # gap of the last search that ended
@@ -128,28 +128,28 @@ class _TimedRun:
         if self.at_goal:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
-        from hpop.search.timed.bounds import JointBounds
-        from hpop.search.timed.calm import rest_of_way, ways_through
+        from hpop.search.timed.bounds import TimedJointBounds
+        from hpop.search.timed.calm import path_bounds, remaining_bounds
         from hpop.search.timed.search import TimedSearch
-        from hpop.search.timed.tables import Tables, own_bytes
+        from hpop.search.timed.tables import TimedTables, own_bytes
 
         if (limit := clock.exceeded(0, own_bytes(self.graph), record=False)) is not None:
             return limit
-        self.tables = tables = Tables.of(self.graph)
-        self.ways, status = ways_through(self.graph, tables, self.source, self.targets, clock)
+        self.tables = tables = TimedTables.of(self.graph)
+        self.ways, status = path_bounds(self.graph, tables, self.source, self.targets, clock)
         if self.ways is None:
             assert status is not None
             return status
         if self.ways.ticks[self.source] >= UNREACHABLE:
             return Status.NO_PATH
         kept = self.kept.seeds(tables, self.source, self.targets, clock)
-        bounds = JointBounds(self.graph, tables, self.ways, self.source, self.targets, kept)
+        bounds = TimedJointBounds(self.graph, tables, self.ways, self.source, self.targets, kept)
         self.seeds = bounds.seeds
         bounds.make(clock)
         if (status := clock.exceeded(0, 0, record=False)) is not None:
             self.keep()
             return status
-        rest = rest_of_way(self.graph, self.ways, bounds.layout.needed)
+        rest = remaining_bounds(self.graph, self.ways, bounds.layout.needed)
         self.after_bounds = clock.seconds()
         joint = bounds.joint()
         for precision, enough in self._stages():
@@ -199,7 +199,7 @@ class _TimedRun:
         gap = self.precision.eps if status.is_final else self.proven
         if self.tables is not None and self.ways is not None:
             from hpop.search.machinery.kernels import proven_gap  # numba: on first use
-            from hpop.search.timed.best_ways import gather_holds
+            from hpop.search.timed.best_paths import gather_holds
 
             if self.search is not None:
                 costs, paths = self.search.found()

@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from hpop.criteria.costs import trajectory_costs
-from hpop.planners.graphs.timed.clock import Clock
+from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import TimedArcs
 from hpop.planners.graphs.timed.presence import reading_time
 from hpop.planners.lattice import Lattice
@@ -50,7 +50,7 @@ def test_positions_that_no_free_link_reaches_leave_no_gap_among_the_places(seed)
     roadmap = planner.roadmap(problem)
     reached = np.unique(roadmap.places(np.arange(roadmap.size)))
     assert reached.size < len(roadmap.positions), "every sample has a free link, so this asks nothing"
-    arcs = TimedArcs.of(roadmap, Clock(0.05))
+    arcs = TimedArcs.of(roadmap, TickClock(0.05))
     of_node = roadmap.states(np.arange(roadmap.size))
     for name in ("x", "y"):  # each node stands where its place is
         assert np.array_equal(getattr(arcs.states, name)[arcs.place], getattr(of_node, name))

@@ -5,10 +5,10 @@ import numpy as np
 from hpop.search import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.queries import UNLIMITED
-from hpop.search.timed.bounds import JointBounds
-from hpop.search.timed.calm import ways_through
+from hpop.search.timed.bounds import TimedJointBounds
+from hpop.search.timed.calm import path_bounds
 from hpop.search.timed.graph import TimedGraph
-from hpop.search.timed.tables import Tables
+from hpop.search.timed.tables import TimedTables
 
 ARCS = [(0, 1, 0, 1), (0, 2, 0, 1), (1, 0, 0, 1), (1, 2, 0, 1), (1, 3, 5, 1), (2, 0, 0, 1), (2, 1, 0, 1), (2, 3, 1, 10)]
 
@@ -20,8 +20,8 @@ def test_it_does_not_turn_in_circles_where_the_soonest_way_is_dear():
     graph = TimedGraph(
         Graph.from_arcs(4, tails, heads, costs[:, None]), ticks, 2, place=[0, 0, 0, 1], stays=stays, rate=[[0], [0]]
     )
-    tables, targets, clock = Tables.of(graph), np.array([3]), Clock(UNLIMITED, None)
-    ways, _ = ways_through(graph, tables, 0, targets, clock)
-    bounds = JointBounds(graph, tables, ways, 0, targets)
+    tables, targets, clock = TimedTables.of(graph), np.array([3]), Clock(UNLIMITED, None)
+    ways, _ = path_bounds(graph, tables, 0, targets, clock)
+    bounds = TimedJointBounds(graph, tables, ways, 0, targets)
     bounds.make(clock)
     assert [seed.costs.tolist() for seed in bounds.seeds[:1]] == [[1]]

@@ -12,7 +12,7 @@ from hpop.errors import GraphError, QueryError
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.timed.prepared import PreparedTimed, Walk
+from hpop.search.timed.prepared import PreparedTimed, TimedPath
 from tests.search.timed.enumeration import TooMany, front_by_enumeration
 from tests.search.timed.expanded import front_by_expansion
 from tests.search.timed.instances import TimedQuery, timed_lattice, timed_query
@@ -73,7 +73,7 @@ def test_it_finds_the_front_of_all_walks_from_any_node_and_tick(seed: int) -> No
             assert [tuple(row) for row in paths.costs.tolist()] == expected
             assert paths.status is (Status.COMPLETE if expected else Status.NO_PATH)
             # What is found is known later: it is there at once, and the front stays what it is.
-            walks = [Walk(*found) for found in paths.places]
+            walks = [TimedPath(*found) for found in paths.places]
             at_once = prepared.paths(node, tick, deadline=0.0, known=walks)
             assert at_once.costs.tolist() == paths.costs.tolist()
             assert prepared.paths(node, tick, known=walks[::2]).costs.tolist() == paths.costs.tolist()
@@ -106,5 +106,5 @@ def test_what_cannot_be_is_told() -> None:
     with pytest.raises(GraphError, match="TimedGraph"):
         PreparedTimed(query.graph.graph, 0, 1)  # type: ignore[arg-type]
     # Walks that the graph does not allow are left out.
-    paths = prepared.paths(query.source, 2, deadline=0.0, known=[Walk(np.array([999]), np.array([2]))])
+    paths = prepared.paths(query.source, 2, deadline=0.0, known=[TimedPath(np.array([999]), np.array([2]))])
     assert not len(paths)

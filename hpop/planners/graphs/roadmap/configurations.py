@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.motions import States
-from hpop.planners.graphs.arcs import BLOCK, Arcs, Chains, blocks
+from hpop.planners.graphs.arcs import BLOCK, Arcs, MotionChains, blocks
 from hpop.planners.graphs.roadmap.guides import length
 from hpop.planners.graphs.roadmap.links import START, guided, linked, uniform
 from hpop.planners.graphs.roadmap.survey import GOAL_STATES, Survey, all_of, along
@@ -102,9 +102,9 @@ class ConfigurationRoadmap(TrajectoryGraph):
         """Configurations (N,) by their nodes."""
         return self.nodes.take(ids)
 
-    def _chains(self, tails: IntArray, heads: IntArray) -> Chains:
+    def _chains(self, tails: IntArray, heads: IntArray) -> MotionChains:
         """Chains (N,) between nodes, free or not."""
-        return Chains.connecting(self, tails, heads, self.states(tails), self.states(heads))
+        return MotionChains.connecting(self, tails, heads, self.states(tails), self.states(heads))
 
     @cached_property
     def arcs(self) -> Arcs:

@@ -18,10 +18,10 @@ from hpop.models.execution import Ramps, needed_about
 from hpop.motions import States
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.graphs.timed.clock import SLACK, Clock, TimeOptions
+from hpop.planners.graphs.timed.clock import SLACK, TickClock, TimeOptions
 from hpop.planners.graphs.timed.legs import TimedArcs, arrivals
-from hpop.planners.graphs.timed.notice import Asked, Attention, Company
-from hpop.planners.graphs.timed.plans import LaidOut, Timed
+from hpop.planners.graphs.timed.notice import Attention, CriterionProbe, MovingPeople
+from hpop.planners.graphs.timed.plans import GraphOnClock, GraphParts
 from hpop.planners.graphs.timed.presence import (
     Presence,
     alike_at_places,
@@ -30,7 +30,7 @@ from hpop.planners.graphs.timed.presence import (
     turn_as_they_stand,
 )
 from hpop.planners.graphs.timed.safety import Safety, Start
-from hpop.planners.graphs.timed.tables import Tables
+from hpop.planners.graphs.timed.tables import TimedCosts
 from hpop.planners.graphs.trajectory_graph import aggregates
 from hpop.planners.objectives import WHOLE
 from hpop.search import Graph
@@ -49,11 +49,11 @@ def timed_graph(
     goals: Sequence[int],
     options: TimeOptions,
     quanta: Collection[str] = (),
-    laid: LaidOut | None = None,
+    laid: GraphParts | None = None,
     attention: Attention | None = None,
     *,
     people_stop: bool = False,
-) -> Timed:
+) -> GraphOnClock:
     """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
 
     Raises QueryError where the robot would start in contact with somebody who moves, OptionError for a clock that
@@ -81,13 +81,13 @@ class _Assembly:
     goals: tuple[int, ...]
     options: TimeOptions
     quanta: frozenset[str]
-    laid: LaidOut | None
+    laid: GraphParts | None
     known: Attention | None
     people_stop: bool = False
 
     @cached_property
-    def clock(self) -> Clock:
-        return Clock(self.options.tick)
+    def clock(self) -> TickClock:
+        return TickClock(self.options.tick)
 
     @cached_property
     def arcs(self) -> TimedArcs:
@@ -96,8 +96,8 @@ class _Assembly:
         return TimedArcs.of(self.space, self.clock, self.start, 0.0 if self.laid is not None else self.ramps.half)
 
     @cached_property
-    def company(self) -> Company:
-        return Company.of(self.space.world)
+    def company(self) -> MovingPeople:
+        return MovingPeople.of(self.space.world)
 
     @cached_property
     def horizon(self) -> int:
@@ -144,7 +144,7 @@ class _Assembly:
             return known
         model = self.arcs.inner.model
         return Attention.of(
-            self.company, [Asked(self.criteria[j], self.company, model, self._is_set(j)) for j in self.timed]
+            self.company, [CriterionProbe(self.criteria[j], self.company, model, self._is_set(j)) for j in self.timed]
         )
 
     def _is_set(self, j: int) -> bool:
@@ -251,7 +251,7 @@ class _Assembly:
         begin = 0 if self.laid is None else self.laid.begin
         return np.where(np.isfinite(found), found + begin, NEVER).astype(np.int64)
 
-    def made(self, began: float) -> Timed:
+    def made(self, began: float) -> GraphOnClock:
         """The graph on the clock."""
         if self.laid is None:
             self.safety.refuse_contact()
@@ -266,7 +266,7 @@ class _Assembly:
         wanted = self.closed[rows]
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
-        tables = Tables(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
+        tables = TimedCosts(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
         made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
         flags = (made.rows.size + states.size) * (self.horizon + 1)  # arcs that are blocked, and places that are cut
         self.space.spending.hold(flags + self.plain.arcs * 8 * len(self.criteria), ON_CLOCK)
@@ -309,7 +309,7 @@ class _Assembly:
         overlooked = np.zeros(len(self.criteria))
         overlooked[self.timed] = self.attention.notices.overlooked
         pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
-        return Timed(
+        return GraphOnClock(
             graph,
             self.steps,
             self.lasting,

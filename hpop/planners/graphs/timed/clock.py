@@ -36,7 +36,7 @@ SLACK = 0.2  # s: so far a plan may be off the clock, and people are kept clear 
 
 
 @dataclass(frozen=True)
-class Clock:
+class TickClock:
     """Time in ticks.
 
     tick  s

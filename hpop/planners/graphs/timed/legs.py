@@ -18,14 +18,14 @@ from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import MOVE, blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.graphs.timed.clock import Clock
+from hpop.planners.graphs.timed.clock import TickClock
 from hpop.search import Graph
 from hpop.world import World
 
 TIMED, NODE = 27, 16  # bytes of an arc and of a node, on the clock
 
 
-class Leg(NamedTuple):
+class LegMotions(NamedTuple):
     """One motion of each of some rows of arcs that go from place to place.
 
     kind        of the motions
@@ -87,7 +87,7 @@ class TimedArcs:
         return replace(self, space=space, inner=space.states_alone)
 
     @classmethod
-    def of(cls, space: StateGraph | JoinedEnds, clock: Clock, start: int = -1, half: float = 0.0) -> TimedArcs:
+    def of(cls, space: StateGraph | JoinedEnds, clock: TickClock, start: int = -1, half: float = 0.0) -> TimedArcs:
         """Those of a graph on a clock, with so long, s, to stand before moving away from the start."""
         inner, (own, joins) = space.states_alone, space.order
         size = inner.arcs.heads.size
@@ -174,7 +174,7 @@ class TimedArcs:
         states = self.space.states(self.states_of[first])
         return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
 
-    def legs(self, arcs: IntArray) -> list[Leg]:
+    def legs(self, arcs: IntArray) -> list[LegMotions]:
         """The motions of some arcs (r,), rising, leg by leg."""
         row = np.full(self.tails.size, -1, np.int64)
         row[arcs] = np.arange(arcs.size)
@@ -189,7 +189,7 @@ class TimedArcs:
             found.append(_leg(arcs.size, row[stood], self._standing(stood.size), np.zeros(stood.size)))
         return [leg for leg in found if leg.lasts.size]
 
-    def _legs(self, size: int, row: IntArray, after: FloatArray) -> Iterator[Leg]:
+    def _legs(self, size: int, row: IntArray, after: FloatArray) -> Iterator[LegMotions]:
         """The motions of arcs of the graph that begin after (m,) s, as rows (m,) of so many; of those not at -1."""
         mine = row[self.own]
         for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
@@ -237,14 +237,14 @@ def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArra
             yield number, arcs[own], space.motions(kind, tails[own], heads[own])
 
 
-def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> Leg:
+def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> LegMotions:
     of = np.full(rows, -1, np.int64)
     of[own] = np.arange(own.size)
     lasts = np.array(np.broadcast_to(motions.duration, own.size))
-    return Leg(motions.kind, of, motions.start, motions.end, after, lasts)
+    return LegMotions(motions.kind, of, motions.start, motions.end, after, lasts)
 
 
-def arrivals(legs: Sequence[Leg], ends: BoolArray, durations: FloatArray, half: float) -> list[Leg]:
+def arrivals(legs: Sequence[LegMotions], ends: BoolArray, durations: FloatArray, half: float) -> list[LegMotions]:
     """What robots still need after plans that end with a move: half of what a run takes longer than planned.
 
     ends, durations  (r,)  which rows lead to where plans end, and how long they last, s
@@ -261,12 +261,12 @@ def arrivals(legs: Sequence[Leg], ends: BoolArray, durations: FloatArray, half: 
             of = np.full(ends.size, -1, np.int64)
             of[rows] = np.arange(own.size)
             there = leg.end.take(own)
-            found.append(Leg(HOLD.kind, of, there, there, durations[rows], np.full(own.size, half)))
+            found.append(LegMotions(HOLD.kind, of, there, there, durations[rows], np.full(own.size, half)))
     return found
 
 
 def costs_of(
-    legs: Sequence[Leg],
+    legs: Sequence[LegMotions],
     criteria: Sequence[Criterion],
     space: StateGraph,
     world: World,

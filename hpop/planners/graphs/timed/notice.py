@@ -27,7 +27,7 @@ from hpop.world import World
 from hpop.world.content.people import Person
 
 
-class Company(NamedTuple):
+class MovingPeople(NamedTuple):
     """The people of a world who move, and what must stay together.
 
     world   with all of them
@@ -38,7 +38,7 @@ class Company(NamedTuple):
     moving: tuple[int, ...]
 
     @classmethod
-    def of(cls, world: World) -> Company:
+    def of(cls, world: World) -> MovingPeople:
         """That of a world."""
         people = world.content.people
         return cls(world, tuple(i for i, person in enumerate(people) if person.moves))
@@ -96,7 +96,7 @@ PAUSE = 1e-3  # s before a prediction ends
 
 
 @dataclass(frozen=True, eq=False)
-class Noticed:
+class NoticeRange:
     """How far (m) somebody is noticed from where it is, by time and direction.
 
     person  one who moves, without futures
@@ -139,7 +139,7 @@ class Noticed:
 
 
 @dataclass(frozen=True, eq=False)
-class Notices:
+class NoticeRanges:
     """Who is noticed, and how far, by some criteria: all that may be of each person who moves.
 
     of          for each of those who move, by what may be of it
@@ -147,11 +147,11 @@ class Notices:
                       worst counts, of one of them
     """
 
-    of: tuple[tuple[Noticed, ...], ...]
+    of: tuple[tuple[NoticeRange, ...], ...]
     overlooked: FloatArray
 
     @classmethod
-    def by(cls, asked: Sequence[Asked], company: Company) -> Notices:
+    def by(cls, asked: Sequence[CriterionProbe], company: MovingPeople) -> NoticeRanges:
         """Of criteria that were asked about everybody."""
         found = []
         for number, person in enumerate(company.people):
@@ -161,14 +161,14 @@ class Notices:
                 reaches = [one.reach(number, rank) for one in asked]
                 reach = np.max([np.zeros((MOMENTS, DIRECTIONS)), *reaches], axis=0)
                 left = float(reach[-1].max()) if likely.afterwards == "stays" else 0.0
-                each.append(Noticed(likely, times, reach, left))
+                each.append(NoticeRange(likely, times, reach, left))
             found.append(tuple(each))
         several = [1 if one.criterion.aggregate == "max" else max(1, len(company.people)) for one in asked]
         return cls(tuple(found), np.array([one.threshold for one in asked]) * several)
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class CriterionProbe:
     """What a criterion that reads the time costs about each of those who move, alone.
 
     criterion, company, model
@@ -176,7 +176,7 @@ class Asked:
     """
 
     criterion: Criterion
-    company: Company
+    company: MovingPeople
     model: Model
     is_set: bool
 
@@ -252,13 +252,13 @@ class Attention(NamedTuple):
     notices  how far they are noticed
     """
 
-    asked: Sequence[Asked]
-    notices: Notices
+    asked: Sequence[CriterionProbe]
+    notices: NoticeRanges
 
     @classmethod
-    def of(cls, company: Company, asked: Sequence[Asked]) -> Attention:
+    def of(cls, company: MovingPeople, asked: Sequence[CriterionProbe]) -> Attention:
         """That of some criteria."""
-        return cls(asked, Notices.by(asked, company))
+        return cls(asked, NoticeRanges.by(asked, company))
 
 
 def _moments(person: Person) -> FloatArray:

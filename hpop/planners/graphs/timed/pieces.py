@@ -14,8 +14,8 @@ from scipy.stats import ncx2
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.parts import Part
-from hpop.planners.graphs.timed.clock import Clock
-from hpop.planners.graphs.timed.legs import Leg
+from hpop.planners.graphs.timed.clock import TickClock
+from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.world.content.people import Person
 
 PIECE = 0.5  # s
@@ -23,7 +23,7 @@ BETWEEN = 2  # places a tick at which a way is compared with its chord
 Place = tuple[FloatArray, FloatArray]
 
 
-class Pieces(NamedTuple):
+class MotionPieces(NamedTuple):
     """Pieces of motions that last no longer than :data:`PIECE`, so that nobody strays far from a chord meanwhile.
 
     row         (N,)  the arc that each is of
@@ -43,7 +43,7 @@ class Pieces(NamedTuple):
     turns: BoolArray
 
     @classmethod
-    def of(cls, leg: Leg, clock: Clock) -> Pieces:
+    def of(cls, leg: LegMotions, clock: TickClock) -> MotionPieces:
         """Those of motions of one kind."""
         ticks = clock.of(leg.lasts)
         count = -(-ticks // max(1, clock.within(PIECE)))
@@ -60,13 +60,15 @@ class Pieces(NamedTuple):
         turns = np.full(owner.size, leg.kind != "move")
         return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, turns)
 
-    def take(self, rows: IntArray) -> Pieces:
+    def take(self, rows: IntArray) -> MotionPieces:
         """Some of them."""
         start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
-        return Pieces(self.row[rows], start, end, self.yaw[rows], self.after[rows], self.lasts[rows], self.turns[rows])
+        return MotionPieces(
+            self.row[rows], start, end, self.yaw[rows], self.after[rows], self.lasts[rows], self.turns[rows]
+        )
 
 
-class Walked(NamedTuple):
+class PersonMotion(NamedTuple):
     """Where somebody walks during motions (N,).
 
     ends   x, y (N,), m, at their begin and at their end
@@ -79,7 +81,7 @@ class Walked(NamedTuple):
     there: BoolArray
 
     @classmethod
-    def of(cls, person: Person, tick: IntArray, lasts: IntArray, clock: Clock) -> Walked:
+    def of(cls, person: Person, tick: IntArray, lasts: IntArray, clock: TickClock) -> PersonMotion:
         """During motions that begin at ticks (N,) and last so many."""
         most = int(lasts.max(initial=1)) + 1
         keys, which = np.unique(tick * most + lasts, return_inverse=True)
@@ -95,7 +97,7 @@ class Walked(NamedTuple):
         present = np.asarray(np.max(there, axis=1) > 0)
         return cls(ends, stray[which], present[which])
 
-    def seen_from(self, pieces: Pieces) -> tuple[Place, Place]:
+    def seen_from(self, pieces: MotionPieces) -> tuple[Place, Place]:
         """Ways (x, y), m, from the robot to the person at both ends of pieces."""
         (x, y), (to_x, to_y) = self.ends
         (ax, ay), (bx, by) = pieces.start, pieces.end
@@ -111,7 +113,7 @@ def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) 
 
 
 def strips(
-    pieces: Pieces, seen: tuple[Place, Place], rows: IntArray, stray: float, at_start: BoolArray | None = None
+    pieces: MotionPieces, seen: tuple[Place, Place], rows: IntArray, stray: float, at_start: BoolArray | None = None
 ) -> tuple[Place, ...]:
     """Corners of where somebody is, seen from robots on moves that may be so far, m, ahead of or behind their plans.
 

@@ -18,18 +18,18 @@ from hpop.base.options import LEAST
 from hpop.models.execution import Ramps
 from hpop.motions import HOLD, States
 from hpop.motions.laws import CLOCK
-from hpop.planners.graphs.timed.clock import Clock
+from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import TimedArcs
-from hpop.planners.graphs.timed.notice import Attention, Company
+from hpop.planners.graphs.timed.notice import Attention, MovingPeople
 from hpop.planners.graphs.timed.safety import Safety
 from hpop.search import Graph
 from hpop.search.timed.graph import HOLD as HELD
-from hpop.search.timed.graph import RATE_BITS, Steps, TimedGraph
+from hpop.search.timed.graph import RATE_BITS, PathSteps, TimedGraph
 from hpop.trajectories.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
-class Timed:
+class GraphOnClock:
     """A graph of states on a clock.
 
     graph       what a search takes
@@ -54,8 +54,8 @@ class Timed:
     lasting: int | None
     start: int
     arcs: TimedArcs
-    clock: Clock
-    company: Company
+    clock: TickClock
+    company: MovingPeople
     ramps: Ramps | None
     hold: float | None
     overlooked: FloatArray
@@ -77,7 +77,7 @@ class Timed:
 
 
 @dataclass(frozen=True, eq=False)
-class LaidOut:
+class GraphParts:
     """What is there of a graph already that is put on a clock again and again, while people change.
 
     plain   its arcs, and what they cost by those criteria that do not read the time (:func:`.reading.reading_time`)
@@ -99,7 +99,7 @@ ARC, STOOD = 1, 2  # counts: an arc's cost is rounded, and what it is compared w
 SAME = 1e-6  # of a tick
 
 
-class Driven(NamedTuple):
+class StepTimes(NamedTuple):
     """When the steps (s,) of a plan really happen.
 
     times  (s + 1,)  s, at which each begins; the last is the arrival
@@ -122,17 +122,17 @@ class TimedPlans:
     late_start  s, by how much executions are later from the beginning on: of a robot that is at rest there
     """
 
-    timed: Timed
-    steps: Sequence[Steps]
+    timed: GraphOnClock
+    steps: Sequence[PathSteps]
     begins: float = 0.0
     late_start: float = 0.0
 
     @cached_property
-    def driven(self) -> tuple[Driven, ...]:
+    def driven(self) -> tuple[StepTimes, ...]:
         """When the steps of each really happen."""
         return tuple(self._driven(steps) for steps in self.steps)
 
-    def _driven(self, steps: Steps) -> Driven:
+    def _driven(self, steps: PathSteps) -> StepTimes:
         tick, durations = self.timed.clock.tick, self.timed.arcs.durations
         half = 0.0 if self.timed.ramps is None else self.timed.ramps.half
         times, late = np.full(steps.arcs.size + 1, self.begins), np.zeros(steps.arcs.size + 1)
@@ -144,7 +144,7 @@ class TimedPlans:
                 late[i + 1] = max(0.0, late[i] + 2.0 * half - (times[i + 1] - times[i]))
             else:
                 times[i + 1], late[i + 1] = times[i] + durations[arc], late[i]
-        return Driven(times, times - steps.departures * tick, late)
+        return StepTimes(times, times - steps.departures * tick, late)
 
     @cached_property
     def drift(self) -> FloatArray:
@@ -176,7 +176,7 @@ class TimedPlans:
             for i, trajectory in zip(rows.tolist(), plain, strict=True)
         )
 
-    def _held(self, steps: Steps, driven: Driven, trajectory: Trajectory) -> Trajectory:
+    def _held(self, steps: PathSteps, driven: StepTimes, trajectory: Trajectory) -> Trajectory:
         """A trajectory with the holds of its plan."""
         lasts = np.where(steps.arcs == HELD, np.diff(driven.times), 0.0)
         first = np.flatnonzero(steps.arcs != HELD)[:1]
@@ -235,9 +235,9 @@ class TimedPlans:
 class _Between:
     """What the steps of a plan cost at least and at most, in counts, at the ticks about when they really happen."""
 
-    timed: Timed
-    steps: Steps
-    driven: Driven
+    timed: GraphOnClock
+    steps: PathSteps
+    driven: StepTimes
 
     def bounds(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Of the whole (k,), the least and the largest, and how many costs in them are rounded."""

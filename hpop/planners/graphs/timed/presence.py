@@ -19,9 +19,9 @@ from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.graphs.timed.clock import Clock
+from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import TimedArcs, motions_of
-from hpop.planners.graphs.timed.notice import Company, Notices
+from hpop.planners.graphs.timed.notice import MovingPeople, NoticeRanges
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.runtime import limits
 from hpop.world import World
@@ -43,9 +43,9 @@ class Presence:
     x, y     (P,) m  places
     """
 
-    company: Company
-    notices: Notices
-    clock: Clock
+    company: MovingPeople
+    notices: NoticeRanges
+    clock: TickClock
     horizon: int
     x: FloatArray
     y: FloatArray

@@ -32,13 +32,13 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.models.collision.parts import Part
 from hpop.models.execution import Ramps
-from hpop.planners.graphs.timed.clock import SLACK, Clock, TimeOptions
-from hpop.planners.graphs.timed.legs import Leg
-from hpop.planners.graphs.timed.notice import Company
+from hpop.planners.graphs.timed.clock import SLACK, TickClock, TimeOptions
+from hpop.planners.graphs.timed.legs import LegMotions
+from hpop.planners.graphs.timed.notice import MovingPeople
 from hpop.planners.graphs.timed.pieces import (
     SIGMAS,
-    Pieces,
-    Walked,
+    MotionPieces,
+    PersonMotion,
     clear_distance,
     strips,
     to_parts,
@@ -55,7 +55,7 @@ SOON = 1.0  # s
 DOING = "it was reckoned where people who move are in the way"
 
 
-class Needed(NamedTuple):
+class Separation(NamedTuple):
     """What keeps a robot clear of somebody, at times (T,).
 
     gap   m  between the surfaces, or
@@ -89,7 +89,7 @@ class Safety:
 
     parts: Sequence[Part]
     people: tuple[Person, ...]
-    clock: Clock
+    clock: TickClock
     horizon: int
     margin: float
     starts: tuple[Start, ...]
@@ -99,7 +99,7 @@ class Safety:
     @classmethod
     def of(
         cls,
-        company: Company,
+        company: MovingPeople,
         model: Any,
         options: TimeOptions,
         horizon: int,
@@ -112,7 +112,7 @@ class Safety:
         people = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
         stray = 0.0 if ramps is None else ramps.stray  # where that is not known, each execution is looked at
-        return cls(model.platform, people, Clock(options.tick), horizon, options.margin, starts, stray, spending)
+        return cls(model.platform, people, TickClock(options.tick), horizon, options.margin, starts, stray, spending)
 
     @cached_property
     def reach(self) -> float:
@@ -123,7 +123,7 @@ class Safety:
     def _slack(self) -> int:
         return self.clock.up_to(SLACK)
 
-    def _axis(self, person: Person, need: Needed) -> FloatArray:
+    def _axis(self, person: Person, need: Separation) -> FloatArray:
         """How far (T,), m, somebody must be from the robot's axis."""
         return np.asarray(np.minimum(need.gap + self.reach + person.radius, need.axis))
 
@@ -131,11 +131,11 @@ class Safety:
     def _round(self) -> bool:
         return all(part.on_axis for part in self.parts)
 
-    def needed(self, person: Person, seconds: FloatArray) -> Needed:
+    def needed(self, person: Person, seconds: FloatArray) -> Separation:
         """What keeps the robot clear of somebody at times (T,)."""
         deviation = np.broadcast_to(np.asarray(person.deviation(seconds), float), seconds.shape)
         disc = self.reach + person.radius + self.margin
-        return Needed(self.margin + SIGMAS * deviation, clear_distance(deviation, disc))
+        return Separation(self.margin + SIGMAS * deviation, clear_distance(deviation, disc))
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
@@ -189,7 +189,7 @@ class Safety:
         ones = np.ones_like(ticks)
         places = KDTree(np.stack([x, y], axis=1))
         for person in self.people:
-            way, need = Walked.of(person, ticks, ones, self.clock), self._needed_on(person, ticks, ones)
+            way, need = PersonMotion.of(person, ticks, ones, self.clock), self._needed_on(person, ticks, ones)
             near = self._axis(person, need) + self.stray + way.stray
             (x0, y0), (x1, y1) = way.ends
             walked = np.hypot(x1 - x0, y1 - y0)
@@ -201,10 +201,10 @@ class Safety:
                 cut[own, tick] |= to_segments(*gone) < near[tick] - TOUCH
         return self._widened(cut)
 
-    def blocked(self, legs: Sequence[Leg], first: int) -> Blocked:
+    def blocked(self, legs: Sequence[LegMotions], first: int) -> BlockedArcs:
         """Which arcs of some legs must not be left for at which ticks; those from ``first`` on begin a plan."""
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        for pieces in (Pieces.of(leg, self.clock) for leg in legs):
+        for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
                 for own, tick in self._near(pieces, person):
                     some = pieces.take(own)
@@ -213,13 +213,13 @@ class Safety:
                         hit &= ~self._leaves(some, tick + some.after, person)
                     rows.append(some.row[hit])
                     ticks.append(tick[hit])
-        blocked = Blocked.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
+        blocked = BlockedArcs.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
         table = self._widened(blocked.table)
         begins = blocked.rows >= first
         table[begins, 0] = blocked.table[begins, 0]
-        return Blocked(blocked.rows, table)
+        return BlockedArcs(blocked.rows, table)
 
-    def _near(self, pieces: Pieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
+    def _near(self, pieces: MotionPieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
         """Pieces and the ticks at which their arcs are left for, where somebody may be near."""
         seconds = self.clock.seconds(np.arange(self.horizon + 1))
         need = self.needed(person, seconds)
@@ -238,9 +238,9 @@ class Safety:
                 own = np.concatenate([np.array(some, np.int64) for some in found])
                 yield own, np.repeat(begin + np.arange(counts.size), counts)
 
-    def _hits(self, pieces: Pieces, tick: IntArray, person: Person) -> BoolArray:
+    def _hits(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
         """Whether pieces (N,) that begin at ticks come too near to somebody."""
-        way = Walked.of(person, tick, pieces.lasts, self.clock)
+        way = PersonMotion.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
         seen = way.seen_from(pieces)
         near, stray = self._axis(person, need), self.stray
@@ -259,12 +259,12 @@ class Safety:
         hit[some] = gap - way.stray[some] < need.gap[some] - TOUCH
         return hit
 
-    def _leaves(self, pieces: Pieces, tick: IntArray, person: Person) -> BoolArray:
+    def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
         """Whether pieces lead from where somebody is near, or will be, without contact, soon after such a start.
 
         One that begins at a start goes ahead of it only, and before it the robot has stood or turned there at most.
         """
-        way = Walked.of(person, tick, pieces.lasts, self.clock)
+        way = PersonMotion.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
         begin, end = way.seen_from(pieces)
         comes = person.speed * (SLACK + SOON)
@@ -283,10 +283,10 @@ class Safety:
         found: BoolArray = inside & clear & (tick <= self._left_by)
         return found
 
-    def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray) -> Needed:
+    def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray) -> Separation:
         """The most that is needed at the ends and in the middle of so many ticks."""
         each = [self.needed(person, self.clock.seconds(tick + share * lasts)) for share in (0.0, 0.5, 1.0)]
-        return Needed(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Needed._fields))
+        return Separation(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Separation._fields))
 
     def _widened(self, table: BoolArray) -> BoolArray:
         """What holds at a tick (q, H + 1) also holds so much before and after."""
@@ -309,7 +309,7 @@ def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:
     return np.where(there, np.hypot(start.x - x, start.y - y), np.inf)
 
 
-class Blocked(NamedTuple):
+class BlockedArcs(NamedTuple):
     """Arcs that must not be left for at some ticks.
 
     rows   (b,)  which arcs, rising
@@ -320,7 +320,7 @@ class Blocked(NamedTuple):
     table: BoolArray
 
     @classmethod
-    def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> Blocked:
+    def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> BlockedArcs:
         """From pairs (N,) of an arc and a tick, in any order."""
         arcs, which = np.unique(rows, return_inverse=True)
         table = np.zeros((arcs.size, horizon + 1), dtype=bool)

@@ -20,7 +20,7 @@ from hpop.criteria.costs import motion_costs
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.graphs.timed.legs import Leg, costs_of
+from hpop.planners.graphs.timed.legs import LegMotions, costs_of
 from hpop.planners.graphs.timed.presence import Presence
 from hpop.planners.spending import Spending
 from hpop.world import World
@@ -48,7 +48,7 @@ class ArcTable(NamedTuple):
     pairs: int
 
 
-class Standing(NamedTuple):
+class StandingCosts(NamedTuple):
     """What standing at places costs, in quanta.
 
     tables  k of them, (P, H + 1) int64: of a sum since tick 0, of a worst moment during the tick
@@ -62,7 +62,7 @@ class Standing(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Tables:
+class TimedCosts:
     """What makes tables.
 
     space, presence
@@ -78,7 +78,7 @@ class Tables:
     spending: Spending
 
     def arcs(
-        self, legs: Sequence[Leg], place: IntArray, lasts: FloatArray, earliest: IntArray, wanted: BoolArray
+        self, legs: Sequence[LegMotions], place: IntArray, lasts: FloatArray, earliest: IntArray, wanted: BoolArray
     ) -> ArcTable:
         """Of arcs (r,) that leave from places at a tick or later and last so long, s; all that are wanted among them.
 
@@ -118,7 +118,7 @@ class Tables:
             columns.append(np.concatenate([np.zeros((0, horizon + 1), np.int32), *(part[1].pop(0) for part in parts)]))
         return ArcTable(rows, columns, static, sum(part[2] for part in parts))
 
-    def standing(self, states: States, earliest: IntArray) -> Standing:
+    def standing(self, states: States, earliest: IntArray) -> StandingCosts:
         """At places, in these states (P,), from a tick on."""
         size, horizon = states.size, self.presence.horizon
         tick = self.presence.clock.tick
@@ -149,7 +149,7 @@ class Tables:
         pairs = sum(self.spending.each(made, self._slices(size), DOING))
         totals = [self._totals(j, paid.pop(0)) for j in range(len(self.criteria))]
         self.spending.release(8 * size * (horizon + 1) * len(totals))
-        return Standing(totals, rates / self.quanta, pairs)
+        return StandingCosts(totals, rates / self.quanta, pairs)
 
     def _counts(self, costs: FloatArray) -> list[IntArray]:
         """Costs (N, k) in quanta, the nearest, for sums of many that are rounded up would be too large."""
@@ -176,7 +176,7 @@ class Tables:
             costs[:, j] = motion_costs(criterion, motions)
         return costs
 
-    def _final(self, legs: Sequence[Leg], size: int) -> IntArray:
+    def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
         """Costs (r, k) of arcs in quanta when all is over."""
         static = np.zeros((size, len(self.criteria)), np.int64)
 
@@ -212,7 +212,7 @@ def _small(column: IntArray) -> Counts:
     return column.astype(np.int32) if column.max(initial=0) < 2**31 else column
 
 
-def _ways(legs: Sequence[Leg], size: int) -> FloatArray:
+def _ways(legs: Sequence[LegMotions], size: int) -> FloatArray:
     """How far (r,), m, each arc leads."""
     ways = np.zeros(size)
     for leg in legs:

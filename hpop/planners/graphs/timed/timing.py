@@ -19,7 +19,7 @@ from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import SLACK, TimeOptions
 from hpop.planners.graphs.timed.notice import Attention
-from hpop.planners.graphs.timed.plans import Timed, TimedPlans
+from hpop.planners.graphs.timed.plans import GraphOnClock, TimedPlans
 from hpop.planners.graphs.timed.safety import Start
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits
@@ -53,7 +53,7 @@ class Timing:
     late_start  s, by how much executions are later from the departure on, which graph and clock do not allow for
     """
 
-    timed: Timed
+    timed: GraphOnClock
     start: int
     options: TimeOptions
     people: Sequence[Person]

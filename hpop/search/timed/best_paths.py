@@ -6,12 +6,12 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
-from hpop.search.timed.joint import FAR, LANES, UNIT, Ahead, Sweep, depart, row_of, weigh_standing
-from hpop.search.timed.tables import PLAIN, STAYS, Tables, arc_cost, free_since, is_open, omega_at, worst_rate
+from hpop.search.timed.joint import FAR, LANES, UNIT, JointSweep, TimeWindows, depart, row_of, weigh_standing
+from hpop.search.timed.tables import PLAIN, STAYS, TimedTables, arc_cost, free_since, is_open, omega_at, worst_rate
 
 
 @lean
-def rest_by(tables: Tables, ahead: Ahead, work: Sweep, lane: int, a: int, p: int, t: int) -> int:
+def rest_by(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, p: int, t: int) -> int:
     """The weighted rest of a lane, all rows filled, for leaving at tick t by an arc whose tail is at place p."""
     u = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
@@ -33,7 +33,7 @@ def rest_by(tables: Tables, ahead: Ahead, work: Sweep, lane: int, a: int, p: int
 
 
 @lean
-def goes_on(tables: Tables, ahead: Ahead, work: Sweep, lane: int, a: int, t: int) -> bool:
+def goes_on(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
     """Whether a best way of a lane that leaves by an arc at tick t leaves its head at once, for another place."""
     u, end = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
     p = np.int64(tables.place[u])
@@ -46,9 +46,9 @@ def goes_on(tables: Tables, ahead: Ahead, work: Sweep, lane: int, a: int, t: int
 
 @lean
 def follow(
-    tables: Tables,
-    ahead: Ahead,
-    work: Sweep,
+    tables: TimedTables,
+    ahead: TimeWindows,
+    work: JointSweep,
     lane: int,
     node: int,
     tick: int,
@@ -116,9 +116,9 @@ def follow(
 
 @lean
 def follow_all(
-    tables: Tables,
-    ahead: Ahead,
-    work: Sweep,
+    tables: TimedTables,
+    ahead: TimeWindows,
+    work: JointSweep,
     lanes: IntArray,
     nodes: IntArray,
     tick: int,
@@ -192,7 +192,7 @@ def mixtures(k: int, count: int) -> FloatArray:
 
 
 @lean
-def cost_of_walk(tables: Tables, source: int, begin: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> int:
+def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> int:
     """Write what a walk costs that leaves a node at a tick and takes arcs (s,) at ticks (s,), holds between them.
 
     It is written into total (k,).
@@ -232,7 +232,9 @@ def cost_of_walk(tables: Tables, source: int, begin: int, arcs: IntArray, leaves
 
 
 @kernel
-def gather_holds(tables: Tables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray) -> int:
+def gather_holds(
+    tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray
+) -> int:
     """Make two holds one while the path costs the same (k,); leaves (s,) are changed; returns how many are left."""
     total = np.empty(len(costs), np.int64)
     tried = leaves.copy()
@@ -251,7 +253,7 @@ def gather_holds(tables: Tables, source: int, begin: int, arcs: IntArray, leaves
                 for later in (waits[j], -waits[i]):  # all at the first place, or all at the second
                     for between in range(len(arcs)):
                         tried[between] = leaves[between] + (later if i <= between < j else 0)
-                    if cost_of_walk(tables, source, begin, arcs, tried, total) >= 0 and (total == costs).all():
+                    if path_cost(tables, source, begin, arcs, tried, total) >= 0 and (total == costs).all():
                         leaves[:] = tried
                         again = True
                         break

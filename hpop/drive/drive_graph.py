@@ -1,7 +1,7 @@
-"""The graph of a drive, kept from its first moment to its last: ways from any of its nodes, and what is known of them.
+"""The graph of a drive, which is kept for the whole drive, and the known paths on it.
 
-It is laid out once, in the world without people and without the areas that have names; these are masks over its arcs,
-which come and go. What a change makes of the costs is worked out for the criteria alone whose costs it changes.
+It is laid out once, in the world without people and without named areas. Closed areas are masks over its arcs. After a
+change of the world, only criteria that depend on the change are evaluated again.
 """
 
 from __future__ import annotations
@@ -42,54 +42,54 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
-    """Ways to a goal, the arcs of all, one way after another, and what is still to go from each.
+class KnownRoutes:
+    """Known paths to a goal, with the remaining cost from each of their nodes.
 
-    Where only closings came since they were found, the open rests of optimal ways are optimal: alternatives became
-    fewer.
+    The arcs of all paths are listed one path after another. If areas were only closed since, the open remaining paths
+    of optimal ones are still optimal, as there are fewer alternatives.
 
-    tails, arcs  (S,)
-    ends         (S,)  where the way of each arc ends among these
-    to_go        (S, k)  counts, from the tail of each arc to the goal
-    closed       (S,)  whether an arc from there on is closed
+    tails, arcs     (S,)
+    ends            (S,)    index after the last arc of the same path
+    remaining_cost  (S, k)  in quanta, from the tail of each arc to the goal
+    closed          (S,)    whether this arc or a later one of the path is closed
     """
 
     tails: IntArray
     arcs: IntArray
     ends: IntArray
-    to_go: IntArray
+    remaining_cost: IntArray
     closed: BoolArray
 
     @classmethod
-    def of(cls, ways: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> Known:
-        """Of ways, arcs each, through a graph whose arcs (m,) have these tails, some of them closed."""
-        arcs = np.concatenate([np.zeros(0, np.int64), *ways])
-        sizes = [way.size for way in ways]
+    def of(cls, paths: Sequence[IntArray], tails: IntArray, graph: Graph, closed: BoolArray) -> KnownRoutes:
+        """Return known paths, given by their arcs in a graph with tails (m,) and closed arcs (m,)."""
+        arcs = np.concatenate([np.zeros(0, np.int64), *paths])
+        sizes = [path.size for path in paths]
         last = np.cumsum(np.array(sizes, np.int64))
-        to_go = np.empty((arcs.size, graph.criteria), np.int64)
-        shut = np.empty(arcs.size, dtype=np.bool_)
+        remaining_cost = np.empty((arcs.size, graph.criteria), np.int64)
+        is_closed = np.empty(arcs.size, dtype=np.bool_)
         worst = np.array(graph.aggregates) == "max"
         for end, size in zip(last.tolist(), sizes, strict=True):
             own = slice(end - size, end)
             costs = graph.costs[arcs[own]][::-1]
-            to_go[own] = np.where(worst, np.maximum.accumulate(costs), np.cumsum(costs, axis=0))[::-1]
-            shut[own] = np.logical_or.accumulate(closed[arcs[own]][::-1])[::-1]
-        return cls(tails[arcs], arcs, np.repeat(last, sizes), to_go, shut)
+            remaining_cost[own] = np.where(worst, np.maximum.accumulate(costs), np.cumsum(costs, axis=0))[::-1]
+            is_closed[own] = np.logical_or.accumulate(closed[arcs[own]][::-1])[::-1]
+        return cls(tails[arcs], arcs, np.repeat(last, sizes), remaining_cost, is_closed)
 
-    def rests(self, node: int) -> list[IntArray]:
-        """The open rests of the ways from a node, arcs each, none of them dominated."""
-        found = np.flatnonzero((self.tails == node) & ~self.closed)
-        found = found[is_nondominated(self.to_go[found])] if found.size else found
-        return [self.arcs[at : self.ends[at]] for at in found.tolist()]
+    def remaining(self, node: int) -> list[IntArray]:
+        """Return the arcs of the open remaining paths from a node, none of them dominated."""
+        steps = np.flatnonzero((self.tails == node) & ~self.closed)
+        steps = steps[is_nondominated(self.remaining_cost[steps])] if steps.size else steps
+        return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
 
 
-ASKED = 200  # arcs nearest to a change that tell which criteria's costs it changes
-KEPT = ("_places", "_finder", "tails")  # derived from the graph's states and arcs alone
-OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # what a criterion of theirs requires
+SAMPLED = 200  # arcs nearest to a change, which show the criteria whose costs it changes
+CACHED = ("_places", "_finder", "tails")  # depend on the states and arcs of the graph only
+OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
 
 
 def bare(world: World) -> World:
-    """A world without what comes and goes while a robot drives: people, and closed areas that have names."""
+    """Return a world without people and without named closed areas, which come and go during a drive."""
     content = world.content
     zones = tuple(zone for zone in content.zones if not (zone.kind == "keep-out" and zone.name))
     if not content.people and len(zones) == len(content.zones):
@@ -98,15 +98,15 @@ def bare(world: World) -> World:
 
 
 @dataclass(frozen=True, eq=False)
-class Ways:
-    """The graph of a drive, with its costs as they are now and what of it is closed now.
+class DriveGraph:
+    """The graph of a drive, with its costs and closed arcs as they are now.
 
-    name      of the planner whose graph it is
-    query     the graph between a start and the goal, laid out in the bare world
-    world     in which costs are, with the people and closings of now
-    closings  areas that are closed
-    masks     (c,) of each of these, which arcs of the inner graph it closes, by number
-    reading   criteria, by column, whose costs closings change as well
+    name      of the planner that laid it out
+    query     on the graph between a start and the goal, laid out in the bare world
+    world     in which costs are evaluated, with the present people and closed areas
+    closings  closed areas
+    masks     (c,) for each closed area, the arcs of the inner graph that it closes
+    reading   columns of the criteria with costs that depend on closed areas
     """
 
     name: str
@@ -119,12 +119,12 @@ class Ways:
     @classmethod
     def laid_out(
         cls, name: str, inner: StateGraph, problem: Problem, objectives: Objectives, closings: Sequence[Closing] = ()
-    ) -> Ways:
-        """The ways from a problem's start; ``inner`` is a graph of states in the bare world of the drive.
+    ) -> DriveGraph:
+        """Return the graph from a problem's start; ``inner`` is a graph of states in the bare world of the drive.
 
-        closings  what of the problem's world is closed, which it is not in the bare one
+        closings  closed areas of the problem's world that are not in the bare one
 
-        Raises QueryError where the start or the goal cannot be joined to it.
+        Raises QueryError where the start or the goal cannot be joined to the graph.
         """
         began = time.perf_counter()
         space, start, goals = with_ends(inner, problem, inner.reach(problem))
@@ -134,21 +134,21 @@ class Ways:
         masks = [closed_arcs(inner, closing, *states_by_place(inner)) for closing in closings]
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
-    def from_beside(self, problem: Problem) -> Ways:
-        """The same ways from a problem's start that is no state of the graph: joined to it as exact ends are."""
-        other = Ways.laid_out(self.name, self.inner, problem, self.query.objectives)
-        return replace(other, closings=self.closings, masks=self.masks, reading=self.reading)
+    def from_beside(self, problem: Problem) -> DriveGraph:
+        """Return the graph with a start that is not one of its states, joined to it as exact ends are."""
+        joined = DriveGraph.laid_out(self.name, self.inner, problem, self.query.objectives)
+        return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
     @property
     def inner(self) -> StateGraph:
-        """The graph of states, to which ends may be joined."""
+        """The graph of states, without joined ends."""
         states = self.query.space.states_alone
-        assert states is not None  # it was laid out of one
+        assert states is not None  # the query was laid out on one
         return states
 
     @property
     def graph(self) -> Graph:
-        """Arcs and their costs, closed ones among them."""
+        """Arcs and their costs, closed arcs included."""
         return self.query.graph
 
     @cached_property
@@ -158,7 +158,7 @@ class Ways:
 
     @property
     def _is_goal(self) -> BoolArray:
-        """Which nodes (n,) are goals."""
+        """Mask (n,) of the goals."""
         goals = np.zeros(self.graph.nodes, dtype=np.bool_)
         goals[self.query.goals] = True
         return goals
@@ -169,7 +169,7 @@ class Ways:
 
     @cached_property
     def closed(self) -> BoolArray:
-        """Which arcs (m,) of the graph are closed."""
+        """Mask (m,) of the closed arcs."""
         space = self.query.space
         inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
         for mask in self.masks:
@@ -183,10 +183,10 @@ class Ways:
 
     # Changes
 
-    def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> Ways:
-        """The same ways in a world with other people (``people``) or other closings, of which known ones stay masked.
+    def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> DriveGraph:
+        """Return the graph in a world with other people (``people``) or other closed areas; known masks are reused.
 
-        Costs are made anew of those criteria alone that read what changed.
+        Only criteria that depend on the change are evaluated again.
         """
         masks, reading = [], set(self.reading)
         criteria = self.query.objectives.optimised
@@ -200,27 +200,27 @@ class Ways:
             if closing not in closings and not reading:
                 reading |= self._reading(closing, criteria, world)
         anew = {j for j, c in enumerate(criteria) if people and OF_PEOPLE & {*c.requires}} | reading
-        other = replace(self, world=world, closings=tuple(closings), masks=tuple(masks), reading=frozenset(reading))
+        changed = replace(self, world=world, closings=tuple(closings), masks=tuple(masks), reading=frozenset(reading))
         if anew:
             columns = sorted(anew)
             costs = self.graph.costs.copy()
             costs[:, columns] = self.query.space.costed_in(world).graph([criteria[j] for j in columns]).costs
             costs.setflags(write=False)
-            other = replace(other, query=replace(self.query, graph=replace(self.graph, costs=costs)))
-        return copied(other, **{part: vars(self)[part] for part in KEPT if part in vars(self)})
+            changed = replace(changed, query=replace(self.query, graph=replace(self.graph, costs=costs)))
+        return copied(changed, **{part: vars(self)[part] for part in CACHED if part in vars(self)})
 
     def _reading(self, closing: Closing, criteria: Sequence[Criterion], world: World) -> set[int]:
-        """Which criteria read what is closed: their costs of the arcs nearest to a closing differ in the two worlds."""
+        """Return the columns of the criteria that cost the arcs nearest to a closed area differently in two worlds."""
         states, _ = self._places
         x_min, y_min, x_max, y_max = closing.area.bounds
         dx, dy = np.maximum(x_min - states.x, states.x - x_max), np.maximum(y_min - states.y, states.y - y_max)
         apart = np.hypot(np.maximum(dx, 0.0), np.maximum(dy, 0.0))
-        nearest = np.argpartition(apart, ASKED - 1)[:ASKED] if apart.size > ASKED else np.arange(apart.size)
+        nearest = np.argpartition(apart, SAMPLED - 1)[:SAMPLED] if apart.size > SAMPLED else np.arange(apart.size)
         arcs = self.inner.arcs
         ends = [np.arange(arcs.start[node], arcs.start[node + 1]) for node in nearest.tolist()]
-        places = np.concatenate([np.zeros(0, np.int64), *ends])[:ASKED]
+        places = np.concatenate([np.zeros(0, np.int64), *ends])[:SAMPLED]
         tails = np.searchsorted(arcs.start, places, side="right") - 1
-        found = set[int]()
+        columns = set[int]()
         for number, kind in enumerate(self.inner.kinds):
             own = arcs.kinds[places] == number
             if not own.any():
@@ -228,36 +228,36 @@ class Ways:
             motions = self.inner.motions(kind, tails[own], arcs.heads[places[own]].astype(np.int64))
             before, after = (replace(motions, world=world) for world in (self.world, world))
             for j, criterion in enumerate(criteria):
-                if j not in found and _differ(criterion, before, after):
-                    found.add(j)
-        return found
+                if j not in columns and _differ(criterion, before, after):
+                    columns.add(j)
+        return columns
 
-    # What is known of its nodes
+    # Nodes and known paths
 
     @cached_property
     def _finder(self) -> KDTree:
-        """All states of the inner graph as points: what comes round lies on a circle."""
+        """Search tree of all states of the inner graph; angles are points on a circle."""
         from scipy.spatial import KDTree  # on first use: the import takes its time
 
         return KDTree(_points(self.inner, self._places[0]))
 
     def nodes(self, states: States) -> IntArray:
-        """Nodes (N,) of the inner graph at which states are, -1 where there is none."""
+        """Return the nodes (N,) of the inner graph at states (N,), -1 where there is none."""
         space = self.inner.model.space
         own = States(**{name: getattr(states, name) for name in space.names})
         nearest = self._finder.query(_points(self.inner, own))[1]
-        there = self._places[0].take(nearest)
+        states_there = self._places[0].take(nearest)
         same = np.ones(nearest.size, dtype=np.bool_)
-        for name, off in space.differences(own, there).items():
+        for name, off in space.differences(own, states_there).items():
             same &= np.abs(off) <= (HEADING_TOLERANCE if name in space.angles else UNMOVED)
         return np.where(same, nearest, -1)
 
-    def ways_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
-        """The last part of each trajectory that goes along arcs of the graph to a goal, as their numbers."""
-        return [arcs for arcs, _ in self.ways_with_places(trajectories)]
+    def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
+        """Return, for each trajectory, the arcs of its last part along the graph to a goal."""
+        return [arcs for arcs, _ in self.arcs_and_places(trajectories)]
 
-    def ways_with_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:
-        """The same, and of each arc the number of the state from which it leads on."""
+    def arcs_and_places(self, trajectories: Sequence[Trajectory]) -> list[tuple[IntArray, IntArray]]:
+        """Return the arcs of :meth:`arcs_of`, each with the index of the state at its tail."""
         if not trajectories:
             return []
         names = self.inner.model.space.names
@@ -265,18 +265,18 @@ class Ways:
             States(**{name: np.concatenate([getattr(t.states, name) for t in trajectories]) for name in names})
         )
         ends = np.cumsum([len(t) + 1 for t in trajectories])
-        return [self._way(own) for own in np.split(nodes, ends[:-1])]
+        return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]
 
-    def whole_way(self, trajectory: Trajectory) -> IntArray | None:
-        """The arcs of a trajectory that goes along the graph from its beginning on, all of them open; None else."""
-        (arcs,) = self.ways_of([trajectory])
+    def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
+        """Return the arcs of a trajectory along the graph from its beginning on; None if it leaves it, or is closed."""
+        (arcs,) = self.arcs_of([trajectory])
         first = int(self.nodes(trajectory.states.take([0]))[0])
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
         return arcs if begins and not self.closed[arcs].any() else None
 
-    def _way(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Arcs between the last of some nodes, to a goal, and the places of their tails; -1 is no node of the graph."""
-        places = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # one who stands stays at a node
+    def _arcs_along(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the arcs between the last of some nodes, to a goal, and the indices of their tails; -1 is no node."""
+        places = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # a hold repeats its node
         nodes = nodes[places]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
         if nodes[last] not in self.query.goals:  # a join of up to three motions leads to a goal beside the graph
@@ -295,30 +295,28 @@ class Ways:
         return arcs, places[first : first + arcs.size]
 
     def _arcs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Arcs (N,) of the graph between nodes, -1 where there is none."""
-        found = np.full(tails.size, -1)
+        """Return the arcs (N,) between nodes, -1 where there is none."""
+        between = np.full(tails.size, -1)
         here = np.flatnonzero((tails >= 0) & (heads >= 0))
         begins, ends = self.graph.indptr[tails[here]], self.graph.indptr[tails[here] + 1]
-        for more in range(int((ends - begins).max(initial=0))):
-            arcs = np.minimum(begins + more, ends - 1)
-            hits = (begins + more < ends) & (self.graph.heads[arcs] == heads[here])
-            found[here[hits]] = arcs[hits]
-        return found
+        for offset in range(int((ends - begins).max(initial=0))):
+            arcs = np.minimum(begins + offset, ends - 1)
+            hits = (begins + offset < ends) & (self.graph.heads[arcs] == heads[here])
+            between[here[hits]] = arcs[hits]
+        return between
 
-    def known(self, ways: Sequence[IntArray]) -> Known:
-        """What is known of ways, arcs each."""
-        return Known.of(ways, self.tails, self.graph, self.closed)
+    def known_routes(self, paths: Sequence[IntArray]) -> KnownRoutes:
+        """Return known paths, given by their arcs, with their remaining costs."""
+        return KnownRoutes.of(paths, self.tails, self.graph, self.closed)
 
     # Search
 
-    def prepared(self, before: Ways | None = None, kept: Prepared | None = None) -> Prepared:
-        """Return the graph for searches, with turns as the last tie-break where no cost counts them.
-
-        Arcs that are closed now are closed in it.
+    def prepared(self, before: DriveGraph | None = None, kept: Prepared | None = None) -> Prepared:
+        """Return the graph prepared for searches, with the present closed arcs, and turns as the last tie-break.
 
         Parameters
         ----------
-        before, kept : earlier ways and what was prepared for them: where costs are the same, it is brought up to date
+        before, kept : an earlier graph and its preparation, which is updated where the costs have not changed
         """
         if before is not None and kept is not None and before.graph is self.graph:
             kept.open(np.flatnonzero(before.closed & ~self.closed))
@@ -328,7 +326,7 @@ class Ways:
         made.close(np.flatnonzero(self.closed))
         return made
 
-    def rests(
+    def remaining_paths(
         self,
         prepared: Prepared,
         node: int,
@@ -338,13 +336,13 @@ class Ways:
     ) -> ParetoPaths:
         """Return all non-dominated paths from a node to the goal, or those found until a deadline.
 
-        Known paths take no search: they are returned even after a deadline of 0 s, and stay where nothing is better.
+        Known paths need no search: they are returned even after a deadline of 0 s, unless a better path is found.
 
         Parameters
         ----------
-        prepared : the graph of these ways, as :meth:`prepared` makes it
-        known : open paths from there, arcs each
-        present : the present plan among them: it stands for all paths of its costs
+        prepared : this graph from :meth:`prepared`
+        known : arcs of known open paths from the node
+        present : arcs of the present plan, which is kept among paths with equal costs
         deadline : s of this thread's processor time, None for none
         """
         several = [*known] if present is None else [present, *known]
@@ -352,22 +350,22 @@ class Ways:
         def search(graph: Graph) -> ParetoPaths:
             return prepared.paths(node, deadline=deadline, known=several)
 
-        paths, told = self.query.with_fewest_turns(search), self._told(node, several)
-        first = np.concatenate([len(paths) + np.arange(len(told)), np.arange(len(paths))])  # what is known comes first
-        paths = paths.and_those_of(told)
-        kept = first[is_nondominated(paths.costs[first])] if len(paths) else first
-        return paths.select(paths.costs, kept[np.lexsort(paths.costs[kept].T[::-1])])
+        paths, known_paths = self.query.with_fewest_turns(search), self._unsearched(node, several)
+        first = np.concatenate([len(paths) + np.arange(len(known_paths)), np.arange(len(paths))])  # known ones first
+        paths = paths.and_those_of(known_paths)
+        rows = first[is_nondominated(paths.costs[first])] if len(paths) else first
+        return paths.select(paths.costs, rows[np.lexsort(paths.costs[rows].T[::-1])])
 
-    def told(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
-        """What was found from a node before, where a deadline cut it short, from how it was noted."""
-        given = [np.array(way, np.int64) for way in answer["arcs"]]
-        arcs = known_paths(self.graph, node, self._is_goal, given, self.closed).paths
-        paths, gap = self._told(node, arcs), answer["gap"]
+    def restored(self, node: int, answer: Mapping[str, Any]) -> ParetoPaths:
+        """Return the result of a search from a node that its deadline ended, from the event log."""
+        logged = [np.array(path, np.int64) for path in answer["arcs"]]
+        arcs = known_paths(self.graph, node, self._is_goal, logged, self.closed).paths
+        paths, gap = self._unsearched(node, arcs), answer["gap"]
         stats = SearchStats("none", labels_generated=answer["labels"])
         return replace(paths, status=Status(answer["status"]), gap=math.inf if gap is None else gap, stats=stats)
 
-    def _told(self, node: int, several: Sequence[IntArray]) -> ParetoPaths:
-        """Return known paths from a node, the arcs of each, as the result of a search that did nothing."""
+    def _unsearched(self, node: int, several: Sequence[IntArray]) -> ParetoPaths:
+        """Return known paths from a node, given by their arcs, as the result of a search that did nothing."""
         costs, stats = costs_along(self.graph, several), SearchStats("none")
         return ParetoPaths(costs, Status.TIME_LIMIT, stats, self.graph, node, tuple(several), gap=math.inf)
 
@@ -375,18 +373,18 @@ class Ways:
         """Return paths from a node as candidates of the planner that laid out the graph, with their claim."""
         query, reason = replace(self.query, start=node, closed=self.closed), ""
         if paths.status.is_final and self.closings:
-            reason = f"no path: no way is open from where the robot may leave its plan; closed: {listed(self.closings)}"
+            reason = f"no path: none is open from where the robot may change its plan; closed: {listed(self.closings)}"
         claim, stats = claimed_with_known(paths, query.where), search_stats(paths, paths.gap)
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
 
 
 def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:
-    """Whether a criterion costs motions differently in two worlds."""
+    """Return whether a criterion gives motions other costs in another world."""
     return not np.array_equal(motion_costs(criterion, before), motion_costs(criterion, after))
 
 
 def _points(graph: StateGraph, states: States) -> FloatArray:
-    """States (N,) as points (N, d): near each other where the states are, whole turns apart or not."""
+    """Return states (N,) as points (N, d) that are near each other where the states are, up to whole turns."""
     columns: list[FloatArray] = []
     for name in graph.model.space.names:
         column = getattr(states, name)

@@ -1,0 +1,389 @@
+"""Replanning during a drive: the graph and the paths found on it are kept from query to query."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import replace
+from functools import partial
+from threading import Lock, Thread
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+
+from hpop.base.arrays import IntArray
+from hpop.criteria.base import make_criterion
+from hpop.drive.drive_graph import DriveGraph, KnownRoutes
+from hpop.drive.options import Commit
+from hpop.drive.surroundings import DriveSurroundings
+from hpop.drive.timed_drive_graph import ScheduledPath, TimedDriveGraph, clear_trajectories, rechecked, remaining_from
+from hpop.errors import DriveError
+from hpop.planners.base import Candidates, Planner
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.timed.clock import GOLDEN, TimeOptions
+from hpop.planners.graphs.timed.presence import reading_time
+from hpop.planners.objectives import edge_objectives
+from hpop.planners.spending import CORES, Spending
+from hpop.runtime.status import Status
+from hpop.search.prepared import Prepared
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+
+T = TypeVar("T")
+
+
+class LatestOnlyWorker:
+    """A worker thread that keeps only its newest waiting task; an older one is cancelled.
+
+    The thread ends with its last task, or with the process.
+    """
+
+    def __init__(self) -> None:
+        """Make a worker without tasks."""
+        self._lock, self._busy = Lock(), False
+        self._next: tuple[Future[Any], Callable[[], Any]] | None = None
+
+    def begin(self, task: Callable[[], T]) -> Future[T]:
+        """Run a task as soon as the present one is done."""
+        future: Future[T] = Future()
+        with self._lock:
+            if self._next is not None:
+                self._next[0].cancel()
+            self._next = future, task
+            if not self._busy:
+                self._busy = True
+                Thread(target=self._work, name="hpop drive", daemon=True).start()
+        return future
+
+    def _work(self) -> None:
+        while True:
+            with self._lock:
+                if self._next is None:
+                    self._busy = False
+                    return
+                future, task = self._next
+                self._next = None
+            if future.set_running_or_notify_cancel():
+                try:
+                    future.set_result(task())
+                except BaseException as error:  # raised again by future.result()
+                    future.set_exception(error)
+
+
+RECHECK = 0.05  # s of this thread's processor time to check known paths again, even if the deadline is shorter
+
+
+class ReplanResult(NamedTuple):
+    """Result of a search from where a drive may change its plan.
+
+    gap     every missing vector is covered by a returned one within the factor 1 + gap
+    labels  count  partial paths that the search made
+    answer  if a deadline ended the search, its result as JSON, so that it can be repeated; else None
+    """
+
+    candidates: Candidates
+    gap: float
+    labels: int
+    answer: dict[str, Any] | None
+
+
+class _PendingGraph(NamedTuple):
+    """A graph on a clock that is being built for some surroundings and a commit."""
+
+    surroundings: DriveSurroundings
+    commit: Commit
+    future: Future[TimedDriveGraph]
+
+
+class Replanner:
+    """The planner of a drive: its graphs, and the known paths on them."""
+
+    def __init__(
+        self, problem: Problem, planner: Planner, trajectories: Sequence[Trajectory], begin: float = 0.0
+    ) -> None:
+        """Prepare for a robot that leaves at a time of the drive, s, with some known trajectories."""
+        self.problem, self.planner = problem, planner
+        self.objectives = edge_objectives(problem.criteria, planner.name)
+        self._trajectories = tuple(trajectories)
+        self._graph: DriveGraph | None = None
+        self._prepared: Prepared | None = None  # for searches on this graph
+        self._arcs: list[IntArray] = []  # of the known trajectories
+        self._routes: KnownRoutes | None = None
+        self._last_paths: list[IntArray] = []  # of the last search
+        self._began = float(begin)
+        self._untimed: DriveGraph | None = None  # while people move: costs that do not depend on time
+        self._timed: TimedDriveGraph | None = None
+        self._other_timed: TimedDriveGraph | None = None  # for a robot with no person near, or the reverse
+        self._last_scheduled: list[ScheduledPath] = []  # paths of the last search on a clock
+        self._last_space: object = None  # the graph that numbers their arcs
+        self._last_trajectories: Sequence[Trajectory] = ()  # these paths as trajectories
+        self._worker = LatestOnlyWorker()
+        self._pending: _PendingGraph | None = None
+
+    def result(
+        self,
+        now: DriveSurroundings,
+        commit: Commit,
+        present: Trajectory | None,
+        deadline: float | None,
+        answer: Mapping[str, Any] | None = None,
+    ) -> ReplanResult:
+        """Search for remaining plans from a commit on, in the world as it is now.
+
+        present   the present plan from there, None where it is closed
+        deadline  s of this thread's processor time, None for none
+        answer    the logged result of the same search, if its deadline ended it
+        """
+        problem = now.at(commit.state, commit.time)
+        if now.moving:
+            return self._search_on_clock(now, problem, commit, present, deadline, answer)
+        return self._search(now, problem, commit, present, deadline, answer)
+
+    def _search_on_clock(
+        self,
+        now: DriveSurroundings,
+        problem: Problem,
+        commit: Commit,
+        present: Trajectory | None,
+        deadline: float | None,
+        answer: Mapping[str, Any] | None,
+    ) -> ReplanResult:
+        """Search on a clock, among people who move, beginning with known paths."""
+        if answer is not None and "ways" in answer:
+            logged = [Trajectory.from_description(problem.model, trajectory) for trajectory in answer["ways"]]
+            return self._rechecked(problem, logged)
+        began = time.perf_counter()
+        graph = self.timed_graph(now, commit, None if deadline is None else 0.0)
+        if graph is None:
+            assert deadline is not None
+            clear = [] if present is None else [present]
+            clear += self._clear(now, problem, commit, 0.5 * deadline)
+            graph = self.timed_graph(now, commit, deadline - RECHECK - (time.perf_counter() - began))
+            if graph is None:
+                return self._rechecked(problem, clear)
+            deadline = max(0.0, deadline - (time.perf_counter() - began))
+        if graph.instead_of is now:
+            nothing = replace(rechecked(self.planner.name, problem, self.objectives, []), status=Status.NO_PATH)
+            return ReplanResult(nothing, math.inf, 0, None)
+        node = graph.node(commit.state)
+        node = graph.start if node < 0 else node
+        space = graph.untimed.query.space
+        if answer is None:
+            known = [] if present is None else graph.scheduled([present], commit.time)
+            known += graph.scheduled(self._trajectories, self._began)
+            known += self._last_scheduled if self._last_space is space else []  # other ends number arcs differently
+            paths = graph.remaining_paths(node, commit.time, known, deadline)
+        else:
+            paths = graph.restored(node, commit.time, answer)
+        self._last_scheduled, self._last_space = graph.in_seconds(paths), space
+        logged_result = None if paths.status.is_final else graph.described(paths)
+        candidates = graph.candidates(self.planner.name, problem, commit, node, paths)
+        self._last_trajectories = candidates.trajectories
+        return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result)
+
+    def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
+        """Return known plans from a commit on that are open and clear of people, found within some seconds."""
+        until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
+
+        def enough() -> bool:
+            return time.perf_counter() >= until and time.thread_time() >= least
+
+        options: TimeOptions = self.planner.time_options
+        latest = None if options.arrive_by is None else options.arrive_by - (commit.time - self._began)
+        known = (*self._last_trajectories, *self._trajectories)
+        spread = sorted(range(len(known)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are similar
+        remaining = remaining_from((known[i] for i in spread), commit.state)
+        return [*clear_trajectories(remaining, problem, commit.before, now.closed, options.margin, latest, enough)]
+
+    def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
+        """Return known trajectories as the result, while the graph on the clock is being built."""
+        answer = {"ways": [trajectory.describe() for trajectory in trajectories]}
+        candidates = rechecked(self.planner.name, problem, self.objectives, trajectories)
+        return ReplanResult(candidates, math.inf, 0, answer)
+
+    # The graph on the clock, built in another thread
+
+    def begin(self, now: DriveSurroundings, commit: Commit) -> None:
+        """Begin to build the graph on a clock for queries from a commit on."""
+        is_pending = self._pending is not None and self._pending.surroundings is now
+        if not is_pending and self._serving(now, commit) is None:
+            self._pending = _PendingGraph(now, commit, self._worker.begin(partial(self._built, now, commit)))
+
+    def timed_graph(
+        self, now: DriveSurroundings, commit: Commit, seconds: float | None = None
+    ) -> TimedDriveGraph | None:
+        """Return the graph on a clock for queries from a commit on; None if it is not built within some seconds."""
+        until = None if seconds is None else time.perf_counter() + seconds
+        while (serving := self._serving(now, commit)) is None:
+            self.begin(now, commit)
+            pending = self._pending
+            assert pending is not None
+            try:
+                built = pending.future.result(None if until is None else max(0.0, until - time.perf_counter()))
+            except TimeoutError:
+                return None
+            finally:
+                if pending.future.done():
+                    self._pending = None
+            if self._timed is not None and self._timed.is_other_part_of(built):
+                self._other_timed = self._timed
+            elif self._other_timed is not None and not self._other_timed.is_other_part_of(built):
+                self._other_timed = None
+            self._timed = built
+            if pending.commit.time == commit.time:
+                return built
+        if serving.instead_of is now:
+            return serving
+        if serving is self._other_timed:
+            self._timed, self._other_timed = serving, self._timed
+        if serving.near and self._other_timed is None and self._pending is None:  # for when the robot has left them
+            task = partial(self._built, now, commit, is_far=True)
+            self._pending = _PendingGraph(now, commit, self._worker.begin(task))
+        return serving
+
+    def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
+        """Return the built graph that can answer queries from a commit on, None where there is none."""
+        untimed = self._untimed
+        if untimed is None:
+            return None
+        graphs = [graph for graph in (self._timed, self._other_timed) if graph is not None]
+        if refusing := next((graph for graph in graphs if graph.refuses(now, commit, untimed)), None):
+            return refusing
+        if untimed.world is not now.problem.world:
+            return None
+        return next((graph for graph in graphs if graph.serves(now, commit, untimed)), None)
+
+    def stopping(self, now: DriveSurroundings, commit: Commit) -> DriveSurroundings | None:
+        """Return the surroundings in which people stop before a robot for which no path leads from a commit.
+
+        None where no person walks against it.
+        """
+        if self._timed is not None and self._timed.instead_of is now:
+            return self._timed.stopping
+        return now.with_people_who_stop(commit.places.states, commit.places.times)
+
+    def ready(self, now: DriveSurroundings, commit: Commit) -> None:
+        """Wait until the graph on a clock for queries from a commit on is built, however long that takes."""
+        built = self.timed_graph(now, commit)
+        assert built is not None
+        if built.instead_of is not now:
+            self._timed = self._passable(now, commit, built)
+
+    def _built(self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False) -> TimedDriveGraph:
+        """Build the graph on a clock for queries from a commit on; ``is_far``: for later ones with no person near."""
+        base = untimed = self._without_time(now)
+        node = int(untimed.nodes(commit.state)[0])
+        if node < 0:
+            untimed = untimed.from_beside(now.at(commit.state, commit.time))
+            node = untimed.query.start
+        options = self.planner.time_options
+        if options.arrive_by is not None:  # counted from when the robot left
+            left = options.arrive_by - (now.since - self._began)
+            options = replace(options, arrive_by=max(left, options.tick))
+        built = TimedDriveGraph.laid_out(
+            untimed, base, node, commit, now, self.objectives, options, self._timed, is_far=is_far
+        )
+        _ = built.prepared  # ahead of the next query
+        return built if is_far else self._passable(now, commit, built)
+
+    def _passable(self, now: DriveSurroundings, commit: Commit, built: TimedDriveGraph) -> TimedDriveGraph:
+        """Return the graph; if no path leads from the commit, one among people who stop before the robot."""
+        node = built.node(commit.state)
+        node = built.start if node < 0 else node
+        if built.prepared.paths(node, built.tick(commit.time), deadline=RECHECK).status is not Status.NO_PATH:
+            return built
+        stopping = now.with_people_who_stop(commit.places.states, commit.places.times)
+        if stopping is None:
+            return built
+        if stopping.moving:
+            built = self._built(stopping, commit)
+        return replace(built, instead_of=now, stopping=stopping)
+
+    def _without_time(self, now: DriveSurroundings) -> DriveGraph:
+        """Return the graph with the costs that do not depend on time, among the present people."""
+        world = now.problem.world
+        if self._untimed is not None and self._untimed.world is world:
+            return self._untimed
+        if self._untimed is None:  # the other thread leaves a core to the drive
+            space = replace(self._inner(now), spending=Spending(cores=max(1, CORES - 1)))
+        else:
+            space = self._untimed.inner
+        timed = reading_time(self.objectives.optimised, space.costed_in(world))
+        criteria = tuple(c for j, c in enumerate(self.objectives.optimised) if j not in timed)
+        objectives = replace(self.objectives, optimised=criteria or (make_criterion("duration"),))
+        if self._untimed is None or self._untimed.query.objectives.optimised != objectives.optimised:
+            problem = now.problem.at(self.problem.start, 0.0)
+            self._untimed = DriveGraph.laid_out(self.planner.name, space, problem, objectives, now.closed)
+        else:
+            people_change = self._untimed.world.content.people != now.people
+            self._untimed = self._untimed.changed(world, now.closed, people=people_change)
+        return self._untimed
+
+    def _search(
+        self,
+        now: DriveSurroundings,
+        problem: Problem,
+        commit: Commit,
+        present: Trajectory | None,
+        deadline: float | None,
+        answer: Mapping[str, Any] | None,
+    ) -> ReplanResult:
+        """Search on the graph without a clock, beginning with known paths."""
+        graph = self.graph(now)
+        node = int(graph.nodes(commit.state)[0])
+        known, present_arcs, prepared = list[IntArray](), None, self._prepared
+        if node < 0:
+            graph = graph.from_beside(problem)
+            node, prepared = graph.query.start, graph.prepared() if answer is None else None
+        elif answer is None:
+            assert self._routes is not None
+            last = graph.known_routes(self._last_paths)
+            known = [arcs for routes in (self._routes, last) for arcs in routes.remaining(node)]
+            present_arcs = None if present is None else graph.all_arcs(present)
+        if answer is None:
+            assert prepared is not None
+            paths = graph.remaining_paths(prepared, node, known, present_arcs, deadline)
+        else:
+            paths = graph.restored(node, answer)
+        if graph is self._graph:
+            self._last_paths = paths.places
+        logged_result = None
+        if not paths.status.is_final:
+            gap = paths.gap if math.isfinite(paths.gap) else None
+            arcs = [arcs.tolist() for arcs in paths.places]
+            logged_result = {
+                "status": str(paths.status),
+                "gap": gap,
+                "labels": paths.stats.labels_generated,
+                "arcs": arcs,
+            }
+        return ReplanResult(graph.candidates(node, paths), paths.gap, paths.stats.labels_generated, logged_result)
+
+    def graph(self, now: DriveSurroundings) -> DriveGraph:
+        """Return the graph with the present costs and closed areas; lay it out at the first call."""
+        before = self._graph
+        if self._graph is None:
+            problem = now.problem.at(self.problem.start, 0.0)
+            self._graph = DriveGraph.laid_out(self.planner.name, self._inner(now), problem, self.objectives, now.closed)
+            self._arcs = self._graph.arcs_of(self._trajectories)
+        elif self._graph.world is now.problem.world:
+            return self._graph
+        else:
+            people_change = self._graph.world.content.people != now.people
+            self._graph = self._graph.changed(now.problem.world, now.closed, people=people_change)
+        self._routes = self._graph.known_routes(self._arcs)
+        self._prepared = self._graph.prepared(before, self._prepared)  # ahead of the next query
+        return self._graph
+
+    def _inner(self, now: DriveSurroundings) -> StateGraph:
+        """Return the planner's graph of states, in the bare world."""
+        family = self.planner.graph_of_drives
+        states = None if family is None else family.states(self.problem)
+        if states is None:
+            raise DriveError(
+                f"a drive needs a lattice, or a roadmap of positions; {self.planner.name!r} has neither for this "
+                "robot: give planner='lattice'"
+            )
+        return states if states.world is now.bare else replace(states, world=now.bare)

@@ -1,0 +1,305 @@
+"""The graph of a drive on a clock, while people move; it is reused as long as they move as predicted.
+
+Most of a query's time goes into tables of costs near people and into bounds on the remaining cost. Both do not depend
+on the robot's position: a later query begins at a later tick of the same clock. When people change, only tables that
+depend on them are computed again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray, IntArray
+from hpop.criteria.costs import trajectory_costs
+from hpop.drive.closings import Closing
+from hpop.drive.drive_graph import DriveGraph
+from hpop.drive.options import Commit
+from hpop.drive.plan import SAME, closed_trajectories, joined, part
+from hpop.drive.surroundings import DriveSurroundings
+from hpop.motions import States
+from hpop.planners.base import Candidates
+from hpop.planners.graphs.assemble import assemble, at_memory_limit, claimed_with_known, search_stats
+from hpop.planners.graphs.timed.assembly import timed_graph
+from hpop.planners.graphs.timed.clock import TimeOptions
+from hpop.planners.graphs.timed.notice import MovingPeople
+from hpop.planners.graphs.timed.plans import GraphOnClock, GraphParts
+from hpop.planners.graphs.timed.safety import LEAVING, Safety, Start
+from hpop.planners.graphs.timed.timing import Timing, on_clock
+from hpop.planners.objectives import Objectives
+from hpop.runtime.status import Status
+from hpop.search.timed import TimedPaths
+from hpop.search.timed.prepared import PreparedTimed, TimedPath
+from hpop.trajectories.contacts import first_contact
+from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.planners.graphs.joined_ends import JoinedEnds
+    from hpop.planners.graphs.state_graph import StateGraph
+    from hpop.problems.problem import Problem
+
+EARLIER = 0.5  # s by which a robot may be ahead of its plan before the graph must be built again
+
+
+class ScheduledPath(NamedTuple):
+    """A known path: its arcs (s,), and their departures (s,), s of the drive."""
+
+    arcs: IntArray
+    times: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class TimedDriveGraph:
+    """The graph of a drive on a clock, among people as predicted.
+
+    untimed     the graph with those costs that do not depend on time, and with its closed arcs
+    timed       the graph on the clock; tick 0 is `since`, s of the drive
+    objectives, options
+    people      as predicted from `since` on
+    base        the untimed graph, without a joined start
+    start       node from which it was laid out; `begin` is the earliest tick of a query from it
+    state       (1,) of the robot at the start
+    places      nodes of the commit and of the places soon after it
+    near        nodes within a person's margin, with times, s on the clock; the robot may leave there, though it must
+                not come so near elsewhere; empty where no person is near
+    instead_of  surroundings in which no path leads on, as people walk against the robot
+    stopping    these surroundings with people who stop before the robot, for which this graph was built
+    """
+
+    untimed: DriveGraph
+    timed: GraphOnClock
+    objectives: Objectives
+    options: TimeOptions
+    people: tuple[Any, ...]
+    since: float
+    base: DriveGraph
+    start: int
+    state: States
+    begin: int
+    places: frozenset[int]
+    near: tuple[tuple[int, float], ...]
+    instead_of: DriveSurroundings | None = None
+    stopping: DriveSurroundings | None = None
+
+    @classmethod
+    def laid_out(
+        cls,
+        untimed: DriveGraph,
+        base: DriveGraph,
+        node: int,
+        commit: Commit,
+        now: DriveSurroundings,
+        objectives: Objectives,
+        options: TimeOptions,
+        before: TimedDriveGraph | None,
+        *,
+        is_far: bool = False,
+    ) -> TimedDriveGraph:
+        """Return the graph on a clock from the node of a commit.
+
+        before  such a graph for other people or closed areas, to reuse its parts; None for none
+        is_far  whether it is for later places only, where no person is near
+        """
+        space = cast("StateGraph | JoinedEnds", untimed.query.space.costed_in(now.problem.world))
+        arcs = before.timed.arcs if before is not None and before.untimed.query.space is untimed.query.space else None
+        at = commit.time - now.since
+        begin = max(0, math.floor((at - EARLIER) / options.tick))
+        clear = Safety.of(MovingPeople.of(space.world), space.model, options, 0, (), space.spending)
+        near = tuple[tuple[int, float], ...]()
+        if not is_far and clear.near(_start(commit.state, at)):
+            # Places soon after the commit belong to the same query: the robot may still be leaving there.
+            nodes, times = untimed.nodes(commit.later.states).tolist(), (commit.later.times - now.since).tolist()
+            each = enumerate(zip(nodes, times, strict=True))
+            people_near = (clear.near(_start(commit.later.states.take([i]), time)) for i, (_, time) in each)
+            later = zip(nodes, times, people_near, strict=True)
+            near = ((node, at), *((place, time) for place, time, people in later if place >= 0 and people))
+        laid = GraphParts(untimed.graph, untimed.closed, begin, near, arcs)
+        timed = timed_graph(space, objectives.optimised, node, untimed.query.goals, options, now.problem.quanta, laid)
+        places = frozenset({node, *untimed.nodes(commit.later.states).tolist()} - {-1})
+        return cls(
+            untimed, timed, objectives, options, now.people, now.since, base, node, commit.state, begin, places, near
+        )
+
+    def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
+        """Return whether no path leads from a commit in some surroundings, as people walk against the robot."""
+        return self.instead_of is now and self.base is untimed and self.node(commit.state) in self.places
+
+    def serves(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
+        """Return whether this graph can answer a query from a commit."""
+        node = self.node(commit.state)
+        if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
+            return False
+        if self.tick(commit.time) < self.prepared.earliest[node]:
+            return False
+        at = commit.time - self.since
+        about = self.timed.safety.near(_start(commit.state, at))
+        if not about or not self.near:
+            return not about and not self.near
+        is_there = node in [near_node for near_node, _ in self.near] and at <= self.near[0][1] + LEAVING
+        return is_there and {*about} <= {*self.timed.safety.about_start}
+
+    def is_other_part_of(self, made: TimedDriveGraph) -> bool:
+        """Return whether another graph has the same people and closed areas, and only one of both has a person near."""
+        return self.base is made.base and self.people == made.people and bool(self.near) != bool(made.near)
+
+    def node(self, state: States) -> int:
+        """Return the node at a state (1,), -1 where there is none."""
+        space = self.untimed.inner.model.space
+        if all(abs(off[0]) <= SAME for off in space.differences(state, self.state).values()):
+            return self.start
+        return int(self.untimed.nodes(state)[0])
+
+    def tick(self, at: float) -> int:
+        """Return the tick nearest to a time, s of the drive."""
+        return max(0, round((at - self.since) / self.options.tick))
+
+    @cached_property
+    def prepared(self) -> PreparedTimed:
+        """The graph on the clock, prepared for searches."""
+        return PreparedTimed(self.timed.graph, self.start, self.untimed.query.goals, begin=self.begin)
+
+    def scheduled(self, trajectories: Sequence[Trajectory], at: float) -> list[ScheduledPath]:
+        """Return the last part along the graph of each trajectory; they begin at a time of the drive, s."""
+        parts = self.untimed.arcs_and_places(trajectories)
+        paths = [
+            ScheduledPath(arcs, at + trajectory.times[leaving])
+            for (arcs, leaving), trajectory in zip(parts, trajectories, strict=True)
+        ]
+        return [path for path in paths if path.arcs.size]
+
+    def on_clock(self, node: int, at: float, paths: Iterable[ScheduledPath]) -> list[TimedPath]:
+        """Return the remaining parts, in ticks, of known paths from a node at a time, s of the drive, holds included."""
+        begin, graph, remaining = self.tick(at), self.timed.graph, list[TimedPath]()
+        least = graph.hold or 0
+        waits = 0.5 * max(1, least) * self.options.tick  # s: a shorter stop is no hold
+        for arcs, times in paths:
+            for i in np.flatnonzero(self.untimed.tails[arcs] == node)[-1:].tolist():
+                ready, when, leaves = begin, at, list[int]()
+                for arc, leave in zip(arcs[i:].tolist(), times[i:].tolist(), strict=True):
+                    if leave - when > waits:
+                        ready = max(ready + least, self.tick(leave))
+                    leaves.append(ready)
+                    ready += int(graph.durations[arc])
+                    when = leave + float(self.timed.arcs.durations[arc])
+                remaining.append(TimedPath(arcs[i:], np.array(leaves, np.int64)))
+        return remaining
+
+    def remaining_paths(
+        self, node: int, at: float, known: Iterable[ScheduledPath], deadline: float | None
+    ) -> TimedPaths:
+        """Return all non-dominated paths from a node at a time, s of the drive, or those found until a deadline.
+
+        known     known paths from any node
+        deadline  s of this thread's processor time, None for none
+        """
+        return self.prepared.paths(node, self.tick(at), deadline=deadline, known=self.on_clock(node, at, known))
+
+    def in_seconds(self, paths: TimedPaths) -> list[ScheduledPath]:
+        """Return paths with departures in seconds of the drive, for later queries."""
+        tick = self.options.tick
+        return [
+            ScheduledPath(arcs, np.asarray(self.since + leaves * tick, np.float64)) for arcs, leaves in paths.places
+        ]
+
+    def described(self, paths: TimedPaths) -> dict[str, Any]:
+        """Return the result of a search as JSON, for the event log."""
+        gap = paths.gap if math.isfinite(paths.gap) else None
+        timed_paths = [[arcs.tolist(), leaves.tolist()] for arcs, leaves in paths.places]
+        return {"status": str(paths.status), "gap": gap, "labels": paths.stats.labels_generated, "walks": timed_paths}
+
+    def restored(self, node: int, at: float, answer: Mapping[str, Any]) -> TimedPaths:
+        """Return the result of a search that its deadline ended, from the event log."""
+        logged = [TimedPath(np.array(arcs, np.int64), np.array(leaves, np.int64)) for arcs, leaves in answer["walks"]]
+        paths = self.prepared.paths(node, self.tick(at), deadline=0.0, known=logged)
+        stats = replace(paths.stats, labels_generated=answer["labels"])
+        gap = math.inf if answer["gap"] is None else answer["gap"]
+        return replace(paths, status=Status(answer["status"]), gap=gap, stats=stats)
+
+    def candidates(self, name: str, problem: Problem, commit: Commit, node: int, paths: TimedPaths) -> Candidates:
+        """Return paths from a commit as candidates of the planner that laid out the graph, with their claim."""
+        # A robot that starts from rest is late by half of the time that stopping and starting take.
+        ramps, rests = self.timed.ramps, commit.place == 0 or commit.stands > 0.0
+        late = ramps.half if ramps is not None and rests else 0.0
+        people = problem.world.content.people
+        timing = Timing(self.timed, node, self.options, people, commit.time - self.since, late)
+        goals, seconds = [*self.untimed.query.goals], self.timed.seconds
+        query = on_clock(timing, self.objectives, node, goals, build_seconds=seconds, closed=self.untimed.closed)
+        claim, stats = claimed_with_known(paths, query.where, query.rounded), search_stats(paths, paths.gap)
+        return assemble(name, query, paths, claim, notes=at_memory_limit(paths), stats=stats)
+
+
+def _start(state: States, time: float) -> Start:
+    """Return a state (1,) as the start of plans at a time on the clock, s."""
+    return Start(float(state.x[0]), float(state.y[0]), time)
+
+
+CLAIM = (
+    "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
+    "others are missing, and how much better these may be is known only when the graph on the clock is built: ask again"
+)
+
+
+def remaining_from(trajectories: Iterable[Trajectory], state: States) -> Iterator[Trajectory]:
+    """Yield the remaining part of each trajectory after it was in a state (1,) last."""
+    for trajectory in trajectories:
+        at_state = np.ones(len(trajectory) + 1, dtype=np.bool_)
+        rows = np.zeros(len(trajectory) + 1, np.int64)
+        for off in trajectory.model.space.differences(state.take(rows), trajectory.states).values():
+            at_state &= np.abs(off) <= SAME
+        last = np.flatnonzero(at_state)
+        if last.size and last[-1] < len(trajectory):
+            yield part(trajectory, int(last[-1]), len(trajectory))
+
+
+def clear_trajectories(
+    trajectories: Iterable[Trajectory],
+    problem: Problem,
+    before: Trajectory,
+    closings: Sequence[Closing],
+    margin: float,
+    latest: float | None,
+    enough: Callable[[], bool],
+) -> Iterator[Trajectory]:
+    """Yield the trajectories that are clear of closed areas and people, as plans and as executed.
+
+    problem  from where and when they begin
+    before   the trajectory up to there, as the robot need not be at rest there
+    margin   m, to people who move
+    latest   s, duration within which they must arrive; None for any
+    enough   returns whether to stop
+    """
+    parts, people = problem.model.platform, problem.world.content.people
+    for trajectory in trajectories:
+        if enough():
+            return
+        if (latest is not None and trajectory.duration > latest) or closed_trajectories([trajectory], closings).any():
+            continue
+        driven = joined(before, trajectory)
+        cases = product((driven, driven.execution()), {0.0, margin})
+        if not any(first_contact(parts, people, motion, least, begin=before.duration) for motion, least in cases):
+            yield trajectory
+
+
+def rechecked(name: str, problem: Problem, objectives: Objectives, trajectories: Sequence[Trajectory]) -> Candidates:
+    """Return open and clear trajectories as candidates of the planner ``name``, without a claim of optimality."""
+    criteria = objectives.optimised
+    costs = trajectory_costs(criteria, trajectories, problem.world) if trajectories else np.zeros((0, len(criteria)))
+    origin: dict[str, Any] = {"planner": name, "known": True}
+    return Candidates(
+        objectives=criteria,
+        trajectories=tuple(trajectories),
+        planned=costs,
+        tolerance=np.zeros(costs.shape),
+        status=Status.TIME_LIMIT,
+        certificate=f"{name}: {CLAIM}{objectives.certificate}",
+        provenance=(origin,) * len(trajectories),
+        notes=objectives.notes,
+        filters=objectives.filters,
+        stats={"planner": name, "labels_generated": 0, "gap": None},
+    )
