@@ -52,7 +52,7 @@ class Closing:
     """An area, m, that is closed to the robot.
 
     name    to open it by; "" for an area that is known by its polygon alone
-    person  name of the standing person, or "somebody", if the area is a body; "" for other areas
+    person  name of a standing person, if the area is the body; "" for other areas
     place   (x, y) m, of that person
     """
 

@@ -18,7 +18,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
 from hpop.drive.closings import Closing, refuse_covered
-from hpop.drive.moment import Moment, DriveProgress, front_of_rest, past
+from hpop.drive.moment import DriveProgress, Moment, front_of_rest, past
 from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanComparison, same_side
 from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, part
 from hpop.drive.replanning import Replanner, ReplanResult
@@ -59,9 +59,9 @@ class Execution(EventLog):
     Accepts: fronts of planners on graphs with turns and straight moves (lattice, roadmap of positions), or of other
     planners if such a planner is given as well; any criteria that the planner takes.
 
-    Guarantees: options are what an exact search from the same node finds in the world as it is now. If a deadline ends
-    the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. What is driven
-    has no jump in place, heading or, by the planning law, speed. The same events give the same drive.
+    Guarantees: options are the result of an exact search from the same node in the world as it is now. If a deadline ends
+    the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. The driven
+    trajectory has no jump in place, heading or, by the planning law, speed. The same events give the same drive.
 
     Cost: the graph is laid out once; a query then takes some milliseconds in rooms and offices.
     """

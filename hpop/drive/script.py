@@ -257,7 +257,7 @@ def follow(
 
     Raises QueryError where the front belongs to another problem; DriveError for a choice that is no point of the front,
     for a plan with motions other than turns, straight moves and holds, and for a planner without a graph;
-    UnsupportedModel for a planner whose graph the robot cannot drive.
+    UnsupportedModel for a planner with a graph that the robot cannot drive.
     """
     if not isinstance(problem, Problem):
         raise DriveError(f"problem must be an hpop.Problem, got {shown(problem)}")

@@ -112,7 +112,7 @@ class DriveSurroundings:
     def with_people(
         self, now: float, people: Iterable[Person], groups: Iterable[Iterable[int]] = ()
     ) -> DriveSurroundings:
-        """Return the surroundings with other people, as predicted from now on; groups are indices of people who talk."""
+        """Return the surroundings with other people, predicted from now on; groups are indices of people who talk."""
         told = tuple(people) if isinstance(people, Iterable) and not isinstance(people, str) else None
         if told is None or not all(isinstance(person, Person) for person in told):
             raise DriveError(f"people must be a list of all hpop.world.Person who are there now, got {shown(people)}")

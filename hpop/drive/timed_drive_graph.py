@@ -174,7 +174,7 @@ class TimedDriveGraph:
         return [path for path in paths if path.arcs.size]
 
     def on_clock(self, node: int, at: float, paths: Iterable[ScheduledPath]) -> list[TimedPath]:
-        """Return the remaining parts, in ticks, of known paths from a node at a time, s of the drive, holds included."""
+        """Return remaining parts, in ticks, of known paths from a node at a time, s of the drive, holds included."""
         begin, graph, remaining = self.tick(at), self.timed.graph, list[TimedPath]()
         least = graph.hold or 0
         waits = 0.5 * max(1, least) * self.options.tick  # s: a shorter stop is no hold

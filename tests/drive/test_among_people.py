@@ -51,15 +51,15 @@ def fresh(drive: Execution, options: Options) -> np.ndarray:
     """Return the costs, in quanta, that a search finds on a newly timed graph from the tick next to the commit."""
     known, commit = drive._replanner._timed, options.commit
     assert known is not None
-    surroundings, space = drive.surroundings, known.ways.query.space
+    surroundings, space = drive.surroundings, known.untimed.query.space
     tick = round((commit.time - surroundings.since) / TICK)
     then = surroundings.problem.at(surroundings.problem.start, tick * TICK)
     space = space.costed_in(then.world)
     timed = reading_time(known.objectives.optimised, space)
     plain = space.graph([c for j, c in enumerate(known.objectives.optimised) if j not in timed])
-    node = int(known.ways.nodes(commit.state)[0])
-    laid = GraphParts(plain, known.ways.closed, near=tuple((other, at - tick * TICK) for other, at in known.near))
-    goals = known.ways.query.goals
+    node = int(known.untimed.nodes(commit.state)[0])
+    laid = GraphParts(plain, known.untimed.closed, near=tuple((other, at - tick * TICK) for other, at in known.near))
+    goals = known.untimed.query.goals
     graph = timed_graph(space, known.objectives.optimised, node, goals, known.options, then.quanta, laid).graph
     paths = timed_paths(graph, node, goals)
     assert paths.status is Status.COMPLETE
@@ -70,7 +70,7 @@ def counts(drive: Execution, options: Options) -> np.ndarray:
     """Return the costs, in quanta, that the drive's own search found."""
     known, commit = drive._replanner._timed, options.commit
     assert known is not None
-    node = int(known.ways.nodes(commit.state)[0])
+    node = int(known.untimed.nodes(commit.state)[0])
     return known.remaining_paths(node, commit.time, drive._replanner._last_scheduled, None).costs
 
 

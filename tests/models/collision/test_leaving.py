@@ -127,7 +127,7 @@ def test_a_margin_is_kept_from_people_who_stand(planner):
     options = {"step": 1.0} if planner == "lattice" else {"samples": 150}
     for margin in (0.0, 0.5):
         front = problem.solve({planner: {**options, "margin": margin}})
-        assert not any("margin did not matter" in note for note in front.notes)
+        assert not any("margin had no effect" in note for note in front.notes)
         assert min(gaps(t, person, ROUND).min() for t in front.trajectories) >= margin - 1e-3
     near = hpop.Problem(HALL.with_content(people=[person]), ROUND, (3.2, 3, math.pi), (1, 3, None), ["length"])
     assert len(near.solve({planner: {**options, "margin": 0.5}}))  # who starts within a margin may leave

@@ -175,5 +175,5 @@ def test_a_front_that_is_saved_keeps_its_clock(tmp_path):
         assert (one.execution().times == other.execution().times).all()
         assert Trajectory.from_description(problem.model, one.describe()).punctual
     assert not any(trajectory.punctual for trajectory in through_the_doors().solve("lattice", step=0.5).trajectories), (
-        "where nobody moves there is no clock"
+        "there is none where no person moves"
     )

@@ -122,7 +122,7 @@ def test_where_nobody_moves_there_is_no_clock():
     assert plain.certificate == with_options.certificate
     assert with_options.notes == (
         *plain.notes,
-        "nobody moves, so there is no clock: clock, hold did not matter",  # the margin is kept from who stands,
+        "no person moves, so there is no clock: clock, hold had no effect",  # the margin is kept from who stands,
     )
     with pytest.raises(OptionError, match="arrive_by needs a clock"):
         Lattice(step=0.5, arrive_by=20.0).solve(through_the_doors(stands))

@@ -1,4 +1,4 @@
-"""From a graph of states, a clock and people who move to what a search on a clock takes."""
+"""Put a graph of states on a clock, among moving people, for a search on a clock."""
 
 from __future__ import annotations
 
@@ -54,26 +54,27 @@ def timed_graph(
     *,
     people_stop: bool = False,
 ) -> GraphOnClock:
-    """The graph of states on a clock; what makes it may spend what the graph's spending leaves, or raises Exhausted.
+    """Put a graph of states on a clock, within the limits of its spending.
 
-    Raises QueryError where the robot would start in contact with somebody who moves, OptionError for a clock that
-    would count more ticks than a search does.
+    Raises Exhausted where a limit is passed, QueryError where the robot would start in contact with a moving person,
+    OptionError for a clock with more ticks than a search can count.
 
     Parameters
     ----------
-    quanta : names of criteria whose costs are compared in steps that the problem sets
-    attention : as another graph of the same question has it, whose criteria need not be asked again
-    people_stop : whether people who would walk up to the robot where it starts are taken to stop before it; what they
-        make of costs is as predicted all the same
+    quanta : names of criteria with quanta that the problem sets
+    laid : parts of the graph from an earlier clock; None for none
+    attention : from another graph of the same problem, so that criteria are not probed again
+    people_stop : whether people who would walk up to the start are predicted to stop before the robot; costs near them
+        are as predicted all the same
     """
     began = time.perf_counter()
-    asked = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
-    return _Assembly(*asked, laid, attention, people_stop).made(began)
+    query = space, tuple(criteria), start, tuple(goals), options, frozenset(quanta)
+    return _Assembly(*query, laid, attention, people_stop).assembled(began)
 
 
 @dataclass(frozen=True, eq=False)
 class _Assembly:
-    """What is found out of a graph before it is put on a clock."""
+    """Intermediate results of putting a graph on a clock, computed at first use."""
 
     space: StateGraph | JoinedEnds
     criteria: tuple[Criterion, ...]
@@ -82,7 +83,7 @@ class _Assembly:
     options: TimeOptions
     quanta: frozenset[str]
     laid: GraphParts | None
-    known: Attention | None
+    known_attention: Attention | None
     people_stop: bool = False
 
     @cached_property
@@ -96,25 +97,25 @@ class _Assembly:
         return TimedArcs.of(self.space, self.clock, self.start, 0.0 if self.laid is not None else self.ramps.half)
 
     @cached_property
-    def company(self) -> MovingPeople:
+    def moving_people(self) -> MovingPeople:
         return MovingPeople.of(self.space.world)
 
     @cached_property
     def horizon(self) -> int:
-        """The tick from which on nothing changes, or that of the latest arrival."""
-        settled, arrive_by = self.company.settled, self.options.arrive_by
-        last = settled + SLACK  # until then somebody may still be in the way of a plan that is off the clock
+        """The tick from which on no cost changes, or that of the latest arrival."""
+        settled, arrive_by = self.moving_people.settled, self.options.arrive_by
+        last = settled + SLACK  # until then a person may be in the way of a plan that deviates from the clock
         last = last if arrive_by is None else min(last, arrive_by)
         if not last / self.clock.tick + 2 < MAX_TICKS:
             raise OptionError(
-                f"people who move do so for {settled:,.0f} s, which is too long for a clock of {self.clock.tick:g} s; "
+                f"people move for {settled:,.0f} s, which is too long for a clock of {self.clock.tick:g} s; "
                 "give the problem a horizon, people an until, or the planner arrive_by"
             )
         return self.clock.up_to(last) + 1
 
     @cached_property
     def ramps(self) -> Ramps:
-        """By how much executions are off; nothing where that is not known, and then each is looked at."""
+        """Deviations of executions from plans; 0 where they are unknown, and each execution is checked."""
         return Ramps.of(self.space.model) or Ramps(0.0, 0.0)
 
     @property
@@ -124,74 +125,75 @@ class _Assembly:
 
     @property
     def hold(self) -> float | None:
-        """How long the robot stands at least when it waits, s: no less than stopping and starting take."""
+        """Least duration of a wait, s, no less than stopping and starting take."""
         return None if self.options.hold is None else max(self.options.hold, 2.0 * self.ramps.half)
 
     @cached_property
     def timed(self) -> list[int]:
-        """Columns of criteria that read the time."""
+        """Columns of criteria that depend on time."""
         return reading_time(self.criteria, self.space)
 
     @cached_property
     def static(self) -> list[int]:
-        """Columns of the others."""
+        """Columns of the other criteria."""
         return [j for j in range(len(self.criteria)) if j not in self.timed]
 
     @cached_property
     def attention(self) -> Attention:
-        known, timed = self.known, self.some(self.timed)
-        if known is not None and [one.criterion for one in known.asked] == timed:
+        known, timed = self.known_attention, self.criteria_of(self.timed)
+        if known is not None and [probe.criterion for probe in known.probes] == timed:
             return known
         model = self.arcs.inner.model
         return Attention.of(
-            self.company, [CriterionProbe(self.criteria[j], self.company, model, self._is_set(j)) for j in self.timed]
+            self.moving_people,
+            [CriterionProbe(self.criteria[j], self.moving_people, model, self._is_set(j)) for j in self.timed],
         )
 
     def _is_set(self, j: int) -> bool:
-        """Whether somebody says in which steps a cost is compared."""
+        """Return whether the problem or the criterion sets the quantum of a cost."""
         return self.criteria[j].name in self.quanta or self.criteria[j].quantum != DEFAULT_QUANTUM
 
     @cached_property
-    def steps(self) -> FloatArray:
-        """In which (k,) the search compares costs."""
-        steps = np.array([criterion.quantum for criterion in self.criteria])
-        steps[self.timed] = [one.quantum for one in self.attention.asked]
-        if self.lasting is not None:
-            steps[self.lasting] = self.clock.tick
-        return steps
+    def cost_quanta(self) -> FloatArray:
+        """Quanta (k,) of the costs in the search."""
+        quanta = np.array([criterion.quantum for criterion in self.criteria])
+        quanta[self.timed] = [probe.quantum for probe in self.attention.probes]
+        if self.duration_column is not None:
+            quanta[self.duration_column] = self.clock.tick
+        return quanta
 
     @cached_property
-    def lasting(self) -> int | None:
+    def duration_column(self) -> int | None:
         """The column of the duration."""
         return index_of_role("duration", self.criteria)
 
-    def some(self, columns: Sequence[int]) -> list[Criterion]:
+    def criteria_of(self, columns: Sequence[int]) -> list[Criterion]:
         return [self.criteria[j] for j in columns]
 
     @cached_property
     def plain(self) -> Graph:
-        """The graph with those costs alone that depend on no time; with the duration if all do."""
+        """The graph with the costs that do not depend on time, or with the duration if there are none."""
         if self.laid is not None:
             return self.laid.plain
-        return self.arcs.with_copies(self.space.graph(self.some(self.static) or [make_criterion("duration")]))
+        return self.arcs.with_copies(self.space.graph(self.criteria_of(self.static) or [make_criterion("duration")]))
 
     @cached_property
     def closed(self) -> BoolArray:
-        """Arcs (m,) that nobody takes."""
+        """Mask (m,) of the closed arcs."""
         return np.zeros(self.plain.arcs, dtype=bool) if self.laid is None else self.laid.closed
 
     @cached_property
     def safety(self) -> Safety:
         model, spending = self.arcs.inner.model, self.space.spending
-        people = self.company.people
+        people = self.moving_people.people
         if self.people_stop:
             (start, *_), reach = self.starts, needed_about(model, self.options.margin)
             people = tuple(yielding(person, (start.x, start.y), reach, start.time) for person in people)
-        return Safety.of(self.company, model, self.options, self.horizon, self.starts, spending, people)
+        return Safety.of(self.moving_people, model, self.options, self.horizon, self.starts, spending, people)
 
     @cached_property
     def starts(self) -> tuple[Start, ...]:
-        """Where somebody may be near as plans begin."""
+        """Places and times at which plans begin and a person may be near."""
         begins = ((self.begin, 0.0),) if self.laid is None else self.laid.near
         at = self.arcs.states.take(self.arcs.place[[node for node, _ in begins]])
         times = [time for _, time in begins]
@@ -199,30 +201,30 @@ class _Assembly:
 
     @cached_property
     def presence(self) -> Presence:
-        """Who is noticed, by places of the graph."""
+        """Places of the graph at which people are noticed."""
         states = self.arcs.states
-        return Presence(self.company, self.attention.notices, self.clock, self.horizon, states.x, states.y)
+        return Presence(self.moving_people, self.attention.notices, self.clock, self.horizon, states.x, states.y)
 
     @cached_property
     def rates(self) -> FloatArray:
-        """What standing for a tick costs in each state, by criteria that read no time."""
-        return standing_rates(self.some(self.static), self.space, self.clock.tick)
+        """Costs of standing for a tick in each state, by criteria that do not depend on time."""
+        return standing_rates(self.criteria_of(self.static), self.space, self.clock.tick)
 
     @cached_property
     def headed(self) -> bool:
-        """Whether what standing costs depends on the heading, so that every state is a place of its own."""
+        """True if costs of standing depend on the heading, so that every state is a place of its own."""
         if not alike_at_places(self.rates, self.arcs.place[: self.space.size]).all():
             return True
-        return not turn_as_they_stand(self.some(self.timed), self.arcs, self.presence).all()
+        return not turn_as_they_stand(self.criteria_of(self.timed), self.arcs, self.presence).all()
 
     @cached_property
     def place(self) -> IntArray:
-        """Of each node."""
+        """Place (n,) of each node."""
         return self.arcs.states_of if self.headed else self.arcs.place
 
     @cached_property
     def states(self) -> States:
-        """One at each place."""
+        """One state at each place."""
         if not self.headed:
             return self.arcs.states
         states = self.space.states(np.arange(self.space.size))
@@ -230,11 +232,11 @@ class _Assembly:
 
     @cached_property
     def stays(self) -> BoolArray:
-        """Arcs in place that cost what standing there does, and are blocked where nobody may stand."""
+        """Mask of arcs in place that cost as much as standing there, and are blocked where the robot must not stand."""
         stays = self.arcs.stays & ~self.closed
         if self.headed:
             stays[:] = False
-        elif self.safety.about_start:  # from there one may leave, and turn to do so
+        elif self.safety.about_start:  # the robot may turn there to leave
             nodes = [self.begin] if self.laid is None else [node for node, _ in self.laid.near]
             stays[np.isin(self.arcs.place[self.arcs.tails], self.arcs.place[nodes])] = False
         return stays
@@ -247,12 +249,12 @@ class _Assembly:
 
         plain, ticks = self.plain, self.arcs.ticks.astype(np.float64)
         network: Any = csr_array((ticks, plain.heads, plain.indptr), shape=(plain.nodes,) * 2)
-        found = dijkstra(network, indices=np.array([self.begin]))[0]
+        ticks_to = dijkstra(network, indices=np.array([self.begin]))[0]
         begin = 0 if self.laid is None else self.laid.begin
-        return np.where(np.isfinite(found), found + begin, NEVER).astype(np.int64)
+        return np.where(np.isfinite(ticks_to), ticks_to + begin, NEVER).astype(np.int64)
 
-    def made(self, began: float) -> GraphOnClock:
-        """The graph on the clock."""
+    def assembled(self, began: float) -> GraphOnClock:
+        """Return the graph on the clock; ``began``: s, of :func:`time.perf_counter`, when the assembly began."""
         if self.laid is None:
             self.safety.refuse_contact()
         arcs, place, states, options = self.arcs, self.place, self.states, self.options
@@ -266,9 +268,11 @@ class _Assembly:
         wanted = self.closed[rows]
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
-        tables = TimedCosts(arcs.inner, presence, self.some(self.timed), self.steps[self.timed], self.space.spending)
+        tables = TimedCosts(
+            arcs.inner, presence, self.criteria_of(self.timed), self.cost_quanta[self.timed], self.space.spending
+        )
         made = tables.arcs(legs, place[tails], arcs.durations[rows], self.earliest[tails], wanted)
-        flags = (made.rows.size + states.size) * (self.horizon + 1)  # arcs that are blocked, and places that are cut
+        flags = (made.rows.size + states.size) * (self.horizon + 1)  # blocked arcs, and cut places
         self.space.spending.hold(flags + self.plain.arcs * 8 * len(self.criteria), ON_CLOCK)
         closed = np.zeros((made.rows.size, self.horizon + 1), dtype=bool)
         closed[np.searchsorted(made.rows, blocked.rows)] = blocked.table
@@ -282,10 +286,10 @@ class _Assembly:
         node = np.unique(place, return_index=True)[1]
         for column, j in enumerate(self.static):
             costs[:, j] = self.plain.costs[:, column]
-            rate[:, j] = self.rates[node, column] / self.steps[j]
+            rate[:, j] = self.rates[node, column] / self.cost_quanta[j]
             self._stand(costs[:, j], rate[place[self.begin], j], self.criteria[j].aggregate == "max")
-        if self.lasting is not None:  # a plan arrives when its clock says, but for what it is off
-            costs[:, self.lasting], rate[:, self.lasting] = arcs.ticks, 1.0
+        if self.duration_column is not None:  # the arrival on the clock; deviations are part of the tolerance
+            costs[:, self.duration_column], rate[:, self.duration_column] = arcs.ticks, 1.0
         for column, j in enumerate(self.timed):
             costs[rows, j] = made.static[:, column]
             rate[:, j] = stood.rates[:, column]
@@ -311,12 +315,12 @@ class _Assembly:
         pairs, seconds = made.pairs + stood.pairs, time.perf_counter() - began
         return GraphOnClock(
             graph,
-            self.steps,
-            self.lasting,
+            self.cost_quanta,
+            self.duration_column,
             self.begin,
             arcs,
             self.clock,
-            self.company,
+            self.moving_people,
             Ramps.of(arcs.inner.model),
             self.hold,
             overlooked,
@@ -328,7 +332,7 @@ class _Assembly:
         )
 
     def _stand(self, costs: IntArray, rate: float, worst: bool) -> None:
-        """Add to costs (m,), in counts, of arcs before which the robot stands what that costs by the tick."""
+        """Add to costs (m,), in quanta, of some arcs the cost of standing before them; ``rate``: a tick."""
         stands = self.arcs.stands
         if worst:
             costs[stands] = np.maximum(costs[stands], math.ceil(rate - WHOLE))

@@ -1,9 +1,9 @@
-"""The clock of a search: time in whole ticks, and what motions last on it.
+"""The clock of a search: time in whole ticks, and the durations of motions on it.
 
-A motion lasts a whole number of ticks there, and a little more or less in truth. Moves along one line are counted from
-one zero, so that along a straight run, however long, plan and clock are never more than a tick apart; a turn is off by
-less than a tick, and turns on average by nothing. By how much a whole plan is off is reckoned for each (:mod:`.plans`),
-and a hold brings it back.
+A motion lasts a whole number of ticks on the clock, and a little more or less in reality. Moves along one line are
+counted from one zero, so plan and clock never differ by more than a tick along a straight run. A turn differs by less
+than a tick, and turns on average by nothing. The deviation of each whole plan is computed (:mod:`.plans`); a hold
+removes it.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from hpop.search.timed.graph import MAX_TICKS
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-TICK = 1 / 20  # s, where people move and nobody says otherwise
-SHORTEST, LONGEST = 0.01, 1.0  # s of a tick: a finer one only takes memory, in a coarser one people walk too far
-HOLD = 1.0  # s: a robot that stops for less loses as much by stopping and starting
-GOLDEN = (math.sqrt(5) - 1) / 2  # its multiples are evenly spread over a unit, whatever their number
+TICK = 1 / 20  # s, by default
+SHORTEST, LONGEST = 0.01, 1.0  # s of a tick: finer ones only need memory, in coarser ones people walk too far
+HOLD = 1.0  # s: a shorter stop loses as much time by stopping and starting
+GOLDEN = (math.sqrt(5) - 1) / 2  # any number of its multiples are evenly spread over a unit interval
 SAME = 1e-9  # of a tick
-OFFSET = 1 / math.pi  # of a tick: where it lies, no multiple of a step is a border between ticks
-SLACK = 0.2  # s: so far a plan may be off the clock, and people are kept clear of all the same
+OFFSET = 1 / math.pi  # of a tick: with it, no multiple of a step lies on a border between ticks
+SLACK = 0.2  # s, by which a plan may deviate from the clock and still keep clear of people
 
 
 @dataclass(frozen=True)
@@ -45,23 +45,23 @@ class TickClock:
     tick: float
 
     def seconds(self, ticks: FloatArray | IntArray) -> FloatArray:
-        """Times (N,), s, of ticks."""
+        """Return the times (N,), s, of ticks."""
         return np.asarray(ticks * self.tick, dtype=np.float64)
 
     def of(self, seconds: FloatArray) -> IntArray:
-        """Durations (N,) in ticks, the nearest, at least one."""
+        """Return durations (N,) in ticks, rounded, at least one."""
         return np.asarray(np.maximum(1, np.rint(seconds / self.tick)), dtype=np.int64)
 
     def in_place(self, seconds: FloatArray, place: IntArray) -> IntArray:
-        """Durations (N,), in ticks, of motions at places: now more, now less, but right on average over places.
+        """Return durations (N,), in ticks, of motions in place, rounded up or down so that they are right on average.
 
-        The nearest would be off in the same direction whenever a robot turns by the same angle.
+        Plain rounding would err in the same direction whenever a robot turns by the same angle.
         """
         share = place * GOLDEN % 1.0
         return np.asarray(np.maximum(1, np.floor(seconds / self.tick + share + SAME)), dtype=np.int64)
 
     def along(self, start: States, end: States, seconds: FloatArray) -> IntArray:
-        """Durations (M,), in ticks, of straight moves, such that those of a line add up to that of the line."""
+        """Return durations (M,), in ticks, of straight moves; along one line they add up to that of the line."""
         dx, dy = end.x - start.x, end.y - start.y
         length = np.hypot(dx, dy)
         pace = np.divide(seconds, length * length * self.tick, out=np.zeros_like(length), where=length > 0)
@@ -70,22 +70,22 @@ class TickClock:
         return np.asarray(np.maximum(1, ticks), dtype=np.int64)
 
     def up_to(self, seconds: float) -> int:
-        """Whole ticks after which so many seconds have passed."""
+        """Return seconds in ticks, rounded up."""
         return math.ceil(seconds / self.tick - 1e-9)
 
     def within(self, seconds: float) -> int:
-        """Whole ticks in so many seconds."""
+        """Return seconds in ticks, rounded down."""
         return math.floor(seconds / self.tick + 1e-9)
 
 
 @dataclass(frozen=True)
 class TimeOptions:
-    """What a planner is told about time; it matters where people move.
+    """A planner's options of time, which have an effect where people move.
 
     clock      s  of a tick; None: 1/20
-    hold       s  that the robot stands at least when it waits; None: it never does
-    arrive_by  s  at the latest; None: whenever
-    margin     m  to be kept from people who move
+    hold       s  least duration of a wait; None: the robot never waits
+    arrive_by  s  latest arrival; None: any time
+    margin     m  to people who move
     """
 
     clock: float | None = None
@@ -98,7 +98,7 @@ class TimeOptions:
         if self.clock is not None:
             real("clock", self.clock, SHORTEST, LONGEST, "the tick of a clock in s", hint="leave it out for 1/20 s")
         if self.hold is not None:
-            what = "how long the robot stands at least, in s, a tick or more,"
+            what = "the least duration of a wait in s, a tick or more,"
             real("hold", self.hold, self.tick, LONGEST_HOLD, what, hint="None (null in a scenario) lets it never wait")
         if self.arrive_by is not None:
             most = MAX_TICKS * self.tick
@@ -107,29 +107,29 @@ class TimeOptions:
 
     @property
     def tick(self) -> float:
-        """Of the clock, s."""
+        """Tick of the clock, s."""
         return TICK if self.clock is None else float(self.clock)
 
     @property
     def described(self) -> dict[str, float | None]:
-        """JSON-able, as provenance tells it."""
+        """The options as JSON, for provenance."""
         return {"clock": self.tick, "hold": self.hold, "arrive_by": self.arrive_by, "margin": self.margin}
 
 
 def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
-    """Return a note that names the options of time that are set where no person moves, so that there is no clock.
+    """Return a note on options of time without effect, where no person moves and so there is no clock.
 
-    Raises OptionError where a time of arrival is asked for, which would not be kept.
+    Raises OptionError where a latest arrival is set, which would not be kept.
     """
     if people_move(problem):
         return ()
     if options.arrive_by is not None:
         raise OptionError(
-            "arrive_by needs a clock, and where nobody moves there is none; leave it out, and list the criterion "
+            "arrive_by needs a clock, and there is none where no person moves; leave it out, and list the criterion "
             "'duration'"
         )
     names = ("clock", "hold") if problem.world.content.bodies else ("clock", "hold", "margin")
-    given = [name for name in names if getattr(options, name) != getattr(TimeOptions(), name)]
-    if not given:
+    unused = [name for name in names if getattr(options, name) != getattr(TimeOptions(), name)]
+    if not unused:
         return ()
-    return (f"nobody moves, so there is no clock: {', '.join(given)} did not matter",)
+    return (f"no person moves, so there is no clock: {', '.join(unused)} had no effect",)

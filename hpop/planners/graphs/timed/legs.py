@@ -1,4 +1,4 @@
-"""The arcs of a graph of states as motions in time: which stay in place, how long all last, and the others' legs."""
+"""The arcs of a graph of states as motions in time: durations, arcs in place, and the motions of all others."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ TIMED, NODE = 27, 16  # bytes of an arc and of a node, on the clock
 
 
 class LegMotions(NamedTuple):
-    """One motion of each of some rows of arcs that go from place to place.
+    """Motions of one kind, at most one for each of some arcs.
 
     kind        of the motions
-    of          (rows,)  the leg of each row, as its place among these; -1 where it has none
+    of          (rows,)  index of the motion of each arc; -1 where it has none
     start, end  states (L,)
-    after       (L,)  s, from the departure of the arc to that of its leg
+    after       (L,)  s, from the departure of the arc to that of its motion
     lasts       (L,)  s
     """
 
@@ -45,25 +45,25 @@ class LegMotions(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedArcs:
-    """The arcs of a graph of states, each a motion or, where ends are joined, a chain of them.
+    """The arcs of a graph of states with their durations; each is a motion or, at joined ends, a chain of motions.
 
-    A robot that begins with a move stands before it for half of what a run takes longer than planned, so that its
-    execution can keep the times of the plan (:mod:`hpop.models.execution`). So plans begin at a node of their own,
-    beside that of the start, from which copies of its arcs lead; to turn there one need not stand.
+    A robot that begins with a move first stands for half of the extra time of a run, so that its execution can keep the
+    times of the plan (:mod:`hpop.models.execution`). So plans begin at an extra node beside the start, from which
+    copies of its arcs lead; a turn there needs no such stop.
 
     space      the graph
-    inner      the graph without joined ends; itself if none are
-    own        (m_inner,)  the place, among all arcs, of each of the inner graph's
-    joins      (C,)  and of each join
-    copied     (d,)  of what the last of the arcs are copies, from the node where plans begin
+    inner      the graph without joined ends; the graph itself if it has none
+    own        (m_inner,)  index among all arcs of each arc of the inner graph
+    joins      (C,)  index among all arcs of each join
+    copied     (d,)  originals of the last d arcs, which are copies from the node where plans begin
     begin      node where plans begin
     half       s     that the robot stands there before it moves
-    tails      (m,)  node
+    tails      (m,)  nodes
     durations  (m,)  s
-    ticks      (m,)  the same on the clock
+    ticks      (m,)  durations on the clock
     stays      (m,)  whether an arc is a motion in place
-    stands     (m,)  whether the robot stands before an arc, which lasts longer for it
-    states_of  (n,)  state of the graph that each node is
+    stands     (m,)  whether the robot stands before an arc, which therefore lasts longer
+    states_of  (n,)  state of each node
     place      (n,)  number of the place of each node, from 0
     """
 
@@ -83,24 +83,24 @@ class TimedArcs:
     place: IntArray
 
     def costed_on(self, space: StateGraph | JoinedEnds) -> TimedArcs:
-        """The same arcs of the same states in another world."""
+        """Return the arcs in another world."""
         return replace(self, space=space, inner=space.states_alone)
 
     @classmethod
     def of(cls, space: StateGraph | JoinedEnds, clock: TickClock, start: int = -1, half: float = 0.0) -> TimedArcs:
-        """Those of a graph on a clock, with so long, s, to stand before moving away from the start."""
+        """Return the arcs of a graph on a clock; ``half``: s, to stand before a move from the start."""
         inner, (own, joins) = space.states_alone, space.order
         size = inner.arcs.heads.size
         m = size + joins.size
         space.spending.hold(m * TIMED + space.size * NODE, f"{space.words} was timed")
         tails, durations = np.empty(m, np.int64), np.empty(m)
         ticks, stays = np.empty(m, np.int64), np.zeros(m, dtype=bool)
-        moves = np.zeros(m, dtype=bool)  # at once
+        moves = np.zeros(m, dtype=bool)  # begins with a move
 
         inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
 
         def timed(part: slice) -> list[tuple[IntArray, IntArray, FloatArray, IntArray, bool]]:
-            found = []
+            columns = []
             for number, rows, motions in motions_of(inner, np.arange(part.start, part.stop)):
                 seconds = np.broadcast_to(motions.duration, rows.size)
                 at = own[rows]
@@ -108,8 +108,8 @@ class TimedArcs:
                     count = clock.along(motions.start, motions.end, seconds)
                 else:
                     count = clock.in_place(seconds, inner.places(inner_tails[rows]))
-                found.append((at, rows, np.asarray(seconds), count, number != MOVE))
-            return found
+                columns.append((at, rows, np.asarray(seconds), count, number != MOVE))
+            return columns
 
         for batch in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
             for at, rows, seconds, count, in_place in batch:
@@ -150,7 +150,7 @@ class TimedArcs:
         )
 
     def with_copies(self, graph: Graph) -> Graph:
-        """The graph with these arcs and their costs, of which it has all but the copies."""
+        """Return a graph of these arcs without the copies, with the copies added."""
         if not self.copied.size:
             return graph
         heads, costs = (
@@ -164,33 +164,33 @@ class TimedArcs:
 
     @cached_property
     def moving(self) -> IntArray:
-        """Arcs (r,), rising, that do not stay in place: the rows of :meth:`legs`."""
+        """Arcs (r,), in order, that do not stay in place."""
         return np.flatnonzero(~self.stays)
 
     @cached_property
     def states(self) -> States:
-        """A state (P,) at each place."""
+        """One state (P,) at each place."""
         first = np.unique(self.place, return_index=True)[1]
         states = self.space.states(self.states_of[first])
         return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
 
     def legs(self, arcs: IntArray) -> list[LegMotions]:
-        """The motions of some arcs (r,), rising, leg by leg."""
+        """Return the motions of some arcs (r,), in order: the first ones, the second ones and so on."""
         row = np.full(self.tails.size, -1, np.int64)
         row[arcs] = np.arange(arcs.size)
         copies = self.tails.size - self.copied.size
-        found = [*self._legs(arcs.size, row[:copies], np.zeros(copies))]
+        legs = [*self._legs(arcs.size, row[:copies], np.zeros(copies))]
         if (row[copies:] >= 0).any():
             for after, own in ((0.0, ~self.stands), (self.half, self.stands)):
                 numbers = np.full(copies, -1, np.int64)
                 numbers[self.copied] = np.where(own[copies:], row[copies:], -1)
-                found += self._legs(arcs.size, numbers, np.full(copies, after))
+                legs += self._legs(arcs.size, numbers, np.full(copies, after))
             stood = np.flatnonzero(self.stands & (row >= 0))
-            found.append(_leg(arcs.size, row[stood], self._standing(stood.size), np.zeros(stood.size)))
-        return [leg for leg in found if leg.lasts.size]
+            legs.append(_leg(arcs.size, row[stood], self._standing(stood.size), np.zeros(stood.size)))
+        return [leg for leg in legs if leg.lasts.size]
 
     def _legs(self, size: int, row: IntArray, after: FloatArray) -> Iterator[LegMotions]:
-        """The motions of arcs of the graph that begin after (m,) s, as rows (m,) of so many; of those not at -1."""
+        """Yield the motions of arcs that begin after (m,) s; ``row`` (m,) is the row of each arc, -1 for none."""
         mine = row[self.own]
         for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
             yield _leg(size, mine[rows], motions, after[self.own[rows]])
@@ -198,15 +198,14 @@ class TimedArcs:
             return
         joined, elapsed = row[self.joins], after[self.joins]
         for chains, motions in self.space.joins.motions():
-            asked = np.flatnonzero(joined[chains] >= 0)
-            some = Motions(
-                motions.world, motions.model, motions.law, motions.start.take(asked), motions.end.take(asked)
-            )
-            yield _leg(size, joined[chains][asked], some, elapsed[chains][asked])
+            own = np.flatnonzero(joined[chains] >= 0)
+            start, end = motions.start.take(own), motions.end.take(own)
+            part = Motions(motions.world, motions.model, motions.law, start, end)
+            yield _leg(size, joined[chains][own], part, elapsed[chains][own])
             elapsed[chains] += motions.duration
 
     def _standing(self, count: int) -> Motions:
-        """What the robot does before it moves away from the start, so many times."""
+        """Return the hold before a move from the start, ``count`` times."""
         states = self.space.states(np.full(count, self.states_of[self.begin]))
         start, end = (States(**states.__dict__, **{CLOCK: np.full(count, clock)}) for clock in (0.0, self.half))
         return Motions(self.space.world, self.space.model, HOLD, start, end)
@@ -227,7 +226,7 @@ def _numbered_places(places: IntArray) -> IntArray:
 
 
 def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
-    """Arcs (N,), rising, of a graph of states as motions: the number of their kind, which of them, and these."""
+    """Yield arcs (N,), in order, as motions: the index of their kind, the arcs, and the motions."""
     kinds = space.arcs.kinds[arcs]
     tails = np.searchsorted(space.arcs.start, arcs, side="right") - 1
     heads = space.arcs.heads[arcs].astype(np.int64)
@@ -245,12 +244,12 @@ def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> LegMo
 
 
 def arrivals(legs: Sequence[LegMotions], ends: BoolArray, durations: FloatArray, half: float) -> list[LegMotions]:
-    """What robots still need after plans that end with a move: half of what a run takes longer than planned.
+    """Return the holds of half a run's extra time, in which executions arrive after plans that end with a move.
 
-    ends, durations  (r,)  which rows lead to where plans end, and how long they last, s
+    ends, durations  (r,)  whether each arc leads to an end of plans, and its duration, s
     half             s
     """
-    found = []
+    holds = []
     for leg in legs if half > 0.0 else ():
         own = leg.of[ends]
         rows = np.flatnonzero(ends)[own >= 0]
@@ -261,8 +260,8 @@ def arrivals(legs: Sequence[LegMotions], ends: BoolArray, durations: FloatArray,
             of = np.full(ends.size, -1, np.int64)
             of[rows] = np.arange(own.size)
             there = leg.end.take(own)
-            found.append(LegMotions(HOLD.kind, of, there, there, durations[rows], np.full(own.size, half)))
-    return found
+            holds.append(LegMotions(HOLD.kind, of, there, there, durations[rows], np.full(own.size, half)))
+    return holds
 
 
 def costs_of(
@@ -273,7 +272,7 @@ def costs_of(
     rows: IntArray,
     seconds: FloatArray,
 ) -> FloatArray:
-    """Costs (N, k) of rows (N,) of arcs that leave at some times (N,), s, in a world."""
+    """Return costs (N, k) of arcs, by rows (N,), that leave at some times (N,), s, in a world."""
     costs = np.zeros((rows.size, len(criteria)))
     worst = np.array([criterion.aggregate == "max" for criterion in criteria])
     for leg in legs:

@@ -1,9 +1,8 @@
-"""How far away somebody who moves is noticed by criteria: there, tables are made; beyond, costs are those without time.
+"""Ranges within which criteria notice moving people: tables of costs by time are made there, and nowhere else.
 
-It is found by asking: each criterion costs short holds and moves round each person alone, at several times, in rings
-about the place. Where a cost differs from what it is in the end by more than a ten-thousandth of the largest such
-difference, the person is noticed, and everywhere nearer, in that direction. What is left out stays in the tolerance of
-the planned costs.
+The ranges are measured: each criterion costs short holds and moves in rings round each person alone, at several times.
+Where a cost differs from its final value by more than a ten-thousandth of the largest difference, the person is
+noticed, and everywhere nearer in that direction. Neglected differences are part of the tolerance of planned costs.
 """
 
 from __future__ import annotations
@@ -28,10 +27,10 @@ from hpop.world.content.people import Person
 
 
 class MovingPeople(NamedTuple):
-    """The people of a world who move, and what must stay together.
+    """The moving people of a world.
 
-    world   with all of them
-    moving  places, among its people, of those who move
+    world   with all people
+    moving  indices of the moving ones
     """
 
     world: World
@@ -39,39 +38,39 @@ class MovingPeople(NamedTuple):
 
     @classmethod
     def of(cls, world: World) -> MovingPeople:
-        """That of a world."""
+        """Return the moving people of a world."""
         people = world.content.people
         return cls(world, tuple(i for i, person in enumerate(people) if person.moves))
 
     @property
     def people(self) -> tuple[Person, ...]:
-        """Those who move."""
+        """The moving people."""
         return tuple(self.world.content.people[i] for i in self.moving)
 
     @property
     def settled(self) -> float:
-        """Time, s, from which on nothing about them changes."""
+        """Time, s, from which on no prediction changes."""
         return max((person.settled for person in self.people), default=0.0)
 
-    def with_those(self, who: Collection[int]) -> World:
-        """The world with those who stand and, of those who move, some (places in ``moving``) and who talks to them."""
+    def with_those(self, numbers: Collection[int]) -> World:
+        """Return the world with standing people, some moving ones (indices in ``moving``), and who talks with them."""
         content = self.world.content
-        kept = {i for i, person in enumerate(content.people) if not person.moves} | {self.moving[i] for i in who}
+        kept = {i for i, person in enumerate(content.people) if not person.moves} | {self.moving[i] for i in numbers}
         return self._with(self._together(kept))
 
     def alone(self, number: int, person: Person) -> World:
-        """The world with one of those who move alone, as somebody else it may be, and with who talks to it."""
+        """Return the world with one moving person alone, as one of their hypotheses, and with who talks with them."""
         place = self.moving[number]
         return self._with(self._together({place}), {place: person})
 
-    def _together(self, kept: set[int]) -> set[int]:
-        """Those, and everybody in conversations with one of them who moves."""
+    def _together(self, people_kept: set[int]) -> set[int]:
+        """Return some people, and all people in conversation with a moving one among them."""
         people, groups = self.world.content.people, self.world.content.groups
         while True:
-            more = {i for group in groups if any(people[j].moves and j in kept for j in group) for i in group}
-            if more <= kept:
-                return kept
-            kept = kept | more
+            talking = {i for group in groups if any(people[j].moves and j in people_kept for j in group) for i in group}
+            if talking <= people_kept:
+                return people_kept
+            people_kept = people_kept | talking
 
     def _with(self, kept: set[int], instead: dict[int, Person] | None = None) -> World:
         content = self.world.content
@@ -82,27 +81,27 @@ class MovingPeople(NamedTuple):
         return replace(self.world, content=replace(content, people=people, groups=groups))
 
 
-SHARE = 1e-4  # of the largest difference that somebody makes: what is less is not noticed
-WORST = 1e-3  # the same where the worst moment counts
-STEP = 0.01  # of that difference, a second or at the worst moment: as finely are costs compared, if nobody says
-DIRECTIONS = 16  # in which it is looked, from where a person walks to
+SHARE = 1e-4  # of the largest difference by a person: smaller ones are not noticed
+WORST = 1e-3  # the same share where the worst moment counts
+STEP = 0.01  # default quantum of costs, as a share of that difference: a second, or at the worst moment
+DIRECTIONS = 16  # of probes, from the walking direction on
 HEADINGS = 16  # of the moves
 RINGS = 16  # distances, from NEAREST to the size of the map
-HALVINGS = 4  # of the distance between the last ring where somebody is noticed and the next
+HALVINGS = 4  # of the distance between the last ring with a noticed person and the next
 NEAREST = 0.2  # m
-MOMENTS = 5  # of a prediction, its begin and end among them
-PROBE = 0.05  # s, that a hold or a move lasts
+MOMENTS = 5  # of a prediction, its beginning and end included
+PROBE = 0.05  # s, of a hold or move
 PAUSE = 1e-3  # s before a prediction ends
 
 
 @dataclass(frozen=True, eq=False)
 class NoticeRange:
-    """How far (m) somebody is noticed from where it is, by time and direction.
+    """Range, m, within which a person is noticed, by time and direction.
 
-    person  one who moves, without futures
+    person  one hypothesis of a moving person
     times   (T,)  s, rising
-    reach   (T, D)  m, at each time in each of D directions, the first of them that in which it walks
-    left    m  the same of the place where it stays when the prediction has ended; 0 if it is gone then
+    reach   (T, D)  m, at each time in each of D directions, from the walking direction on
+    left    m  range round the place where the person stays after the prediction; 0 if the person leaves
     """
 
     person: Person
@@ -111,15 +110,15 @@ class NoticeRange:
     left: float
 
     def beyond(self, x: FloatArray, y: FloatArray, times: FloatArray) -> NDArray[np.float32]:
-        """How far (P, T), m, at least, places (P,) are beyond where somebody is noticed at times (T,); < 0 within."""
+        """Return lower bounds (P, T), m, of distances of places (P,) beyond the range at times (T,); < 0 within it."""
         columns = (*self.person.at(times), *self.person.ahead_at(times))
         px, py, ux, uy = (np.broadcast_to(column, times.shape).astype(np.float32) for column in columns)
-        there = np.broadcast_to(self.person.there(times), times.shape) > 0
+        is_there = np.broadcast_to(self.person.there(times), times.shape) > 0
         reach = self._reach(times)  # (T, D)
-        farthest = np.where(there, reach.max(axis=1) + NEAREST, -np.inf).astype(np.float32)
+        farthest = np.where(is_there, reach.max(axis=1) + NEAREST, -np.inf).astype(np.float32)
         dx, dy = x.astype(np.float32)[:, None] - px, y.astype(np.float32)[:, None] - py
         beyond = np.hypot(dx, dy)
-        beyond -= farthest  # exact beyond; within, what is noticed in the direction itself is taken
+        beyond -= farthest  # exact beyond the largest range; within it, the range of the direction is taken
         place, moment = np.nonzero(beyond <= 0)
         sx, sy, cos, sin = dx[place, moment], dy[place, moment], ux[moment], uy[moment]
         size = self.reach.shape[1]
@@ -133,57 +132,56 @@ class NoticeRange:
         return np.asarray(beyond, dtype=np.float32)
 
     def _reach(self, times: FloatArray) -> FloatArray:
-        """The larger (T, D) of the reaches at the moments before and after each time."""
+        """Return the larger (T, D) of the ranges at the moments before and after each time."""
         after = np.clip(np.searchsorted(self.times, times), 0, self.times.size - 1)
         return np.maximum(self.reach[after], self.reach[np.maximum(after - 1, 0)])
 
 
 @dataclass(frozen=True, eq=False)
 class NoticeRanges:
-    """Who is noticed, and how far, by some criteria: all that may be of each person who moves.
+    """Ranges within which some criteria notice each hypothesis of each moving person.
 
-    of          for each of those who move, by what may be of it
-    overlooked  (k,)  what is not noticed: a second, of all of them together, in a criterion's unit; a moment where the
-                      worst counts, of one of them
+    of          ranges, by moving person and hypothesis
+    overlooked  (k,)  neglected costs in each criterion's unit: a second, by all people; at the worst moment, by one
     """
 
     of: tuple[tuple[NoticeRange, ...], ...]
     overlooked: FloatArray
 
     @classmethod
-    def by(cls, asked: Sequence[CriterionProbe], company: MovingPeople) -> NoticeRanges:
-        """Of criteria that were asked about everybody."""
-        found = []
-        for number, person in enumerate(company.people):
+    def by(cls, probes: Sequence[CriterionProbe], moving_people: MovingPeople) -> NoticeRanges:
+        """Return the ranges of criteria that were probed round all moving people."""
+        ranges = []
+        for number, person in enumerate(moving_people.people):
             each = []
             for rank, (_, likely) in enumerate(person.hypotheses):
                 times = _moments(likely)
-                reaches = [one.reach(number, rank) for one in asked]
+                reaches = [probe.reach(number, rank) for probe in probes]
                 reach = np.max([np.zeros((MOMENTS, DIRECTIONS)), *reaches], axis=0)
                 left = float(reach[-1].max()) if likely.afterwards == "stays" else 0.0
                 each.append(NoticeRange(likely, times, reach, left))
-            found.append(tuple(each))
-        several = [1 if one.criterion.aggregate == "max" else max(1, len(company.people)) for one in asked]
-        return cls(tuple(found), np.array([one.threshold for one in asked]) * several)
+            ranges.append(tuple(each))
+        several = [1 if probe.criterion.aggregate == "max" else max(1, len(moving_people.people)) for probe in probes]
+        return cls(tuple(ranges), np.array([probe.threshold for probe in probes]) * several)
 
 
 @dataclass(frozen=True, eq=False)
 class CriterionProbe:
-    """What a criterion that reads the time costs about each of those who move, alone.
+    """Costs of a criterion that depends on time, probed round each moving person alone.
 
-    criterion, company, model
-    is_set  whether the problem, or the criterion, says in which steps its costs are compared
+    criterion, moving_people, model
+    is_set  whether the problem or the criterion sets the quantum of its costs
     """
 
     criterion: Criterion
-    company: MovingPeople
+    moving_people: MovingPeople
     model: Model
     is_set: bool
 
     @cached_property
     def farthest(self) -> float:
         """Size of the map, m."""
-        x_min, y_min, x_max, y_max = self.company.world.bounds
+        x_min, y_min, x_max, y_max = self.moving_people.world.bounds
         return max(math.hypot(x_max - x_min, y_max - y_min), 2 * NEAREST)
 
     @property
@@ -192,27 +190,27 @@ class CriterionProbe:
 
     @cached_property
     def differences(self) -> list[list[FloatArray | None]]:
-        """By how much (T, D, R) costs differ in rings, by person and by what may be of it; None: cannot be asked."""
+        """Differences (T, D, R) of costs in rings, by person and hypothesis; None where the criterion has no cost."""
         around = np.broadcast_to(self._rings, (MOMENTS, DIRECTIONS, RINGS))
-        found = list[list[FloatArray | None]]()
-        for number, person in enumerate(self.company.people):
+        differences = list[list[FloatArray | None]]()
+        for number, person in enumerate(self.moving_people.people):
             each = list[FloatArray | None]()
             for _, likely in person.hypotheses:
                 try:
                     each.append(self._differences(number, likely, around))
                 except (CriterionError, UnsupportedCriterion):
                     each.append(None)
-            found.append(each)
-        return found
+            differences.append(each)
+        return differences
 
     @cached_property
     def peak(self) -> float:
-        """The largest difference that somebody makes: a second, or at the worst moment."""
-        return max((float(d.max()) for some in self.differences for d in some if d is not None), default=0.0)
+        """Largest difference by one person: a second, or at the worst moment."""
+        return max((float(d.max()) for rings in self.differences for d in rings if d is not None), default=0.0)
 
     @cached_property
     def quantum(self) -> float:
-        """In which steps a search on a clock compares the costs: no finer than a clock knows them, if nobody says."""
+        """Quantum of the costs in a search on a clock; by default no finer than the accuracy on a clock."""
         if self.is_set or not self.peak > 0.0:
             return self.criterion.quantum
         power = 10.0 ** math.floor(math.log10(STEP * self.peak))
@@ -221,13 +219,13 @@ class CriterionProbe:
 
     @property
     def threshold(self) -> float:
-        """What is less is not noticed: it is less than what rounding does."""
+        """Smallest difference that is noticed; smaller ones are below rounding."""
         share = WORST if self.criterion.aggregate == "max" else SHARE
         return max(share * self.peak, self.quantum)
 
     def reach(self, number: int, rank: int) -> FloatArray:
-        """How far (T, D), m, somebody is noticed, as it may be; 0 where nowhere, infinite if it cannot be asked."""
-        person = self.company.people[number].hypotheses[rank][1]
+        """Return the range (T, D), m, of a hypothesis; 0 where it is not noticed, infinite where there is no cost."""
+        person = self.moving_people.people[number].hypotheses[rank][1]
         each, rings = self.differences[number][rank], self._rings
         if each is None:
             return np.full((MOMENTS, DIRECTIONS), np.inf)
@@ -241,24 +239,24 @@ class CriterionProbe:
         return np.where(noticed.any(axis=2), high, 0.0)
 
     def _differences(self, number: int, person: Person, rings: FloatArray) -> FloatArray:
-        alone = self.company.alone(number, replace(person, afterwards="gone"))
+        alone = self.moving_people.alone(number, replace(person, afterwards="gone"))
         return _differences(self.criterion, alone, self.model, person, _moments(person), rings)
 
 
 class Attention(NamedTuple):
-    """What criteria said of the people who move: of a question it is the same on every graph.
+    """Ranges within which criteria notice people; they do not depend on the graph.
 
-    asked    the criteria that read the time, asked about each of those people
-    notices  how far they are noticed
+    probes   of the criteria that depend on time
+    notices  ranges by these criteria
     """
 
-    asked: Sequence[CriterionProbe]
+    probes: Sequence[CriterionProbe]
     notices: NoticeRanges
 
     @classmethod
-    def of(cls, company: MovingPeople, asked: Sequence[CriterionProbe]) -> Attention:
-        """That of some criteria."""
-        return cls(asked, NoticeRanges.by(asked, company))
+    def of(cls, moving_people: MovingPeople, probes: Sequence[CriterionProbe]) -> Attention:
+        """Return the ranges of some criteria."""
+        return cls(probes, NoticeRanges.by(probes, moving_people))
 
 
 def _moments(person: Person) -> FloatArray:
@@ -269,9 +267,9 @@ def _moments(person: Person) -> FloatArray:
 def _differences(
     criterion: Criterion, world: World, model: Model, person: Person, times: FloatArray, rings: FloatArray
 ) -> FloatArray:
-    """By how much (T, D, R), a second, costs at distances, m, and times, s, differ from those when all is over.
+    """Return the differences (T, D, R), a second, of costs at distances, m, and times, s, from the final costs.
 
-    That is the largest of a hold, and of moves in all directions.
+    Each is the largest of those of a hold and of moves in all directions.
     """
     px, py, ux, uy = (
         np.broadcast_to(column, times.shape)[:, None, None] for column in (*person.at(times), *person.ahead_at(times))
@@ -303,9 +301,9 @@ def _angles(count: int) -> FloatArray:
 def _probe(
     model: Model, x: FloatArray, y: FloatArray, yaw: FloatArray, moves: bool
 ) -> tuple[Law, States, States, FloatArray]:
-    """Short holds or moves (M,) at places, and how long they last, s."""
-    others = {name: np.zeros(x.size) for name in model.space.names if name not in ("x", "y", "yaw")}
-    start = {"x": x, "y": y, "yaw": yaw, **others}
+    """Return short holds or moves (M,) at places, and their durations, s."""
+    zeros = {name: np.zeros(x.size) for name in model.space.names if name not in ("x", "y", "yaw")}
+    start = {"x": x, "y": y, "yaw": yaw, **zeros}
     columns = {name: start[name] for name in model.space.names}
     if not moves:
         held = States(**columns, **{CLOCK: np.zeros(x.size)})

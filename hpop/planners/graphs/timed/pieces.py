@@ -1,4 +1,4 @@
-"""Distances between a robot on its way, piece by piece, and people who walk meanwhile."""
+"""Distances between a robot on its way and people who walk meanwhile, for short pieces of motions."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.world.content.people import Person
 
 PIECE = 0.5  # s
-BETWEEN = 2  # places a tick at which a way is compared with its chord
+BETWEEN = 2  # points a tick at which a person's path is compared with its chord
 Place = tuple[FloatArray, FloatArray]
 
 
 class MotionPieces(NamedTuple):
-    """Pieces of motions that last no longer than :data:`PIECE`, so that nobody strays far from a chord meanwhile.
+    """Pieces of motions no longer than :data:`PIECE`, during which people walk nearly straight.
 
-    row         (N,)  the arc that each is of
+    row         (N,)  arc of each piece
     start, end  x, y (N,), m
-    yaw         (N,)  rad, where they begin
-    after       (N,)  ticks since the arc was left for
+    yaw         (N,)  rad, at the start
+    after       (N,)  ticks since the departure of the arc
     lasts       (N,)  ticks
     turns       (N,)  whether the yaw changes
     """
@@ -44,7 +44,7 @@ class MotionPieces(NamedTuple):
 
     @classmethod
     def of(cls, leg: LegMotions, clock: TickClock) -> MotionPieces:
-        """Those of motions of one kind."""
+        """Return the pieces of motions of one kind."""
         ticks = clock.of(leg.lasts)
         count = -(-ticks // max(1, clock.within(PIECE)))
         owner = np.repeat(np.arange(ticks.size), count)
@@ -61,7 +61,7 @@ class MotionPieces(NamedTuple):
         return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, turns)
 
     def take(self, rows: IntArray) -> MotionPieces:
-        """Some of them."""
+        """Return some of the pieces, by rows."""
         start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
         return MotionPieces(
             self.row[rows], start, end, self.yaw[rows], self.after[rows], self.lasts[rows], self.turns[rows]
@@ -69,11 +69,11 @@ class MotionPieces(NamedTuple):
 
 
 class PersonMotion(NamedTuple):
-    """Where somebody walks during motions (N,).
+    """Motion of a person during motions (N,) of a robot.
 
-    ends   x, y (N,), m, at their begin and at their end
-    stray  (N,)  m, how far it leaves the line between these, walked evenly
-    there  (N,)  whether it is there at any time of them
+    ends   x, y (N,), m, at their beginning and end
+    stray  (N,)  m, largest distance from a steady walk along the line between these
+    there  (N,)  whether the person is present at any time of them
     """
 
     ends: tuple[Place, Place]
@@ -82,7 +82,7 @@ class PersonMotion(NamedTuple):
 
     @classmethod
     def of(cls, person: Person, tick: IntArray, lasts: IntArray, clock: TickClock) -> PersonMotion:
-        """During motions that begin at ticks (N,) and last so many."""
+        """Return the motion of a person from ticks (N,) on, for numbers (N,) of ticks."""
         most = int(lasts.max(initial=1)) + 1
         keys, which = np.unique(tick * most + lasts, return_inverse=True)
         begin, count = keys // most, keys % most
@@ -98,14 +98,14 @@ class PersonMotion(NamedTuple):
         return cls(ends, stray[which], present[which])
 
     def seen_from(self, pieces: MotionPieces) -> tuple[Place, Place]:
-        """Ways (x, y), m, from the robot to the person at both ends of pieces."""
+        """Return the positions x, y (N,), m, of the person relative to the robot at both ends of pieces."""
         (x, y), (to_x, to_y) = self.ends
         (ax, ay), (bx, by) = pieces.start, pieces.end
         return (x - ax, y - ay), (to_x - bx, to_y - by)
 
 
 def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) -> FloatArray:
-    """Distance (N,) of the origin from segments a b."""
+    """Return the distance (N,) of the origin from segments a b."""
     dx, dy = bx - ax, by - ay
     square = dx * dx + dy * dy
     share = np.clip(np.divide(-(ax * dx + ay * dy), square, out=np.zeros_like(square), where=square > 0), 0.0, 1.0)
@@ -115,11 +115,12 @@ def to_segments(ax: FloatArray, ay: FloatArray, bx: FloatArray, by: FloatArray) 
 def strips(
     pieces: MotionPieces, seen: tuple[Place, Place], rows: IntArray, stray: float, at_start: BoolArray | None = None
 ) -> tuple[Place, ...]:
-    """Corners of where somebody is, seen from robots on moves that may be so far, m, ahead of or behind their plans.
+    """Return the corners of the regions in which a person is relative to a robot ahead of or behind its plan.
 
     pieces    (N,) moves
-    seen      from the ends of pieces, of which ``rows`` (N,) are these
-    at_start  (N,)  which cannot be behind at their begin
+    seen      positions of the person relative to the ends of all pieces; ``rows`` (N,) are those of these
+    stray     m, largest distance of the robot from its plan
+    at_start  (N,)  mask of pieces that are not behind at their beginning
     """
     (ax, ay), (bx, by) = pieces.start, pieces.end
     dx, dy = bx - ax, by - ay
@@ -136,16 +137,16 @@ def strips(
 
 
 def to_strips(corners: tuple[Place, ...]) -> FloatArray:
-    """Distance (N,), m, of the origin from convex quadrilaterals; 0 within them."""
+    """Return the distance (N,), m, of the origin from convex quadrilaterals; 0 within them."""
     following = [*corners[1:], corners[0]]
-    edges = [to_segments(*one, *other) for one, other in zip(corners, following, strict=True)]
+    edges = [to_segments(*begin, *end) for begin, end in zip(corners, following, strict=True)]
     sides = [ax * by - ay * bx for (ax, ay), (bx, by) in zip(corners, following, strict=True)]
     inside = (np.minimum.reduce(sides) > 0) | (np.maximum.reduce(sides) < 0)
     return np.where(inside, 0.0, np.minimum.reduce(edges))
 
 
 def to_parts(parts: Sequence[Part], corners: FloatArray) -> FloatArray:
-    """Distance (N,) of the hulls of points (N, c, 2) in the frame of the base from the nearest of some parts."""
+    """Return the distance (N,) of hulls of points (N, c, 2), in the frame of the base, from the nearest part."""
     hulls = shapely.convex_hull(shapely.multipoints(corners))
     each = [
         shapely.distance(shapely.convex_hull(shapely.MultiPoint(part.corners)), hulls) - part.radius for part in parts
@@ -157,24 +158,24 @@ RISK = 0.05  # of a prediction at a moment
 SIGMAS = float(-ndtri(RISK))
 HALVINGS = 30
 TABLE = 257  # deviations for which a distance is found
-SMALLEST = 0.02  # of them, a share of the disc; below, the half-plane is as good
+SMALLEST = 0.02  # of the deviations, as a share of the disc; below, the half-plane is as good
 
 
 def clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
-    """How far (T,), m, the middle of a person must be from that of a disc to be in it with no more than the risk.
+    """Return the distances (T,), m, at which a person's centre is within a disc with no more than the accepted risk.
 
-    Of an uncertain one the larger of what the nearest deviations in a table need.
+    For an uncertain person it is the larger distance of the two nearest deviations in a table.
     """
     deviations, needed = _table(float(disc))
     after = np.clip(np.searchsorted(deviations, deviation), 1, deviations.size - 1)
     unsure = np.maximum(needed[after - 1], needed[after])
-    unsure = np.where(deviation > deviations[-1], 0.0, unsure)  # not even in its middle
+    unsure = np.where(deviation > deviations[-1], 0.0, unsure)  # no risk even at its centre
     return np.where(deviation < deviations[0], disc + SIGMAS * deviation, unsure)
 
 
 @lru_cache(maxsize=256)
 def _table(disc: float) -> tuple[FloatArray, FloatArray]:
-    """Deviations, m, up to the largest that matters, and the distances that they need."""
+    """Return deviations, m, up to the largest with any risk, and the distances that they need."""
     largest = disc / math.sqrt(-2.0 * math.log1p(-RISK))
     deviations = np.geomspace(SMALLEST * disc, largest, TABLE)
     size = (disc / deviations) ** 2

@@ -1,7 +1,7 @@
-"""Paths on a clock as plans: when the robot really is where, by how much costs may be off for that, and trajectories.
+"""Paths on a clock as plans: real times of their steps, tolerances of their costs, and trajectories.
 
-A plan drives the motions of its path, each for as long as it lasts in truth. So it comes to be off the clock; a hold
-lasts until the clock says that it ends, which brings the plan back to it.
+A plan drives the motions of its path in their real durations, so it deviates from the clock. A hold lasts until the
+time at which it ends on the clock, which removes the deviation.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ from hpop.trajectories.trajectory import Trajectory
 class GraphOnClock:
     """A graph of states on a clock.
 
-    graph       what a search takes
-    quanta      (k,)  what one count of each cost is, in the criteria's units
-    lasting     the column of the duration, which is counted in ticks; None if it is no cost
-    start       node of the start, at which plans begin
-    arcs        the same arcs as motions
+    graph          for the search
+    quanta         (k,)  of the costs, in the criteria's units
+    duration_column  of the cost that is counted in ticks; None if the duration is no cost
+    start          node at which plans begin
+    arcs           of the graph, as motions
     clock
-    company     who moves
-    ramps       by how much executions are off; None where that is not known
-    hold        s  that the robot stands at least when it waits, or None
-    overlooked  (k,)  by how much costs may differ in what is not noticed: a second, or at the worst moment
-    pairs       how many costs of an arc or a place at a tick were reckoned
-    seconds     s that making it took
-    safety      what keeps the robot clear of people
-    attention   what criteria said of them
-    people_stop whether people who would walk up to the robot where it starts are taken to stop before it
+    moving_people
+    ramps          deviations of executions from plans; None where they are unknown
+    hold           s  least duration of a wait, or None
+    overlooked     (k,)  costs of people too far away to be noticed: a second, or at the worst moment
+    pairs          number of costs computed, of an arc or place at a tick
+    seconds        s, to build it
+    safety         distances to people
+    attention      ranges at which criteria notice people
+    people_stop    whether people who would walk up to the start are predicted to stop before the robot
     """
 
     graph: TimedGraph
     quanta: FloatArray
-    lasting: int | None
+    duration_column: int | None
     start: int
     arcs: TimedArcs
     clock: TickClock
-    company: MovingPeople
+    moving_people: MovingPeople
     ramps: Ramps | None
     hold: float | None
     overlooked: FloatArray
@@ -67,7 +67,7 @@ class GraphOnClock:
 
     @property
     def counts(self) -> dict[str, Any]:
-        """How large it is, for the stats of a planner."""
+        """Sizes by name, for the statistics of a planner."""
         return {
             "ticks": self.graph.horizon,
             "timed_edges": int(self.graph.timed.size),
@@ -78,13 +78,13 @@ class GraphOnClock:
 
 @dataclass(frozen=True, eq=False)
 class GraphParts:
-    """What is there of a graph already that is put on a clock again and again, while people change.
+    """Parts of a graph that are reused each time that it is put on a clock.
 
-    plain   its arcs, and what they cost by those criteria that do not read the time (:func:`.reading.reading_time`)
-    closed  (m,)  arcs that nobody takes
-    begin   tick from which on the robot may be at the start
-    near    nodes where plans may begin within somebody's margin, and when, s on the clock: the robot may leave there
-    arcs    as they were timed before; None if never
+    plain   arcs with the costs that do not depend on time (:func:`.presence.reading_time`)
+    closed  (m,)  mask of closed arcs
+    begin   earliest tick at the start
+    near    nodes within a person's margin where plans may begin, with times, s on the clock; the robot may leave there
+    arcs    timed before; None if never
     """
 
     plain: Graph
@@ -94,17 +94,17 @@ class GraphParts:
     arcs: TimedArcs | None = None
 
 
-ARC, STOOD = 1, 2  # counts: an arc's cost is rounded, and what it is compared with; standing is a difference of such
+ARC, STOOD = 1, 2  # roundings: of an arc's cost one; of standing, a difference of two rounded costs, two
 
 SAME = 1e-6  # of a tick
 
 
 class StepTimes(NamedTuple):
-    """When the steps (s,) of a plan really happen.
+    """Real times of the steps (s,) of a plan.
 
-    times  (s + 1,)  s, at which each begins; the last is the arrival
-    off    (s + 1,)  s, by how much that is later than the clock says
-    late   (s + 1,)  s, by how much an execution of the plan may be later still
+    times  (s + 1,)  s, of their beginnings; the last is the arrival
+    off    (s + 1,)  s, delays against the clock
+    late   (s + 1,)  s, largest further delays of an execution of the plan
     """
 
     times: FloatArray
@@ -114,12 +114,12 @@ class StepTimes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedPlans:
-    """Plans of a graph on a clock.
+    """Plans on a graph with a clock.
 
-    timed
-    steps   of each
-    begins  s, on the clock, when they really begin
-    late_start  s, by how much executions are later from the beginning on: of a robot that is at rest there
+    timed       the graph
+    steps       of each plan
+    begins      s, on the clock, of their real beginning
+    late_start  s, delay of executions from the beginning on, for a robot that starts from rest
     """
 
     timed: GraphOnClock
@@ -129,7 +129,7 @@ class TimedPlans:
 
     @cached_property
     def driven(self) -> tuple[StepTimes, ...]:
-        """When the steps of each really happen."""
+        """Real times of the steps of each plan."""
         return tuple(self._driven(steps) for steps in self.steps)
 
     def _driven(self, steps: PathSteps) -> StepTimes:
@@ -148,26 +148,26 @@ class TimedPlans:
 
     @cached_property
     def drift(self) -> FloatArray:
-        """By how much (n,), s, each plan is off the clock at most."""
+        """Largest deviation (n,), s, of each plan from the clock."""
         return np.array([float(np.abs(driven.off).max()) for driven in self.driven])
 
     @cached_property
     def late(self) -> FloatArray:
-        """By how much (n,), s, the execution of each plan is later than the clock at most."""
+        """Largest delay (n,), s, of the execution of each plan against the clock."""
         return np.array([float((driven.off + driven.late).max()) for driven in self.driven])
 
     @cached_property
     def holds(self) -> IntArray:
-        """How often (n,) each plan holds."""
+        """Number (n,) of holds in each plan."""
         return np.array([int((steps.arcs == HELD).sum()) for steps in self.steps], dtype=np.int64)
 
     @property
     def lengths(self) -> IntArray:
-        """Steps (n,) of each."""
+        """Number (n,) of steps of each plan."""
         return np.array([steps.arcs.size for steps in self.steps], dtype=np.int64)
 
     def trajectories(self, rows: IntArray) -> tuple[Trajectory, ...]:
-        """The trajectories of some plans, holds among their motions."""
+        """Return the trajectories of some plans, with holds among their motions."""
         space, states_of = self.timed.arcs.space, self.timed.arcs.states_of
         moved = [states_of[self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)]] for i in rows.tolist()]
         plain = space.trajectories(moved)
@@ -177,10 +177,10 @@ class TimedPlans:
         )
 
     def _held(self, steps: PathSteps, driven: StepTimes, trajectory: Trajectory) -> Trajectory:
-        """A trajectory with the holds of its plan."""
+        """Insert the holds of a plan into its trajectory."""
         lasts = np.where(steps.arcs == HELD, np.diff(driven.times), 0.0)
         first = np.flatnonzero(steps.arcs != HELD)[:1]
-        if self.timed.arcs.stands[steps.arcs[first]].any():  # of two holds at the start it is one
+        if self.timed.arcs.stands[steps.arcs[first]].any():  # two holds at the start are one
             lasts[0] += self.timed.arcs.half
         held = np.flatnonzero(lasts >= LEAST)
         lasts = lasts[held]
@@ -196,7 +196,7 @@ class TimedPlans:
         return Trajectory(trajectory.model, States(**columns), tuple(kinds.tolist()), punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
-        """Motions (s,) of which steps are made, besides holds."""
+        """Return the number (s,) of motions of each step, without holds."""
         moved = arcs != HELD
         counts = moved.astype(np.int64)
         space = self.timed.arcs.space
@@ -208,22 +208,22 @@ class TimedPlans:
         return np.asarray(counts, dtype=np.int64)
 
     def tolerance(self, costs: IntArray) -> FloatArray:
-        """By how much (n, k) re-evaluated costs may differ from costs (n, k) on the clock, in the criteria's units.
+        """Return the largest differences (n, k) of re-evaluated costs from costs (n, k) on the clock, in their units.
 
-        Each step that costs anything is rounded. Besides, what it costs when it really happens lies between the least
-        and the largest that it costs at the ticks from when it is planned to then; what is not noticed may add up.
+        The cost of each step is rounded. Its real cost lies between its least and its largest cost at the ticks from
+        its planned to its real time. Costs of people too far away to be noticed may add up.
         """
         off = np.zeros(costs.shape)
         for i, (steps, driven) in enumerate(zip(self.steps, self.driven, strict=True)):
             low, high, rounds = _Between(self.timed, steps, driven).bounds()
-            if self.timed.lasting is not None:
-                rounds[self.timed.lasting] = 0.0  # ticks are what the clock says
+            if self.timed.duration_column is not None:
+                rounds[self.timed.duration_column] = 0.0  # ticks are exact
             off[i] = np.maximum(high - costs[i], costs[i] - low)
             duration = driven.times[-1] - self.begins
             overlooked = np.where(self._worst, 1.0, duration) * self.timed.overlooked
             off[i] = (np.maximum(off[i], 0.0) + rounds) * self.timed.quanta + overlooked
-            if self.timed.lasting is not None:
-                off[i, self.timed.lasting] += abs(driven.off[-1] - driven.off[0])
+            if self.timed.duration_column is not None:
+                off[i, self.timed.duration_column] += abs(driven.off[-1] - driven.off[0])
         return off
 
     @property
@@ -233,14 +233,14 @@ class TimedPlans:
 
 @dataclass(frozen=True, eq=False)
 class _Between:
-    """What the steps of a plan cost at least and at most, in counts, at the ticks about when they really happen."""
+    """Least and largest costs of the steps of a plan, in quanta, between their planned and real times."""
 
     timed: GraphOnClock
     steps: PathSteps
     driven: StepTimes
 
     def bounds(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of the whole (k,), the least and the largest, and how many costs in them are rounded."""
+        """Return least and largest costs (k,) of the plan, and the number (k,) of roundings in them."""
         graph = self.timed.graph.graph
         k = graph.criteria
         if not self.steps.arcs.size:
@@ -262,7 +262,7 @@ class _Between:
         return least, most, rounds
 
     def _static(self, j: int) -> BoolArray:
-        """Which steps (s,) are arcs that cost the same at any time."""
+        """Mark the steps (s,) with a cost that does not depend on time."""
         arcs = np.maximum(self.steps.arcs, 0)
         timed, stays = self.timed.graph.timed, self.timed.graph.stays
         row = np.minimum(np.searchsorted(timed, arcs), max(0, timed.size - 1))
@@ -271,7 +271,7 @@ class _Between:
         return ~(has_table | stands)
 
     def _of_arc(self, i: int, j: int) -> tuple[float, float]:
-        """What an arc costs in one column, at least and at most."""
+        """Return the least and the largest cost of an arc in one column."""
         graph, arc = self.timed.graph, int(self.steps.arcs[i])
         if graph.stays[arc]:
             low, high = self._of_standing(i, j)
@@ -285,13 +285,13 @@ class _Between:
         return float(table.min()), float(table.max())
 
     def _ticks(self, i: int) -> tuple[int, int]:
-        """The first and the last tick of those from when a step is planned to begin to when it really does."""
+        """Return the first and last tick between the planned and the real beginning of a step."""
         real = self.driven.times[i] / self.timed.clock.tick
         planned = int(self.steps.departures[i])
         return min(planned, int(np.floor(real + SAME))), max(planned, int(np.ceil(real - SAME)))
 
     def _of_standing(self, i: int, j: int) -> tuple[float, float]:
-        """What standing for a step costs in one column, at least and at most."""
+        """Return the least and the largest cost of standing for a step, in one column."""
         place = int(self.timed.graph.place[self.steps.nodes[i]])
         (first, begin), (end, last) = self._ticks(i), self._ticks(i + 1)
         if self.timed.graph.graph.aggregates[j] == "max":
@@ -309,7 +309,7 @@ class _Between:
         return float(graph.standing[j][place, min(begin, horizon) : min(end - 1, horizon) + 1].max())
 
     def _total(self, place: int, j: int, tick: int) -> float:
-        """What standing from tick 0 on costs."""
+        """Return the cost of standing from tick 0 on."""
         graph = self.timed.graph
         rate = int(graph.rate[place, j])
         if j not in graph.standing:

@@ -1,4 +1,4 @@
-"""Where and when people are noticed, which criteria read the time, and what standing costs in each state."""
+"""Places and times at which people are noticed, criteria that depend on time, and costs of standing."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.runtime import limits
 from hpop.world import World
 
-TOLD_APART = 62  # people; of more, each pair is evaluated among all
-ALONE = 2048  # pairs: fewer are evaluated among all people, which is as quick as to make a world for them
-NOTICED = "it was reckoned where people who move are noticed"
+TOLD_APART = 62  # people with a bit of their own; places where others are noticed are evaluated among all people
+ALONE = 2048  # pairs: fewer are evaluated among all people, which is as quick as a world of their own
+NOTICED = "places where moving people are noticed were computed"
 
-Masks = NDArray[np.unsignedinteger[Any]]  # bit i for the i-th of those who move, the last one for all others
+Masks = NDArray[np.unsignedinteger[Any]]  # bit i for moving person i, the last bit for all others
 
 
 @dataclass(frozen=True, eq=False)
 class Presence:
-    """Who is noticed where and when.
+    """Places and ticks at which moving people are noticed.
 
-    company, notices
+    moving_people, notices
     clock
-    horizon  H: ticks 0 to H - 1 are asked about
+    horizon  H: number of ticks
     x, y     (P,) m  places
     """
 
-    company: MovingPeople
+    moving_people: MovingPeople
     notices: NoticeRanges
     clock: TickClock
     horizon: int
@@ -54,73 +54,73 @@ class Presence:
 
     @property
     def over(self) -> float:
-        """A time, s, from which on nothing changes any more."""
-        return self.company.settled + self.clock.tick
+        """A time, s, from which on no cost changes."""
+        return self.moving_people.settled + self.clock.tick
 
     @property
     def at_last(self) -> World:
-        """A world that costs what this one does when all is over."""
-        return self.company.world
+        """The world, for costs at the time `over`."""
+        return self.moving_people.world
 
     @cached_property
     def _beyond(self) -> list[NDArray[np.float32]]:
-        """For each of those who move, how far (P, H), m, places are beyond where it is noticed."""
+        """For each moving person, distances (P, H), m, of places beyond the range in which the person is noticed."""
         times = self.clock.seconds(np.arange(self.horizon))
         distances = self.x.size * self.horizon * np.dtype(np.float32).itemsize
         limits.hold(NOTICED, len(self.notices.of) * distances, 2 * distances)
         if not self.notices.overlooked.size:
             return [np.full((self.x.size, self.horizon), np.inf, np.float32) for _ in self.notices.of]
-        each = ([one.beyond(self.x, self.y, times) for one in some] for some in self.notices.of)
-        return [np.minimum.reduce(some) for some in each]
+        each = ([likely.beyond(self.x, self.y, times) for likely in ranges] for ranges in self.notices.of)
+        return [np.minimum.reduce(distances) for distances in each]
 
-    def masks(self, way: float, lasts: float) -> Masks:
-        """Who (P, H) is noticed within some metres of each place, from each tick on for some seconds."""
-        if (way, lasts) not in self._masks:
-            people = self.company.people
+    def masks(self, length: float, lasts: float) -> Masks:
+        """Return masks (P, H) of people noticed within a length, m, of places, from each tick on for some seconds."""
+        if (length, lasts) not in self._masks:
+            people = self.moving_people.people
             kind = np.dtype(np.min_scalar_type(1 << min(len(people), TOLD_APART)))
             limits.hold(NOTICED, self.x.size * self.horizon * kind.itemsize, self.x.size * self.horizon)
             masks = np.zeros((self.x.size, self.horizon), kind)
             for i, (person, beyond) in enumerate(zip(people, self._beyond, strict=True)):
-                near = beyond <= np.float32(way + person.speed * lasts)
+                near = beyond <= np.float32(length + person.speed * lasts)
                 masks |= near.astype(masks.dtype) << masks.dtype.type(min(i, TOLD_APART))
-            self._masks[way, lasts] = masks
-        return self._masks[way, lasts]
+            self._masks[length, lasts] = masks
+        return self._masks[length, lasts]
 
     def parts(self, masks: Masks) -> Iterator[tuple[IntArray, World]]:
-        """Pairs (N,) with the same people, each with a world in which those are."""
-        rest = []
+        """Yield pairs (N,) with the same noticed people, together with a world of these people."""
+        among_all = []
         values, which, counts = np.unique(masks, return_inverse=True, return_counts=True)
         for number, (mask, count) in enumerate(zip(values.tolist(), counts.tolist(), strict=True)):
             own = np.flatnonzero(which == number)
             if count < ALONE or mask >> TOLD_APART:
-                rest.append(own)
+                among_all.append(own)
             else:
                 yield own, self._world(mask)
-        if rest:
-            yield np.concatenate(rest), self.company.world
+        if among_all:
+            yield np.concatenate(among_all), self.moving_people.world
 
     def _world(self, mask: int) -> World:
         if mask not in self._worlds:
-            self._worlds[mask] = self.company.with_those([i for i in range(TOLD_APART) if mask >> i & 1])
+            self._worlds[mask] = self.moving_people.with_those([i for i in range(TOLD_APART) if mask >> i & 1])
         return self._worlds[mask]
 
 
-TRIED_ARCS = 64  # arcs that are asked about
+TRIED_ARCS = 64  # sample of arcs
 
 
 def reading_time(criteria: Sequence[Criterion], space: StateGraph | JoinedEnds) -> list[int]:
-    """Return the columns of the criteria that read the time, among the people of a graph's world."""
+    """Return the columns of the criteria that depend on time, among the people of a graph's world."""
     tried = list(_tried(space))
     return [j for j, criterion in enumerate(criteria) if any(_reads_time(criterion, motions) for motions in tried)]
 
 
 def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
-    """Yield motions of some arcs; of a graph that has none, those of joined ends and a hold."""
+    """Yield motions of some arcs; for a graph without arcs, those of joined ends and a hold."""
     inner = space.states_alone
     size = inner.arcs.heads.size
     if size:
-        some = np.unique(np.linspace(0, size - 1, TRIED_ARCS).astype(np.int64))
-        yield from (motions for _, _, motions in motions_of(inner, some))
+        sample = np.unique(np.linspace(0, size - 1, TRIED_ARCS).astype(np.int64))
+        yield from (motions for _, _, motions in motions_of(inner, sample))
         return
     if space.joins is not None:
         yield from (motions for _, motions in space.joins.motions() if len(motions))
@@ -131,7 +131,7 @@ def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
 
 
 def _reads_time(criterion: Criterion, motions: Motions) -> bool:
-    """Return whether costs depend on when a motion begins: none can be had without, or they differ."""
+    """Return whether costs depend on the time at which a motion begins, or need such a time."""
     try:
         plain = motion_costs(criterion, motions)
     except (CriterionError, UnsupportedCriterion):
@@ -144,10 +144,10 @@ def _reads_time(criterion: Criterion, motions: Motions) -> bool:
     return False
 
 
-ALIKE = 1e-9  # relative: what standing costs at two headings is the same
-IN_PLACE = 1e-2  # relative: turning costs what standing meanwhile does, but for the quadrature
-TRIED_PLACES = 200  # turns of which that is tried
-DOING = "what standing costs was reckoned"
+ALIKE = 1e-9  # relative: smaller differences of the cost of standing count as none
+IN_PLACE = 1e-2  # relative difference of the costs of turning and standing, due to quadrature
+TRIED_PLACES = 200  # sample of turns
+DOING = "costs of standing were computed"
 
 
 def hold_costs(
@@ -158,8 +158,8 @@ def hold_costs(
     presence: Presence | None = None,
     seconds: FloatArray | None = None,
 ) -> FloatArray:
-    """Costs (N, k) of holds in states (N,), which last so long, s; from some times on, s, if these are given."""
-    world = space.world if presence is None else presence.company.world
+    """Return costs (N, k) of holds in states (N,), with durations (N,), s, from some times on, s, or from none."""
+    world = space.world if presence is None else presence.moving_people.world
     columns = {name: np.nan_to_num(column) for name, column in states.__dict__.items()}
     start, end = States(**columns, **{CLOCK: 0.0 * lasts}), States(**columns, **{CLOCK: lasts})
     motions = Motions(world, space.model, HOLD, start, end, t0=seconds)
@@ -167,16 +167,16 @@ def hold_costs(
 
 
 def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: float) -> FloatArray:
-    """What standing for a tick costs in each state (n, k) of a graph, by criteria that read no time."""
+    """Return the costs (n, k) of standing for a tick in each state, by criteria that do not depend on time."""
     rates = np.zeros((space.size, len(criteria)))
     if not criteria:
         return rates
 
-    def found(part: slice) -> tuple[slice, FloatArray]:
+    def rates_of(part: slice) -> tuple[slice, FloatArray]:
         states = space.states(np.arange(part.start, part.stop))
         return part, hold_costs(criteria, space, states, np.ones(states.size))
 
-    for part, costs in space.spending.each(found, blocks(space.size), DOING):
+    for part, costs in space.spending.each(rates_of, blocks(space.size), DOING):
         rates[part] = costs
     adds_up = np.array([criterion.aggregate != "max" for criterion in criteria], dtype=bool)
     rates[:, adds_up] *= tick
@@ -184,19 +184,20 @@ def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: 
 
 
 def alike_at_places(rates: FloatArray, place: IntArray) -> BoolArray:
-    """Whether (k,) each column of rates (n, k) is the same, but for rounding, at all nodes of each place."""
+    """Mark columns (k,) of rates (n, k) that are equal, up to rounding, at all nodes of each place."""
     size = int(place.max(initial=-1)) + 1
     low, high = np.full((size, rates.shape[1]), np.inf), np.full((size, rates.shape[1]), -np.inf)
     np.minimum.at(low, place, rates)
     np.maximum.at(high, place, rates)
-    found: BoolArray = (high - low <= ALIKE * np.maximum(1.0, high)).all(axis=0)
-    return found
+    alike: BoolArray = (high - low <= ALIKE * np.maximum(1.0, high)).all(axis=0)
+    return alike
 
 
 def turn_as_they_stand(criteria: Sequence[Criterion], arcs: TimedArcs, presence: Presence) -> BoolArray:
-    """Whether (k,) a motion in place costs by each criterion what standing at the place does meanwhile.
+    """Mark criteria (k,) for which a motion in place costs as much as standing there meanwhile.
 
-    Tried where somebody is noticed, at all headings: of a criterion that reads where the base is, and when, it holds.
+    A sample of places and headings where a person is noticed is tried. It holds for criteria that depend only on the
+    position of the base and the time.
     """
     places, ticks = np.nonzero(presence.masks(0.0, presence.clock.tick))
     in_place = np.flatnonzero(arcs.inner.arcs.kinds > 0)
@@ -207,25 +208,25 @@ def turn_as_they_stand(criteria: Sequence[Criterion], arcs: TimedArcs, presence:
         return np.ones(len(criteria), dtype=bool)
     tried = rng.choice(places.size, min(TRIED_PLACES, places.size), replace=False)
     begin, end = (np.searchsorted(at[order], places[tried], side=side) for side in ("left", "right"))
-    there = np.flatnonzero(end > begin)
-    picked = order[(begin + (rng.random(tried.size) * (end - begin)).astype(np.int64))[there]]
-    chosen, seconds = in_place[picked], presence.clock.seconds(ticks[tried[there]])
+    has_turns = np.flatnonzero(end > begin)
+    picked = order[(begin + (rng.random(tried.size) * (end - begin)).astype(np.int64))[has_turns]]
+    chosen, seconds = in_place[picked], presence.clock.seconds(ticks[tried[has_turns]])
     unique, which = np.unique(chosen, return_inverse=True)
     worst, largest = np.zeros(len(criteria)), np.zeros(len(criteria))
     for _, rows, motions in motions_of(arcs.inner, unique):
         number = np.searchsorted(rows, unique)
         own = np.flatnonzero(rows[np.minimum(number[which], rows.size - 1)] == chosen)
-        one = number[which[own]]
-        moved = _at(motions, motions.law, one, seconds[own])
-        lasts = np.asarray(np.broadcast_to(motions.duration, len(motions)))[one]
+        rows_of = number[which[own]]
+        moved = _at(motions, motions.law, rows_of, seconds[own])
+        lasts = np.asarray(np.broadcast_to(motions.duration, len(motions)))[rows_of]
         here = arcs.states.take(arcs.place[arcs.tails[arcs.own[chosen[own]]]])
-        for states in (motions.start.take(one), here):
+        for states in (motions.start.take(rows_of), here):
             stood = hold_costs(criteria, arcs.inner, states, lasts, presence, seconds[own])
             turned = np.stack([motion_costs(criterion, moved) for criterion in criteria], axis=1)
             worst = np.maximum(worst, np.abs(turned - stood).max(axis=0, initial=0.0))
             largest = np.maximum(largest, np.maximum(turned, stood).max(axis=0, initial=0.0))
-    found: BoolArray = worst <= IN_PLACE * largest
-    return found
+    alike: BoolArray = worst <= IN_PLACE * largest
+    return alike
 
 
 def _at(motions: Motions, law: Law, rows: IntArray, seconds: FloatArray) -> Motions:

@@ -1,21 +1,20 @@
-"""Keeping clear of people who move: when arcs must not be left for, and when nobody may stand at a place.
+"""Separation from people who move: ticks at which arcs are blocked, and at which the robot must not stand at a place.
 
-The gap is that between the surfaces of the robot, as its parts say, and of a person. It is kept all along a motion, by
-the plan and by its execution: also if the plan is off the clock by :data:`.clock.SLACK`, and the robot, for its ramps,
-so far ahead of the plan or behind it as :class:`hpop.models.execution.Ramps` says; where it stands, in any direction,
-for it may have come from there, or go there. Where a prediction is uncertain the person must not be nearer
-than the margin with more than 5 % at any moment, in any of its futures. That is bounded from above twice, and either is
-enough: by the half-plane beyond the nearest point, 1.645 sigma, and by a disc about the robot that holds it and the
-person's body, whose share of a normal distribution is one of the noncentral chi-squared.
+The gap is the distance between the surfaces of the robot's parts and of a person. It is kept all along a motion, by the
+plan and by its execution, even if the plan deviates from the clock by :data:`.clock.SLACK` and the robot from the plan
+by the distance of :class:`hpop.models.execution.Ramps` (in any direction where it stands). Where a prediction is
+uncertain, the probability that the person is nearer than the margin must not exceed 5 % at any moment, in any
+hypothesis. Two upper bounds of it are used, and either is enough: the half-plane beyond the nearest point (1.645
+sigma), and a disc about the robot that covers it and the person's body (the noncentral chi-squared distribution).
 
-Along a straight move the gap is exact for people who walk straight on meanwhile; for others the way is taken for its
-chord, and the gap for smaller by how far it leaves it. While a robot that is not round turns or stands it counts as the
-disc that it sweeps.
+Along a straight move the gap is exact for people who walk straight meanwhile. Other paths of people are replaced by
+their chords, and the gap is reduced by their distance from it. While a robot that is not round turns or stands, it
+counts as the disc that it sweeps.
 
-A robot that starts within somebody's margin, or into whose margin somebody comes within a second, may leave, but not
-stay: it holds nowhere there, and for :data:`LEAVING` seconds only contact blocks what leads away. A round robot that
-starts in contact may leave that too, by what makes the gap no smaller. What begins at time 0 is not off the clock.
-There may be several starts, at different times: each place of a way where another may be taken.
+A robot that starts within a person's margin, or comes into it within a second, may leave but not stay: it must not hold
+there, and for :data:`LEAVING` seconds only contact blocks the arcs that lead away. A round robot that starts in contact
+may leave it by motions that do not reduce the gap. Plans that begin at time 0 do not deviate from the clock there.
+There may be several starts at different times: each place where a drive may change its plan.
 """
 
 from __future__ import annotations
@@ -49,17 +48,17 @@ from hpop.planners.spending import Spending
 from hpop.world.content.people import Person
 
 TOUCH = 1e-9  # m
-PAIRS = 1 << 20  # of arcs and ticks that are looked at together
+PAIRS = 1 << 20  # of arcs and ticks in one block
 LEAVING = 5.0  # s
 SOON = 1.0  # s
-DOING = "it was reckoned where people who move are in the way"
+DOING = "arcs in the way of moving people were computed"
 
 
 class Separation(NamedTuple):
-    """What keeps a robot clear of somebody, at times (T,).
+    """Distances (T,) from a person; either one is enough.
 
-    gap   m  between the surfaces, or
-    axis  m  from the robot's axis to the middle of the person
+    gap   m  between the surfaces
+    axis  m  from the robot's axis to the person's centre
     """
 
     gap: FloatArray
@@ -67,7 +66,7 @@ class Separation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """Where plans may begin, x and y in m, and when, s on the clock."""
+    """A place where plans may begin: x and y, m, and time, s on the clock."""
 
     x: float
     y: float
@@ -76,15 +75,15 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Safety:
-    """Keeping a robot clear of people by a margin.
+    """Separation constraints for every hypothesis of every moving person.
 
     parts    of the robot
-    people   who move, each that may be: without futures
+    people   hypotheses of the moving people
     clock
     horizon  H
     margin   m
-    starts   where plans begin; none if the robot comes from farther away than anybody's margin
-    stray    m  by how much executions are off along their way
+    starts   where plans begin; empty if the robot comes from outside every person's margin
+    stray    m  largest deviation of executions along their path
     """
 
     parts: Sequence[Part]
@@ -99,7 +98,7 @@ class Safety:
     @classmethod
     def of(
         cls,
-        company: MovingPeople,
+        moving_people: MovingPeople,
         model: Any,
         options: TimeOptions,
         horizon: int,
@@ -107,16 +106,16 @@ class Safety:
         spending: Spending,
         people: Sequence[Person] | None = None,
     ) -> Safety:
-        """Return what keeps a robot clear of all that may come of a company, or of those people of it."""
-        moving = company.people if people is None else people
+        """Return the constraints for all hypotheses of the moving people, or of some people."""
+        moving = moving_people.people if people is None else people
         people = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
-        stray = 0.0 if ramps is None else ramps.stray  # where that is not known, each execution is looked at
+        stray = 0.0 if ramps is None else ramps.stray  # if unknown, each execution is checked
         return cls(model.platform, people, TickClock(options.tick), horizon, options.margin, starts, stray, spending)
 
     @cached_property
     def reach(self) -> float:
-        """Of the robot about its axis, m."""
+        """Reach of the robot about its axis, m."""
         return max((part.reach for part in self.parts), default=0.0)
 
     @property
@@ -124,7 +123,7 @@ class Safety:
         return self.clock.up_to(SLACK)
 
     def _axis(self, person: Person, need: Separation) -> FloatArray:
-        """How far (T,), m, somebody must be from the robot's axis."""
+        """Return the least distances (T,), m, of a person from the robot's axis."""
         return np.asarray(np.minimum(need.gap + self.reach + person.radius, need.axis))
 
     @cached_property
@@ -132,22 +131,22 @@ class Safety:
         return all(part.on_axis for part in self.parts)
 
     def needed(self, person: Person, seconds: FloatArray) -> Separation:
-        """What keeps the robot clear of somebody at times (T,)."""
+        """Return the distances from a person needed at times (T,)."""
         deviation = np.broadcast_to(np.asarray(person.deviation(seconds), float), seconds.shape)
         disc = self.reach + person.radius + self.margin
         return Separation(self.margin + SIGMAS * deviation, clear_distance(deviation, disc))
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
-        """Those in whose margin the robot starts, or who come so near within a second."""
+        """Hypotheses with the robot's start in their margin, then or within a second."""
         return tuple(dict.fromkeys(person for start in self.starts for person in self.near(start)))
 
     def near(self, start: Start) -> list[Person]:
-        """Those in whose margin a place is at a time, or who come so near within a second."""
+        """Return the hypotheses with a start in their margin, then or within a second."""
         return [person for person, _ in self.coming(start, SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
-        """Those in whose margin a place is within so many seconds from a time on, and how many first."""
+        """Yield the hypotheses that have a start in their margin within some seconds, each with the first time, s."""
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
             need = self._axis(person, self.needed(person, start.time + since)) + self.stray
@@ -157,7 +156,7 @@ class Safety:
 
     @cached_property
     def touched(self) -> tuple[Person, ...]:
-        """Those with whom the robot starts in contact."""
+        """Hypotheses in contact with the robot at its start."""
         pairs = ((start, person) for start in self.starts for person in self.people)
         return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
 
@@ -166,7 +165,7 @@ class Safety:
         return apart < self.reach + person.radius - TOUCH
 
     def refuse_contact(self) -> None:
-        """Raise QueryError where a robot that is not round would start in contact with somebody."""
+        """Raise QueryError where a robot that is not round would start in contact with a person."""
         for start in () if self._round else self.starts:
             for person in self.people:
                 (apart,) = _apart(start, person, np.array([start.time])).tolist()
@@ -179,39 +178,39 @@ class Safety:
 
     @cached_property
     def _left_by(self) -> int:
-        """Tick after which a robot is expected to have left those about its start."""
+        """Tick by which a robot must have left the people about its start."""
         return self.clock.up_to(max((start.time for start in self.starts), default=0.0) + LEAVING)
 
     def cut(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """At which ticks (P, H + 1) nobody may stand at places (P,) until the next one."""
+        """Mark ticks (P, H + 1) from which the robot must not stand at places (P,) until the next tick."""
         cut = np.zeros((x.size, self.horizon + 1), dtype=bool)
         ticks = np.arange(self.horizon + 1)
-        ones = np.ones_like(ticks)
+        lasts = np.ones_like(ticks)
         places = KDTree(np.stack([x, y], axis=1))
         for person in self.people:
-            way, need = PersonMotion.of(person, ticks, ones, self.clock), self._needed_on(person, ticks, ones)
-            near = self._axis(person, need) + self.stray + way.stray
-            (x0, y0), (x1, y1) = way.ends
+            walk, need = PersonMotion.of(person, ticks, lasts, self.clock), self._needed_on(person, ticks, lasts)
+            near = self._axis(person, need) + self.stray + walk.stray
+            (x0, y0), (x1, y1) = walk.ends
             walked = np.hypot(x1 - x0, y1 - y0)
             middles = np.stack([0.5 * (x0 + x1), 0.5 * (y0 + y1)], axis=1)
-            found = places.query_ball_point(middles, near + 0.5 * walked)
-            for tick in np.flatnonzero(way.there & (near > 0)).tolist():
-                own = np.array(found[tick], np.int64)
-                gone = (x[own] - x0[tick], y[own] - y0[tick], x[own] - x1[tick], y[own] - y1[tick])
-                cut[own, tick] |= to_segments(*gone) < near[tick] - TOUCH
+            candidates = places.query_ball_point(middles, near + 0.5 * walked)
+            for tick in np.flatnonzero(walk.there & (near > 0)).tolist():
+                own = np.array(candidates[tick], np.int64)
+                relative = (x[own] - x0[tick], y[own] - y0[tick], x[own] - x1[tick], y[own] - y1[tick])
+                cut[own, tick] |= to_segments(*relative) < near[tick] - TOUCH
         return self._widened(cut)
 
     def blocked(self, legs: Sequence[LegMotions], first: int) -> BlockedArcs:
-        """Which arcs of some legs must not be left for at which ticks; those from ``first`` on begin a plan."""
+        """Return the ticks at which arcs are blocked; arcs from ``first`` on begin a plan."""
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
                 for own, tick in self._near(pieces, person):
-                    some = pieces.take(own)
-                    hit = self._hits(some, tick + some.after, person)
+                    part = pieces.take(own)
+                    hit = self._hits(part, tick + part.after, person)
                     if person in self.about_start:
-                        hit &= ~self._leaves(some, tick + some.after, person)
-                    rows.append(some.row[hit])
+                        hit &= ~self._leaves(part, tick + part.after, person)
+                    rows.append(part.row[hit])
                     ticks.append(tick[hit])
         blocked = BlockedArcs.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
         table = self._widened(blocked.table)
@@ -220,7 +219,7 @@ class Safety:
         return BlockedArcs(blocked.rows, table)
 
     def _near(self, pieces: MotionPieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
-        """Pieces and the ticks at which their arcs are left for, where somebody may be near."""
+        """Yield pieces, with the ticks at which their arcs depart, that may be near a person."""
         seconds = self.clock.seconds(np.arange(self.horizon + 1))
         need = self.needed(person, seconds)
         near = float(self._axis(person, need).max()) + self.stray
@@ -232,23 +231,23 @@ class Safety:
         step = max(1, PAIRS // max(1, pieces.row.size))
         for begin in range(0, seconds.size, step):
             self.spending.check(DOING)
-            found = middles.query_ball_point(at[begin : begin + step], near + walked + half)
-            counts = np.array([len(some) for some in found])
+            candidates = middles.query_ball_point(at[begin : begin + step], near + walked + half)
+            counts = np.array([len(rows) for rows in candidates])
             if counts.any():
-                own = np.concatenate([np.array(some, np.int64) for some in found])
+                own = np.concatenate([np.array(rows, np.int64) for rows in candidates])
                 yield own, np.repeat(begin + np.arange(counts.size), counts)
 
     def _hits(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
-        """Whether pieces (N,) that begin at ticks come too near to somebody."""
-        way = PersonMotion.of(person, tick, pieces.lasts, self.clock)
+        """Mark pieces (N,), which begin at ticks (N,), that come too near to a person."""
+        walk = PersonMotion.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
-        seen = way.seen_from(pieces)
+        seen = walk.seen_from(pieces)
         near, stray = self._axis(person, need), self.stray
-        distance = to_segments(*seen[0], *seen[1]) - way.stray
-        hit: BoolArray = way.there & (distance < near + stray - TOUCH)
+        distance = to_segments(*seen[0], *seen[1]) - walk.stray
+        hit: BoolArray = walk.there & (distance < near + stray - TOUCH)
         some = np.flatnonzero(hit & ~pieces.turns)
         corners = strips(pieces.take(some), seen, some, stray)
-        hit[some] = to_strips(corners) - way.stray[some] < near[some] - TOUCH
+        hit[some] = to_strips(corners) - walk.stray[some] < near[some] - TOUCH
         if self._round:
             return hit
         own = np.flatnonzero(hit[some])
@@ -256,17 +255,17 @@ class Safety:
         cos, sin = np.cos(pieces.yaw[some]), np.sin(pieces.yaw[some])
         turned = [np.stack([cos * x[own] + sin * y[own], cos * y[own] - sin * x[own]], axis=1) for x, y in corners]
         gap = to_parts(self.parts, np.stack(turned, axis=1)) - person.radius
-        hit[some] = gap - way.stray[some] < need.gap[some] - TOUCH
+        hit[some] = gap - walk.stray[some] < need.gap[some] - TOUCH
         return hit
 
     def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
-        """Whether pieces lead from where somebody is near, or will be, without contact, soon after such a start.
+        """Mark pieces (N,) that leave a person who is near or comes near, without contact, soon after a start.
 
-        One that begins at a start goes ahead of it only, and before it the robot has stood or turned there at most.
+        A piece that begins at a start only goes ahead of it, as the robot has at most stood or turned there before.
         """
-        way = PersonMotion.of(person, tick, pieces.lasts, self.clock)
+        walk = PersonMotion.of(person, tick, pieces.lasts, self.clock)
         need = self._needed_on(person, tick, pieces.lasts)
-        begin, end = way.seen_from(pieces)
+        begin, end = walk.seen_from(pieces)
         comes = person.speed * (SLACK + SOON)
         inside = np.hypot(*begin) < self._axis(person, need) + self.stray + comes
         distance = to_segments(*begin, *end)
@@ -275,21 +274,21 @@ class Safety:
         each = [np.hypot(moves.start[0] - x, moves.start[1] - y) < TOUCH for x, y, _ in self.starts]
         at_start = np.logical_or.reduce(each)
         distance[some] = to_strips(strips(moves, (begin, end), some, self.stray, at_start))
-        clear = distance - way.stray >= self.reach + person.radius - TOUCH
+        clear = distance - walk.stray >= self.reach + person.radius - TOUCH
         if self._round and person in self.touched:
             (x, y), (to_x, to_y) = begin, end
             in_contact = np.hypot(x, y) < self.reach + person.radius
-            clear |= in_contact & (x * (to_x - x) + y * (to_y - y) >= -TOUCH) & (way.stray <= TOUCH)
-        found: BoolArray = inside & clear & (tick <= self._left_by)
-        return found
+            clear |= in_contact & (x * (to_x - x) + y * (to_y - y) >= -TOUCH) & (walk.stray <= TOUCH)
+        leaves: BoolArray = inside & clear & (tick <= self._left_by)
+        return leaves
 
     def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray) -> Separation:
-        """The most that is needed at the ends and in the middle of so many ticks."""
+        """Return the largest distances needed at the ends and in the middle of some ticks."""
         each = [self.needed(person, self.clock.seconds(tick + share * lasts)) for share in (0.0, 0.5, 1.0)]
         return Separation(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Separation._fields))
 
     def _widened(self, table: BoolArray) -> BoolArray:
-        """What holds at a tick (q, H + 1) also holds so much before and after."""
+        """Extend marks (q, H + 1) to the ticks within the slack before and after them."""
         slack, width = self._slack, table.shape[1]
         if not table.any() or not slack:
             return table
@@ -303,17 +302,17 @@ class Safety:
 
 
 def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:
-    """How far (T,), m, the middle of somebody is from a start, if that is there."""
+    """Return the distances (T,), m, of a person's centre from a start; infinite while the person is absent."""
     x, y = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
-    there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape) > 0
-    return np.where(there, np.hypot(start.x - x, start.y - y), np.inf)
+    is_there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape) > 0
+    return np.where(is_there, np.hypot(start.x - x, start.y - y), np.inf)
 
 
 class BlockedArcs(NamedTuple):
-    """Arcs that must not be left for at some ticks.
+    """Arcs that are blocked for departures at some ticks.
 
-    rows   (b,)  which arcs, rising
-    table  (b, H + 1)
+    rows   (b,)  arcs, rising
+    table  (b, H + 1)  mask
     """
 
     rows: IntArray
@@ -321,7 +320,7 @@ class BlockedArcs(NamedTuple):
 
     @classmethod
     def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> BlockedArcs:
-        """From pairs (N,) of an arc and a tick, in any order."""
+        """Return the mask of pairs (N,) of an arc and a tick, in any order."""
         arcs, which = np.unique(rows, return_inverse=True)
         table = np.zeros((arcs.size, horizon + 1), dtype=bool)
         table[which, ticks] = True

@@ -1,8 +1,7 @@
-"""Tables of what arcs and standing cost by the tick where somebody who moves is noticed; elsewhere it is all one.
+"""Tables of costs of arcs and of standing, by tick, where moving people are noticed; elsewhere costs do not change.
 
-Costs come from the criteria themselves: motions are evaluated from the tick at which they are left for, and for
-standing at a place short holds, a tick each. Of the people who move those are asked about who are noticed there. A pair
-of place and tick that nobody can have reached by then is left out.
+Costs come from the criteria: motions are evaluated at the tick of their departure, and standing at a place as short
+holds of a tick each, among the people who are noticed there. A place is skipped at ticks before it can be reached.
 """
 
 from __future__ import annotations
@@ -25,21 +24,21 @@ from hpop.planners.graphs.timed.presence import Presence
 from hpop.planners.spending import Spending
 from hpop.world import World
 
-PAIRS = 1 << 18  # pairs of an arc or place and a tick that are looked at together, in one thread
-BATCH = 1 << 13  # of these, evaluated together: what criteria make of them stays in the processor's cache
-WAY = 0.5  # m: arcs whose ways are as long, to so much, are alike in where they notice somebody
-DOING = "costs of people who move were reckoned"
+PAIRS = 1 << 18  # pairs of an arc or place and a tick in one block of a thread
+BATCH = 1 << 13  # pairs evaluated at once: arrays of criteria stay in the processor's cache
+LENGTH = 0.5  # m: arcs of nearly equal length share the places where people are noticed
+DOING = "costs near moving people were computed"
 
 Counts = NDArray[Any]  # int32 or int64
 
 
 class ArcTable(NamedTuple):
-    """Costs of arcs by the tick, in quanta.
+    """Costs of arcs by tick, in quanta.
 
-    rows    (q,)  which of the arcs asked about, rising
-    costs   k of them, (q, H + 1): by each criterion; the last column when all is over
-    static  (r, k)  of all arcs, when all is over
-    pairs   how many costs of an arc at a tick were reckoned
+    rows    (q,)  arcs with a table, rising
+    costs   k tables, (q, H + 1), by criterion; the last column has the final costs
+    static  (r, k)  final costs of all arcs
+    pairs   number of costs computed, of an arc at a tick
     """
 
     rows: IntArray
@@ -49,11 +48,11 @@ class ArcTable(NamedTuple):
 
 
 class StandingCosts(NamedTuple):
-    """What standing at places costs, in quanta.
+    """Costs of standing at places, in quanta.
 
-    tables  k of them, (P, H + 1) int64: of a sum since tick 0, of a worst moment during the tick
-    rates   (P, k)  when all is over: a tick, not rounded
-    pairs   how many costs of a place at a tick were reckoned
+    tables  k tables, (P, H + 1) int64: for a sum since tick 0, for a worst moment during the tick
+    rates   (P, k)  final costs a tick, not rounded
+    pairs   number of costs computed, of a place at a tick
     """
 
     tables: list[IntArray]
@@ -63,11 +62,11 @@ class StandingCosts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TimedCosts:
-    """What makes tables.
+    """Builder of the tables of costs by tick.
 
     space, presence
-    criteria  those that read the time
-    quanta    (k,)  what one count of each is
+    criteria  that depend on time
+    quanta    (k,)  of their costs
     spending
     """
 
@@ -80,25 +79,25 @@ class TimedCosts:
     def arcs(
         self, legs: Sequence[LegMotions], place: IntArray, lasts: FloatArray, earliest: IntArray, wanted: BoolArray
     ) -> ArcTable:
-        """Of arcs (r,) that leave from places at a tick or later and last so long, s; all that are wanted among them.
+        """Return the tables of arcs (r,): of those marked in ``wanted`` (r,), and of those that notice a person.
 
-        Other rows are those of arcs that notice somebody.
+        place, lasts, earliest  (r,)  place of each tail, duration, s, and earliest tick of departure
         """
         size, horizon, number = place.size, self.presence.horizon, len(self.criteria)
         static = self._final(legs, size)
-        way = _ways(legs, size)
-        alike = np.ceil(way / WAY).astype(np.int64)
+        lengths = _lengths(legs, size)
+        alike = np.ceil(lengths / LENGTH).astype(np.int64)
 
         def made(part: slice) -> tuple[IntArray, list[Counts], int]:
-            asked = np.arange(part.start, part.stop)
-            masks = np.empty((asked.size, horizon), self.presence.masks(0.0, 0.0).dtype)
-            for kind in np.unique(alike[asked]).tolist():
-                own = np.flatnonzero(alike[asked] == kind)
+            arcs = np.arange(part.start, part.stop)
+            masks = np.empty((arcs.size, horizon), self.presence.masks(0.0, 0.0).dtype)
+            for kind in np.unique(alike[arcs]).tolist():
+                own = np.flatnonzero(alike[arcs] == kind)
                 longest = float(lasts[alike == kind].max())
-                masks[own] = self.presence.masks(kind * WAY, longest)[place[asked[own]]]
-            masks[np.arange(horizon) < earliest[asked, None]] = 0
-            some = np.flatnonzero(masks.any(axis=1) | wanted[asked])
-            rows, masks = asked[some], masks[some]
+                masks[own] = self.presence.masks(kind * LENGTH, longest)[place[arcs[own]]]
+            masks[np.arange(horizon) < earliest[arcs, None]] = 0
+            timed = np.flatnonzero(masks.any(axis=1) | wanted[arcs])
+            rows, masks = arcs[timed], masks[timed]
             row, tick = np.nonzero(masks)
             costs = [np.repeat(static[rows, j, None], horizon + 1, axis=1) for j in range(number)]
             for pairs, world in self._batches(masks[row, tick]):
@@ -113,22 +112,22 @@ class TimedCosts:
             parts.append(part)
         rows = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in parts)])
         columns = []
-        for _ in range(number):  # each is dropped as it is put together: two of all of them would be too many
+        for _ in range(number):  # each is dropped once it is joined, so that there are never two of all
             self.spending.check(DOING, sum(part[1][0].nbytes for part in parts))
             columns.append(np.concatenate([np.zeros((0, horizon + 1), np.int32), *(part[1].pop(0) for part in parts)]))
         return ArcTable(rows, columns, static, sum(part[2] for part in parts))
 
     def standing(self, states: States, earliest: IntArray) -> StandingCosts:
-        """At places, in these states (P,), from a tick on."""
+        """Return the costs of standing at places, in states (P,), from their earliest ticks (P,) on."""
         size, horizon = states.size, self.presence.horizon
         tick = self.presence.clock.tick
         over = np.full(size, self.presence.over)
         rates = np.zeros((size, len(self.criteria)))
 
-        def at_last(part: slice) -> tuple[slice, FloatArray]:
+        def final(part: slice) -> tuple[slice, FloatArray]:
             return part, self._holds(states.take(part), over[part], self.presence.at_last)
 
-        for part, each in self.spending.each(at_last, _slices(size, BATCH), DOING):
+        for part, each in self.spending.each(final, _slices(size, BATCH), DOING):
             rates[part] = each
         paid = [np.empty((size, horizon + 1)) for _ in self.criteria]
         self.spending.hold(2 * 8 * size * (horizon + 1) * len(paid), DOING)
@@ -152,12 +151,12 @@ class TimedCosts:
         return StandingCosts(totals, rates / self.quanta, pairs)
 
     def _counts(self, costs: FloatArray) -> list[IntArray]:
-        """Costs (N, k) in quanta, the nearest, for sums of many that are rounded up would be too large."""
+        """Return costs (N, k) in quanta, rounded to the nearest; rounding up would make long sums too large."""
         counts: FloatArray = np.rint(costs / self.quanta)
         return [counts[:, j].astype(np.int64) for j in range(self.quanta.size)]
 
     def _totals(self, j: int, paid: FloatArray) -> IntArray:
-        """What standing costs, (P, H + 1), as a search takes it; what is paid is overwritten, to save memory."""
+        """Return costs of standing (P, H + 1) in the form of the search; ``paid`` is overwritten, to save memory."""
         paid /= self.quanta[j]
         if self.criteria[j].aggregate == "max":
             return np.rint(paid, out=paid).astype(np.int64)
@@ -167,7 +166,7 @@ class TimedCosts:
         return totals
 
     def _holds(self, states: States, seconds: FloatArray, world: World) -> FloatArray:
-        """Costs (N, k) of standing for a tick from some times (N,), s, on."""
+        """Return costs (N, k) of standing for a tick from times (N,), s, on."""
         costs = np.zeros((states.size, len(self.criteria)))
         lasts = np.full(states.size, self.presence.clock.tick)
         start = States(**states.__dict__, **{CLOCK: 0.0 * lasts})
@@ -177,7 +176,7 @@ class TimedCosts:
         return costs
 
     def _final(self, legs: Sequence[LegMotions], size: int) -> IntArray:
-        """Costs (r, k) of arcs in quanta when all is over."""
+        """Return the final costs (r, k) of arcs, in quanta."""
         static = np.zeros((size, len(self.criteria)), np.int64)
 
         def costs(part: slice) -> tuple[slice, list[IntArray]]:
@@ -208,15 +207,15 @@ def _slices(size: int, step: int) -> Iterator[slice]:
 
 
 def _small(column: IntArray) -> Counts:
-    """The same in 32 bits if they hold it."""
+    """Return a column in 32 bits if that is enough."""
     return column.astype(np.int32) if column.max(initial=0) < 2**31 else column
 
 
-def _ways(legs: Sequence[LegMotions], size: int) -> FloatArray:
-    """How far (r,), m, each arc leads."""
-    ways = np.zeros(size)
+def _lengths(legs: Sequence[LegMotions], size: int) -> FloatArray:
+    """Return the length (r,), m, of each arc."""
+    lengths = np.zeros(size)
     for leg in legs:
         has = np.flatnonzero(leg.of >= 0)
         own = leg.of[has]
-        ways[has] += np.hypot(leg.end.x[own] - leg.start.x[own], leg.end.y[own] - leg.start.y[own])
-    return ways
+        lengths[has] += np.hypot(leg.end.x[own] - leg.start.x[own], leg.end.y[own] - leg.start.y[own])
+    return lengths

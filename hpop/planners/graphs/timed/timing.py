@@ -1,4 +1,4 @@
-"""The clock of a query: how its paths are found, driven and described among people who move."""
+"""The clock of a query: search, plans and claims among people who move."""
 
 from __future__ import annotations
 
@@ -43,14 +43,14 @@ UNREACTING = "people are taken to do as predicted, whatever the robot does"
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Clock, people and departure of a query: the part of it that only people who move make necessary.
+    """Clock, people and departure of a query among people who move.
 
     timed       the graph on the clock
-    start       node at which plans begin: that of the query's start, or one beside it
+    start       node at which plans begin: the query's start, or the extra node beside it
     options     of time
     people      all people, as predicted from the departure on
     begins      s, on the clock, of the departure
-    late_start  s, by how much executions are later from the departure on, which graph and clock do not allow for
+    late_start  s, delay of executions from the departure on that the clock does not include
     """
 
     timed: GraphOnClock
@@ -63,7 +63,7 @@ class Timing:
     # The search
 
     def paths(self, query: Query, limits: Limits, eps: float, slack: IntArray) -> TimedPaths:
-        """Find all non-dominated paths on the clock, or some within ``eps`` and a slack (k,), in objectives' quanta."""
+        """Find all non-dominated paths on the clock, or a cover within ``eps`` and a slack (k,) in quanta."""
         quanta = np.array([criterion.quantum for criterion in query.objectives.optimised])
         counts = np.floor(slack * (quanta / self.timed.quanta) + 1e-9).astype(np.int64)
         return timed_paths(
@@ -86,9 +86,9 @@ class Timing:
         parts = [f"on a clock of {self.options.tick:g} s"]
         hold = self.timed.hold
         parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
-        company = self.timed.company
-        people = "1 person who moves" if len(company.people) == 1 else f"{len(company.people)} people who move"
-        parts.append(f"for the predictions of {people}, the last of which ends after {company.settled:.3g} s")
+        moving = self.timed.moving_people
+        people = "1 person who moves" if len(moving.people) == 1 else f"{len(moving.people)} people who move"
+        parts.append(f"for the predictions of {people}, the last of which ends after {moving.settled:.3g} s")
         if self.options.margin:
             parts.append(f"{self.options.margin:g} m clear of them")
         if self.options.arrive_by is not None:
@@ -103,7 +103,7 @@ class Timing:
 
     @property
     def _executed(self) -> str:
-        """By how much executions are off their plans, in words."""
+        """Deviation of executions from their plans, in words."""
         ramps = self.timed.ramps
         if ramps is None:
             return "and each was looked at as it is executed"
@@ -112,7 +112,7 @@ class Timing:
     # Plans
 
     def plans(self, paths: TimedPaths, common: Mapping[str, Any]) -> Plans:
-        """Return paths as trajectories with holds, without those that come too near to people as they are executed."""
+        """Return paths as trajectories with holds, without those that come too near to people when executed."""
         steps = [paths.steps(i) for i in range(len(paths))]
         every = TimedPlans(self.timed, steps, self.begins, self.late_start)
         kept = np.flatnonzero(~self._in_contact(every))
@@ -139,8 +139,8 @@ class Timing:
         )
 
     def _in_contact(self, plans: TimedPlans) -> BoolArray:
-        """Mark plans (n,) that come too near to people; plans of which the search proves the distance are skipped."""
-        found = np.zeros(len(plans.steps), dtype=bool)
+        """Mark plans (n,) that come too near to people; plans proven clear by the search are not checked again."""
+        in_contact = np.zeros(len(plans.steps), dtype=bool)
         doubtful = (plans.drift > SLACK) | (plans.late > SLACK)
         if self.timed.ramps is None or self.timed.safety.about_start:
             doubtful[:] = True
@@ -148,44 +148,44 @@ class Timing:
         parts = self.timed.arcs.inner.model.platform
         people = with_stops(self.people, self.stopping, *self._at_start)
         for i, trajectory in zip(rows.tolist(), plans.trajectories(rows), strict=True):
-            each = (trajectory, trajectory.execution())
-            found[i] = any(contact(parts, people, one, self.options.margin) for one in each)
-        return found
+            motions = (trajectory, trajectory.execution())
+            in_contact[i] = any(contact(parts, people, motion, self.options.margin) for motion in motions)
+        return in_contact
 
     # The departure
 
     @property
     def departure(self) -> Start:
-        """Where and when plans begin."""
+        """Place and time at which plans begin."""
         at = self.timed.arcs.states.take(self.timed.arcs.place[[self.start]])
         return Start(float(at.x[0]), float(at.y[0]), self.begins)
 
     @property
     def _at_start(self) -> tuple[tuple[float, float], float]:
-        """Where plans begin, m, and what the robot needs there, m."""
+        """Position, m, at which plans begin, and the radius, m, that the robot needs there."""
         model, start = self.timed.arcs.inner.model, self.departure
         return (start.x, start.y), needed_about(model, self.options.margin)
 
     @property
     def _touching(self) -> tuple[str, ...]:
-        """A note on the people with whom the robot starts in contact."""
-        who = [person.name or "somebody" for person in self.timed.safety.touched]
-        if not who:
+        """A note on the people in contact with the robot at its start."""
+        names = [person.name or "somebody" for person in self.timed.safety.touched]
+        if not names:
             return ()
-        return (f"the robot starts in contact with {some(who)}; it may leave, where the gap does not shrink",)
+        return (f"the robot starts in contact with {some(names)}; it may leave, where the gap does not shrink",)
 
     @cached_property
     def stopping(self) -> list[int]:
-        """Numbers of the people who are taken to stop before the robot where it starts."""
+        """Indices of the people who are predicted to stop before the robot at its start."""
         if not self.timed.people_stop:
             return []
         place, reach = self._at_start
-        moving = self.timed.company.moving
+        moving = self.timed.moving_people.moving
         return [i for i in moving if yielding(self.people[i], place, reach) is not self.people[i]]
 
     @property
     def _stopping(self) -> tuple[str, ...]:
-        """A note on the people who are taken to stop before the robot."""
+        """A note on the people who are predicted to stop before the robot."""
         return (taken_to_stop(self.people, self.stopping),) if self.stopping else ()
 
     def what_blocks(self, query: Query) -> str:
@@ -194,23 +194,23 @@ class Timing:
         alone = pareto_paths(graph, self.start, query.goals, budget=Budget(max_labels=10**6), eps=1.0)
         if alone.status is Status.NO_PATH:
             return query.space.what_separates(query.start, query.goals)
-        why, ways_out = ["people who move are in them, now or later"], list[str]()
+        why, remedies = ["people who move are in their way, now or later"], list[str]()
         if near := [*self.timed.safety.coming(self.departure)]:
-            who = some([*dict.fromkeys(person.name or "somebody" for person, _ in near)])
+            names = some([*dict.fromkeys(person.name or "somebody" for person, _ in near)])
             when = f"after {first:.2g} s" if (first := min(since for _, since in near)) else "from the beginning"
-            why.append(f"{who} may be too near to the start, {when}, for the robot to be away in time")
+            why.append(f"{names} may be too near to the start, {when}, for the robot to leave in time")
         if self.options.margin > 0:
-            ways_out.append("a smaller margin")
+            remedies.append("a smaller margin")
         if self.options.hold is None:
-            ways_out.append("a hold")
+            remedies.append("a hold")
         if self.options.arrive_by is not None:
             why.append(f"none arrives within {self.options.arrive_by:g} s")
-            ways_out.append("a later arrive_by")
+            remedies.append("a later arrive_by")
         if query.max_turns is not None:
             why.append(f"none has at most {query.max_turns} turns")
-            ways_out.append("more max_turns")
-        advice = [f"give {way}" for way in ways_out] + ["ask for another start or goal, or later"]
-        return f"no path: there are ways, but {', or '.join(why)}; {', or '.join(advice)}"
+            remedies.append("more max_turns")
+        advice = [f"give {remedy}" for remedy in remedies] + ["ask for another start or goal, or later"]
+        return f"no path: there are paths without people, but {', or '.join(why)}; {', or '.join(advice)}"
 
 
 def timed_query(
@@ -223,7 +223,7 @@ def timed_query(
     *,
     people_stop: bool = False,
 ) -> Query:
-    """Put a graph that was built on a clock, among the people of a problem.
+    """Return the query of a built graph on a clock, among the people of a problem.
 
     Raises Exhausted where a limit is passed, QueryError for a graph without a clock, and as
     :func:`.assembly.timed_graph` does, which explains ``attention`` and ``people_stop``.
@@ -248,7 +248,7 @@ def timed_query(
     return on_clock(timing, objectives, start, goals, build_seconds=seconds, notes=built.notes, max_turns=max_turns)
 
 
-def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **others: Any) -> Query:
-    """Return the query of a graph on a clock; ``others``: further fields of it."""
+def on_clock(timing: Timing, objectives: Objectives, start: int, goals: list[int], **fields: Any) -> Query:
+    """Return the query of a graph on a clock; ``fields``: further fields of the query."""
     timed = timing.timed
-    return Query(timed.arcs.space, objectives, timed.graph.graph, start, goals, timing=timing, **others)
+    return Query(timed.arcs.space, objectives, timed.graph.graph, start, goals, timing=timing, **fields)
