@@ -59,9 +59,9 @@ class Execution(EventLog):
     Accepts: fronts of planners on graphs with turns and straight moves (lattice, roadmap of positions), or of other
     planners if such a planner is given as well; any criteria that the planner takes.
 
-    Guarantees: options are the result of an exact search from the same node in the world as it is now. If a deadline ends
-    the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. The driven
-    trajectory has no jump in place, heading or, by the planning law, speed. The same events give the same drive.
+    Guarantees: options are the result of an exact search from the same node in the world as it is now. If a deadline
+    ends the search, they are at most a factor 1 + gap worse. The present plan is among them while it is open. The
+    driven trajectory has no jump in place, heading or, by the planning law, speed. The same events give the same drive.
 
     Cost: the graph is laid out once; a query then takes some milliseconds in rooms and offices.
     """

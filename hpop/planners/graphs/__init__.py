@@ -1,4 +1,4 @@
-"""Graphs of trajectories: families that build them, exact ends, the query, and what is claimed of its answer."""
+"""Graphs of trajectories: families that build them, exact ends, queries, and the claims of their results."""
 
 from __future__ import annotations
 

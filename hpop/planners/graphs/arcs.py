@@ -1,4 +1,4 @@
-"""Arcs of a graph of states: their order and costs, block by block; chains of motions as arcs; ties broken by turns."""
+"""Arcs of a graph of states: order and costs, computed in blocks; chains of motions as arcs; ties broken by turns."""
 
 from __future__ import annotations
 
@@ -22,21 +22,20 @@ from hpop.search import Graph
 if TYPE_CHECKING:
     from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 
-# Nothing is as large as the arcs but what stays: where they lead, whether they turn, and a column of small integers for
-# each cost.
+# The only arrays as large as the arcs are those that stay: heads, kinds, and a column of small integers for each cost.
 
 
 Counts: TypeAlias = NDArray[np.unsignedinteger[Any]]
 MOVE = 0  # the kind of moves; all others are made in place
-BLOCK = 1 << 16  # arcs worked on together: their columns stay in the processor's cache, and every core gets some
+BLOCK = 1 << 16  # arcs of one block: their columns stay in the processor's cache, and every core gets some blocks
 
 
 class Arcs(NamedTuple):
-    """Arcs sorted by tail, of a state those of motions in place before its moves.
+    """Arcs sorted by tail; at each state, motions in place come before moves.
 
     start  (n + 1,)  the arcs that leave state u are start[u] : start[u + 1]
     heads  (m,)      int32
-    kinds  (m,)      uint8, the kind of each arc's motion, as its place among those of the graph; 0 is a move
+    kinds  (m,)      uint8, index of the kind of each arc's motion in the kinds of the graph; 0 is a move
     """
 
     start: IntArray
@@ -45,7 +44,7 @@ class Arcs(NamedTuple):
 
     @classmethod
     def sorted(cls, size: int, edges: Sequence[tuple[IntArray, IntArray]]) -> Arcs:
-        """From tails and heads of the edges of each kind, moves first, between so many states."""
+        """Sort edges, given by tails and heads for each kind (moves first), between ``size`` states."""
         kinds = [*range(1, len(edges)), MOVE]
         tails, heads = (np.concatenate([edges[kind][side] for kind in kinds]) for side in (0, 1))
         order = np.argsort(tails, kind="stable")
@@ -55,7 +54,7 @@ class Arcs(NamedTuple):
         return cls(start, heads[order].astype(np.int32), of_kind[order]).frozen()
 
     def frozen(self) -> Arcs:
-        """These, read-only, so that a graph takes them as they are."""
+        """Make the arrays read-only, so that a graph does not copy them."""
         for array in self:
             array.setflags(write=False)
         return self
@@ -66,33 +65,33 @@ class Arcs(NamedTuple):
         return self.start.nbytes + self.heads.nbytes + self.kinds.nbytes
 
     def ends(self, part: slice) -> tuple[IntArray, IntArray]:
-        """Tails and heads of a range of arcs."""
+        """Return tails and heads of a range of arcs."""
         first = int(np.searchsorted(self.start, part.start, side="right")) - 1
         last = int(np.searchsorted(self.start, part.stop, side="left"))
         bounds = np.clip(self.start[first : last + 1], part.start, part.stop)
         return np.repeat(np.arange(first, last), bounds[1:] - bounds[:-1]), self.heads[part].astype(np.int64)
 
     def of(self, kind: int) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all arcs of one kind."""
+        """Return tails and heads of all arcs of one kind."""
         own = self.kinds == kind
         tails = np.repeat(np.arange(self.start.size - 1), np.diff(self.start))
         return tails[own], self.heads[own].astype(np.int64)
 
 
 def blocks(size: int, each: int = 1) -> Iterator[slice]:
-    """Ranges of so many things, each as much work as some arcs, bounded in arcs."""
+    """Split ``size`` items, each as much work as ``each`` arcs, into ranges of bounded work."""
     step = max(1, BLOCK // each)
     return (slice(begin, min(begin + step, size)) for begin in range(0, size, step))
 
 
 class Quanta:
-    """A column of costs in quanta that are not known yet, in the smallest integers that hold them."""
+    """A column of costs in quanta, in the smallest integers that hold them."""
 
     def __init__(self, size: int) -> None:
         self.counts: Counts = np.zeros(size, np.uint16)
 
     def write(self, part: slice, counts: IntArray) -> None:
-        """Take the costs of a range of arcs."""
+        """Write the costs of a range of arcs."""
         needed = np.min_scalar_type(int(counts.max(initial=0)))
         if needed.itemsize > self.counts.itemsize:
             self.counts = self.counts.astype(needed)
@@ -100,7 +99,7 @@ class Quanta:
 
 
 def table(columns: list[Counts], size: int) -> IntArray:
-    """Columns (m,) side by side, (m, k)."""
+    """Return columns (m,) as one table (m, k)."""
     costs = np.empty((size, len(columns)), np.int64)
     for part in blocks(size):
         for j, column in enumerate(columns):
@@ -109,8 +108,8 @@ def table(columns: list[Counts], size: int) -> IntArray:
     return costs
 
 
-# Else ties would be broken by spinning as well as by not. The first summed cost becomes cost * TIE_TURNS + turns, in a
-# copy of the graph's costs that counts as memory of the graph.
+# Without a tie-break, paths that turn needlessly could be returned. The first summed cost becomes cost * TIE_TURNS +
+# turns, in a copy of the graph's costs that counts as memory of the graph.
 
 
 TIE_TURNS = 2**18  # more turns than any path makes
@@ -118,7 +117,7 @@ COPIED = "costs were copied, to break ties by turns"
 
 
 def tie_broken(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Graph | None:
-    """The graph with turns, (m,) in each arc, as a last tie-break; None where a cost charges for every turn.
+    """Return the graph with turns, (m,) in each arc, as a last tie-break; None where a cost charges for every turn.
 
     Raises Exhausted where a limit of the spending is passed.
     """
@@ -130,7 +129,7 @@ def tie_broken(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Gr
     for part in blocks(graph.arcs):
         costs[part, first] *= TIE_TURNS
         costs[part, first] += turned[part]
-    costs.setflags(write=False)  # so that they are not copied again
+    costs.setflags(write=False)  # so that the graph does not copy them
     try:
         broken = replace(graph, costs=costs)
     except GraphError:  # sums would overflow: the graph is too large for a tie-break
@@ -140,32 +139,32 @@ def tie_broken(graph: Graph, turned: NDArray[np.int8], spending: Spending) -> Gr
 
 
 def summed(graph: Graph) -> list[int]:
-    """Columns of the costs that add up."""
+    """Return the columns of the costs that add up."""
     return [j for j, aggregate in enumerate(graph.aggregates) if aggregate == "sum"]
 
 
 def _charges(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
-    """Whether a cost charges for every arc that turns."""
+    """Return whether a cost charges for every arc that turns."""
     return all((graph.costs[part, column][turned[part] > 0] > 0).all() for part in blocks(graph.arcs))
 
 
-# Criteria cost each motion of a chain, collisions are looked for in each, as for all motions; costs are added up, or
-# the worst is taken, and rounded once a chain. What a chain does not need is no motion.
+# Each motion of a chain is costed and checked for collisions; costs are added up, or the worst is taken, and rounded
+# once for the chain. A leg that a chain does not need has no motion.
 
 
 NODES = 2**31  # more than a graph has
-REACHED = 1e-6  # m or rad: no column of a state in which a chain shall end is off by more
+REACHED = 1e-6  # m or rad: largest difference of a chain's end from the state that it should reach
 
 
 @dataclass(frozen=True, eq=False)
 class MotionChains:
-    """Chains (C,) of motions from a node to another, as many legs each, of which some are no motion.
+    """Chains (C,) of motions between nodes, all with the same legs; a leg may be absent.
 
-    graph         tells what is free
+    graph         for collision checks
     tails, heads  (C,)  nodes
-    kinds         of the legs, as the model connects states
-    corners       the states (C,) before the first leg and after each
-    present       whether (C,) each leg is a motion
+    kinds         of the legs by which the model connects states
+    corners       states (C,) before the first leg and after each leg
+    present       mask (C,) for each leg: whether it is a motion
     """
 
     graph: TrajectoryGraph
@@ -177,7 +176,7 @@ class MotionChains:
 
     @classmethod
     def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Those that lead from states a (C,) to b, free or not; what is NaN in b is left as it comes."""
+        """Return the chains from states a (C,) to b, free or not; coordinates that are NaN in b may have any value."""
         kinds, corners, present = zip(*graph.model.connect(a, b), strict=True)
         if unknown := set(kinds) - graph.model.laws.keys():
             raise ModelError(f"connect leads by {sorted(unknown)}; this model has the laws {sorted(graph.model.laws)}")
@@ -185,13 +184,13 @@ class MotionChains:
 
     @classmethod
     def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Those of them that are free, and reach b: a model need not connect all of its states."""
+        """Return the chains from states a (C,) to b that are free and reach b; a model need not connect all states."""
         chains = cls.connecting(graph, tails, heads, a, b)
         return chains.take(np.flatnonzero(chains.free() & chains.reach(b)))
 
     @classmethod
     def all_of(cls, parts: Sequence[MotionChains]) -> MotionChains:
-        """The chains of several parts, in order."""
+        """Return the chains of several parts, in order."""
         corners = [
             States(**{name: np.concatenate([getattr(s, name) for s in states]) for name in states[0].names})
             for states in zip(*(part.corners for part in parts), strict=True)
@@ -206,7 +205,7 @@ class MotionChains:
         )
 
     def take(self, rows: IntArray) -> MotionChains:
-        """Some of the chains."""
+        """Return some of the chains, by rows."""
         return MotionChains(
             self.graph,
             self.tails[rows],
@@ -217,20 +216,20 @@ class MotionChains:
         )
 
     def rows(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Places (N,) of the chains between nodes, which are there."""
-        known, asked = self.tails * NODES + self.heads, tails * NODES + heads
-        ranked = np.argsort(known, kind="stable")
-        return ranked[np.searchsorted(known[ranked], asked)]
+        """Return the rows (N,) of the chains between nodes; such chains must exist."""
+        keys, wanted = self.tails * NODES + self.heads, tails * NODES + heads
+        ranked = np.argsort(keys, kind="stable")
+        return ranked[np.searchsorted(keys[ranked], wanted)]
 
     def count(self, kinds: Sequence[str]) -> IntArray:
-        """Motions of some kinds (C,) in each chain."""
+        """Return the number (C,) of motions of some kinds in each chain."""
         number = np.zeros(self.tails.size, np.int64)
-        for kind, there in zip(self.kinds, self.present, strict=True):
-            number += there & (kind in kinds)
+        for kind, present in zip(self.kinds, self.present, strict=True):
+            number += present & (kind in kinds)
         return number
 
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
-        """The first motions, the second ones and so on, each with the chains that it is of."""
+        """Yield the first motions, the second ones and so on, with the rows of their chains."""
         graph = self.graph
         for i, kind in enumerate(self.kinds):
             rows = np.flatnonzero(self.present[i])
@@ -238,19 +237,19 @@ class MotionChains:
             yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
 
     def free(self) -> BoolArray:
-        """Which chains (C,) are free of collisions all along."""
+        """Mark the chains (C,) that are free of collisions all along."""
         free = self.graph.collision.states_free(self.corners[0])
         for rows, motions in self.motions():
             free[rows] &= self.graph.collision.motions_free(motions)
         return free
 
     def reach(self, states: States) -> BoolArray:
-        """Which chains (C,) end in states (C,), whatever is NaN there."""
+        """Mark the chains (C,) that end in states (C,); coordinates that are NaN match any value."""
         off = self.graph.model.space.differences(states, self.corners[-1]).values()
         return np.asarray(~np.any([np.abs(column) > REACHED for column in off], axis=0))
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Costs (C, k) in quanta, rounded once a chain."""
+        """Return costs (C, k) in quanta, rounded once a chain."""
         costs = np.zeros((self.tails.size, len(criteria)))
         for rows, motions in self.motions():
             for j, criterion in enumerate(criteria):
@@ -260,9 +259,9 @@ class MotionChains:
         return np.stack([quantised(costs[:, j], criterion) for j, criterion in enumerate(criteria)], axis=1)
 
     def stretches(self, sizes: IntArray) -> Stretches:
-        """What so many (n,) of the chains, one after another, make each, to be checked as parts of whole trajectories.
+        """Join consecutive chains, ``sizes`` (n,) of them each, to parts of trajectories that are not yet checked.
 
-        Each chain begins where the one before it ends, but for whole turns of what comes round.
+        Each chain begins where the one before it ends, up to whole turns of angles.
         """
         some = sizes > 0
         first = (np.cumsum(sizes) - sizes)[some]

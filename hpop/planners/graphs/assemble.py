@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hpop.search.timed.graph import TimedPaths
     from hpop.trajectories.trajectory import Trajectory
 
-COARSE = 0.01  # of what a cost tells apart: rounding that is more is noted
+COARSE = 0.01  # of a cost's range: larger rounding is noted
 
 ROUNDED = "edge costs rounded to their quanta"
 OFF = "paths off this graph may be better"
@@ -28,13 +28,13 @@ SHARE = "this stage's share of the time"
 
 @dataclass(frozen=True, eq=False)
 class Plans:
-    """Paths of a search as trajectories, in so far as a graph with a clock differs from one without.
+    """Paths of a search as trajectories, with costs and tolerances, for graphs with and without a clock.
 
     planned       (n, k)  costs, in the criteria's units
-    tolerance     (n, k)  by how much re-evaluated costs may differ
+    tolerance     (n, k)  largest differences of re-evaluated costs
     trajectories  function that makes the trajectories of some rows (r,)
     provenance    n
-    claim         what to add to the claim, in words
+    claim         words to add to the claim
     """
 
     planned: FloatArray
@@ -61,9 +61,9 @@ def assemble(
 
     Parameters
     ----------
-    claim : what is claimed of all paths, in words
-    provenance : of each path, beside the options of the graph
-    reason : why there is no path, where the caller knows; else the query finds out
+    claim : the claim for all paths, in words
+    provenance : of each path, besides the options of the graph
+    reason : why there is no path, if the caller knows; otherwise the query finds out
     """
     objectives, space = query.objectives, query.space
     plans = query.plans(paths, {"planner": name, **space.options}, provenance)
@@ -95,13 +95,13 @@ def assemble(
 def plans_of(
     query: Query, paths: ParetoPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
 ) -> Plans:
-    """Return paths of a graph without a clock as trajectories, with provenance in common and of their own."""
+    """Return paths of a graph without a clock as trajectories, with common provenance and their own."""
     space, edges = query.space, paths.lengths
 
     def trajectories(rows: IntArray) -> tuple[Trajectory, ...]:
         return space.stretches(*paths.through(rows)).trajectories(space.model, space.kinds)
 
-    # A sum is rounded once an edge, a worst edge once.
+    # A sum is rounded at each edge, a maximum once.
     adds_up = np.array([criterion.aggregate != "max" for criterion in query.objectives.optimised])
     rounds = np.where(adds_up, np.maximum(edges, 1)[:, None], 1)
     counts: dict[str, int] = {}
@@ -121,7 +121,7 @@ def plans_of(
 def _origins(
     common: Mapping[str, Any], edges: Sequence[int], own: Sequence[Mapping[str, Any]] | None
 ) -> tuple[dict[str, Any], ...]:
-    """Return the provenance of each path; of thousands most are alike, and those are one object."""
+    """Return the provenance of each path; equal ones are one object."""
     if own is not None:
         return tuple({**common, "edges": count, **each} for count, each in zip(edges, own, strict=True))
     alike = {count: {**common, "edges": count} for count in set(edges)}
@@ -129,7 +129,7 @@ def _origins(
 
 
 def _coarse(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
-    """Note each cost whose rounding, edge by edge, may be more than a hundredth of what it tells apart."""
+    """Note each cost with a rounding error, edge by edge, of more than a hundredth of its range."""
     if not len(paths):
         return []
     error = rounds.max(axis=0) * query.quanta
@@ -143,7 +143,7 @@ def _coarse(query: Query, paths: ParetoPaths, rounds: IntArray) -> list[str]:
 
 
 def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
-    """Return the counts of a search by name, and what may be missing, where that is known."""
+    """Return the counts of a search by name, and its gap where that is known."""
     stats = paths.stats
     return {
         "method": stats.method,
@@ -156,7 +156,7 @@ def search_stats(paths: ParetoPaths | TimedPaths, gap: float) -> dict[str, Any]:
 
 
 def looked_at(query: Query, paths: ParetoPaths | TimedPaths) -> str:
-    """Say how many edges were checked; nothing where all are free."""
+    """Say how many edges were checked; empty where all are known to be free."""
     if query.space.is_checked:
         return ""
     stats = paths.stats
@@ -171,7 +171,7 @@ def looked_at(query: Query, paths: ParetoPaths | TimedPaths) -> str:
 
 
 class SearchOutcome(Protocol):
-    """What a search found, how it ended, and how much it may miss."""
+    """A result of a search with its status and gap."""
 
     @property
     def status(self) -> Status: ...
@@ -193,14 +193,14 @@ def claimed(
     gap: float | None = None,
     stage: bool = False,
 ) -> str:
-    """Say what is claimed of a search for all optimal vectors, or for a cover of them within ``eps`` and a tolerance.
+    """Return the claim of a search for all optimal vectors, or for a cover within ``eps`` and a tolerance, in words.
 
     Parameters
     ----------
     where : graph and criteria, in words
     rounded : how costs were rounded, in words
-    optimal : what each point is where the search ended early, in words
-    gap : what may be missing, where more is known of it than the search tells
+    optimal : claim for each point where the search ended early
+    gap : a bound on missing points, if it is better than the search's
     stage : whether a later stage follows, so that a time limit is this stage's share of the time
     """
     factor = within(eps, tolerance or {})
@@ -217,7 +217,7 @@ def claimed(
 
 
 def claimed_with_known(paths: SearchOutcome, where: str, rounded: str = ROUNDED) -> str:
-    """Say what is claimed of a search that begins with known paths."""
+    """Return the claim of a search that begins with known paths, in words."""
     if paths.status.is_final:
         return f"exact on {where}; {OFF}; {rounded}"
     return (
@@ -227,12 +227,12 @@ def claimed_with_known(paths: SearchOutcome, where: str, rounded: str = ROUNDED)
 
 
 def within(eps: float, tolerance: Mapping[str, float]) -> str:
-    """Say how far a point may be from the vectors that it covers; nothing if it may not."""
+    """Return how far a point may be from the vectors that it covers, in words; empty for exact points."""
     return " and ".join(([f"a factor {1 + eps:g}"] if eps else []) + _amounts(tolerance))
 
 
 def how_far(gap: float, tolerance: Mapping[str, float]) -> str:
-    """Say how much better than the points at hand a missing one may be.
+    """Return how much better than the returned points a missing one may be, in words.
 
     >>> how_far(0.1, {"turns": 2.0})
     '; for each of them, a point here is at most 10 % worse in every cost, besides 2 in turns'
@@ -262,7 +262,7 @@ def _percent(gap: float) -> str:
 
 
 def at_memory_limit(paths: ParetoPaths | TimedPaths) -> list[str]:
-    """Note how far a search came that ran out of memory: no user can see how much more it would take."""
+    """Return a note on how far a search came that ran out of memory."""
     if paths.status is not Status.MEMORY_LIMIT:
         return []
     made, waiting = paths.stats.labels_generated, paths.stats.labels_open

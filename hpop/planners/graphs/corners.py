@@ -39,15 +39,15 @@ class CornersGraph(GraphFamily):
 
     step           m      of the lattice
     headings       4, 8 or 16 of the lattice
-    max_positions  count  corners that are taken, those that most of the lattice's paths share; None takes all
+    max_positions  count  corners that are used, those shared by most of the lattice's paths; None uses all
 
-    The lattice is searched exactly, within half of the time limit; among people who move with a clock of 1/20 s and no
-    margin, whatever the search of the corners has. Positions where its paths turn, hold, or bend when
-    pulled taut are linked wherever the robot can go straight.
+    The lattice is searched exactly, within half of the time limit; among moving people with a clock of 1/20 s and no
+    margin. Positions where its paths turn, hold, or bend when pulled taut are linked wherever the robot can go
+    straight.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid"})
-    is_remade: ClassVar[bool] = False  # other paths of the lattice make other corners
+    is_remade: ClassVar[bool] = False  # the corners depend on the paths of the lattice
 
     step: float = 0.25
     headings: int = 8
@@ -66,7 +66,7 @@ class CornersGraph(GraphFamily):
         """Search the lattice, then link the corners of its paths."""
         begun = time.perf_counter()
         budget, limit, progress = spending.limits, spending.limits.time_limit, spending.limits.progress
-        half = None if limit is None else max(LEAST, 0.5 * limit)  # the rest is for the roadmap
+        half = None if limit is None else max(LEAST, 0.5 * limit)  # the other half is for the roadmap
         first, until = _first_of(self._lattice(budget, half), problem, progress), spending.until_limit()
         if not first.trajectories and first.status is Status.TIME_LIMIT and until is not None and until > 0.0:
             all_left = problem.read_seconds + until
@@ -75,30 +75,30 @@ class CornersGraph(GraphFamily):
             raise NotBuilt(_lattice_only(first))
         seconds = time.perf_counter() - begun
         try:
-            some = _bent_in_time(problem, first, spending)
-            problem = _on_headings(problem, some.trajectories)
-            roadmap, notes = self.roadmap(problem, some, spending)
+            used = _bent_in_time(problem, first, spending)
+            problem = _on_headings(problem, used.trajectories)
+            roadmap, notes = self.roadmap(problem, used, spending)
             ends = Ends(roadmap, roadmap.start, roadmap.goals)
         except KeyboardInterrupt:
             raise NotBuilt(_lattice_only(replace(first, status=Status.INTERRUPTED))) from None
         except Exhausted as stop:
-            told = stopped("any-angle", objectives, stop, spending)
-            notes = tuple(dict.fromkeys((*first.notes, *told.notes)))
+            ended = stopped("any-angle", objectives, stop, spending)
+            notes = tuple(dict.fromkeys((*first.notes, *ended.notes)))
             raise NotBuilt(_lattice_only(replace(first, status=stop.status, notes=notes))) from None
-        if some is not first:
-            notes += (_few_bent(len(some.trajectories), len(first.trajectories)),)
-        stats = {"lattice_points": len(some.trajectories), "lattice_seconds": seconds}
-        return BuiltGraph(ends, problem, notes, status=some.status, stats=stats, first=_lattice_only(first))
+        if used is not first:
+            notes += (_few_bent(len(used.trajectories), len(first.trajectories)),)
+        stats = {"lattice_points": len(used.trajectories), "lattice_seconds": seconds}
+        return BuiltGraph(ends, problem, notes, status=used.status, stats=stats, first=_lattice_only(first))
 
     def _lattice(self, budget: Budget, time_limit: float | None) -> Planner:
-        """Return the planner whose paths give the corners, with a time limit, s, of its own."""
+        """Return the planner for the paths that give the corners, with a time limit, s, of its own."""
         options = {"time_limit": time_limit, "max_labels": budget.max_labels, "max_memory": budget.max_memory}
         return make_planner({"lattice": {"step": self.step, "headings": self.headings, **options}})
 
     def roadmap(
         self, problem: Problem, first: Candidates, spending: Spending | None = None
     ) -> tuple[StateRoadmap, tuple[str, ...]]:
-        """The roadmap of the corners of the lattice's paths, and a note if some are left out."""
+        """Return the roadmap of the corners of the lattice's paths, and a note if some corners are left out."""
         ends = checked_ends(problem)
         corners = _corners(problem, first.trajectories, ends.positions)
         positions = np.concatenate([ends.positions, corners[: self.max_positions]])
@@ -122,28 +122,28 @@ class CornersGraph(GraphFamily):
 
 
 def _first_of(lattice: Planner, problem: Problem, progress: ProgressCallback | None) -> Candidates:
-    """What the lattice finds, in its last stage or until a limit."""
-    found: Candidates | None = None
-    for now in lattice.stages(problem, progress):
-        found = now if now.status.is_final else joined(found, now)
-    assert found is not None  # there is at least one stage
-    return found
+    """Return the paths of the lattice, of its last stage or until a limit."""
+    result: Candidates | None = None
+    for stage in lattice.stages(problem, progress):
+        result = stage if stage.status.is_final else joined(result, stage)
+    assert result is not None  # there is at least one stage
+    return result
 
 
 def _lattice_only(first: Candidates) -> Candidates:
-    """What the lattice gave, where no roadmap was searched."""
-    what = "these are the lattice's own paths" if first.trajectories else "the lattice has no path to make one of"
-    return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {what}"))
+    """Return the paths of the lattice, with a note that no roadmap was searched."""
+    words = "these are the lattice's own paths" if first.trajectories else "the lattice has no path to make one of"
+    return replace(first, notes=(*first.notes, f"any-angle: no roadmap was searched, {words}"))
 
 
 def _bent_in_time(problem: Problem, first: Candidates, spending: Spending) -> Candidates:
-    """Return the lattice's paths whose bends can be found in a part of the time that is left."""
+    """Return as many of the lattice's paths as their bends can be computed in a part of the remaining time."""
 
     def left() -> float | None:
         return None if (until := spending.until_limit()) is None else until / 5
 
     ends = checked_ends(problem).positions
-    return evaluable_in_time(first, left, lambda some: _corners(problem, some.trajectories, ends))
+    return evaluable_in_time(first, left, lambda paths: _corners(problem, paths.trajectories, ends))
 
 
 def _few_bent(some: int, all_: int) -> str:
@@ -152,7 +152,7 @@ def _few_bent(some: int, all_: int) -> str:
 
 
 def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Problem:
-    """The problem with the lattice's headings at its ends: yaws written with few decimals are meant as these."""
+    """Return the problem with the lattice's headings at its ends, in place of yaws rounded to few decimals."""
     (x, y, _), goals = start_of(problem), list(goals_of(problem))
     for i, (goal_x, goal_y, yaw) in enumerate(goals):
         for states in (trajectory.states for trajectory in trajectories):
@@ -168,9 +168,9 @@ def _on_headings(problem: Problem, trajectories: Sequence[Trajectory]) -> Proble
 
 
 def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatArray) -> FloatArray:
-    """Positions (n, 2), m, where paths turn or end, or bend when pulled taut, apart from the ends given.
+    """Return positions (n, 2), m, where paths turn, hold, end or bend when pulled taut, except the ``ends`` given.
 
-    Those that most paths share come first.
+    Positions shared by most paths come first.
     """
     points, marked = [], []
     for t in trajectories:
@@ -180,18 +180,18 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
     path = np.repeat(np.arange(len(points)), [len(p) for p in points])
     along = np.concatenate(points)
     corner = np.concatenate(marked) | _bends(problem, along, path)
-    once_a_way = np.unique(np.column_stack([path, along])[corner], axis=0)
-    corners, shared = np.unique(once_a_way[:, 1:], axis=0, return_counts=True)
+    once_a_path = np.unique(np.column_stack([path, along])[corner], axis=0)
+    corners, shared = np.unique(once_a_path[:, 1:], axis=0, return_counts=True)
     corners = corners[np.argsort(-shared, kind="stable")]
     apart: FloatArray = np.hypot(*(corners[:, None] - ends).transpose(2, 0, 1)).min(axis=1)
     return np.asarray(corners[apart > SAME])
 
 
 def _bends(problem: Problem, along: FloatArray, path: IntArray) -> BoolArray:
-    """Which positions (N, 2) along ways, numbered (N,), stay when these are pulled taut.
+    """Mark the positions (N, 2) along paths, with path numbers (N,), that stay when the paths are pulled taut.
 
-    From the start, then from each bend, the next bend is the last position before one that is out of sight. All ways
-    are followed at once, a position a round.
+    From the start, then from each bend, the next bend is the last position before one out of sight. All paths are
+    followed at once, one position a round.
     """
     collision, law = problem.model.collision(problem.world), problem.model.laws["move"]
 

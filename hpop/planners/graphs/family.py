@@ -1,4 +1,4 @@
-"""Graph families: each builds one kind of graph for a problem, whatever search then runs on it."""
+"""Graph families: each builds one kind of graph for a problem, for any search."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ def shortest_path(
 ) -> Candidates:
     """Return the shortest path of a graph with its costs in all objectives, as a stage of the planner ``name``.
 
-    Lengths alone are needed of all edges, which take a small part of the time of most other costs; these are evaluated
-    along the path. What it takes for a while is given back. Raises Exhausted where a limit is passed.
+    Only lengths are computed for all edges, in a small part of the time of other costs, which are evaluated along the
+    path. Its memory is released again. Raises Exhausted where a limit is passed.
     """
     spending, length = space.spending, edge_objectives([make_criterion("length")], name)
     held = spending.memory
@@ -49,12 +49,12 @@ def shortest_path(
     query = Query(space, length, graph, start, goals, build_seconds=spending.seconds())
     paths = first_paths(graph, start, goals, spending.left())
     what = "shortest path"
-    found = assemble(name, query, paths, f"the {what} of {space.words}", provenance=[{"stage": what}] * len(paths))
+    shortest = assemble(name, query, paths, f"the {what} of {space.words}", provenance=[{"stage": what}] * len(paths))
     with limits.within(spending):
-        costs = trajectory_costs(objectives.optimised, found.trajectories, space.world)
+        costs = trajectory_costs(objectives.optimised, shortest.trajectories, space.world)
     spending.release(spending.memory - held)
     return replace(
-        found,
+        shortest,
         objectives=objectives.optimised,
         planned=costs,
         tolerance=np.zeros_like(costs),
@@ -73,13 +73,13 @@ class BuiltGraph:
     """A graph of trajectories for a problem, with the problem's start and goals on it.
 
     ends      the graph, its start and its goals
-    problem   the problem that paths of the graph answer; a yaw may be that of the graph's nearest heading
-    notes     what the user should know of the graph
-    part      what a part, or a smaller graph, is called whose paths come first; "" for the whole graph
-    is_large  whether an exact search may take so long that a coarse answer should come first
-    status    COMPLETE, or how a search ended from whose paths the graph was built
+    problem   that the paths solve; its yaws may be those of the nearest headings of the graph
+    notes     on the graph, for the user
+    part      name of a part or a smaller graph that is searched first; "" for the whole graph
+    is_large  whether an exact search may take so long that a coarse result should come first
+    status    COMPLETE, or the status of the search that gave the graph's corners
     stats     counts and seconds of building it, by name
-    first     paths found while it was built, which are kept where a limit ends the search before it finds any
+    first     paths found while it was built, the result if a limit ends the search before it finds any
     """
 
     ends: Ends
@@ -93,7 +93,7 @@ class BuiltGraph:
 
 
 class NotBuilt(Exception):
-    """A graph could not be built; the candidates that were found on the way are the planner's answer."""
+    """A graph could not be built; the candidates found on the way are the planner's result."""
 
     def __init__(self, candidates: Candidates) -> None:
         super().__init__("the graph was not built")
@@ -101,17 +101,17 @@ class NotBuilt(Exception):
 
 
 class GraphFamily:
-    """Builds the graph of a problem. A subclass is a frozen dataclass whose fields are the options of the graph.
+    """A kind of graph that is built for a problem; a subclass is a frozen dataclass with the graph's options as fields.
 
     Every search runs on every family. A planner with the options of both is a class that inherits from both, as
     ``class Lattice(ExactSearch, LatticeGraph)`` does.
 
-    needs             what the family needs of a model, of what :attr:`hpop.motions.Model.provides` lists
+    needs             capabilities that a model must have, from :attr:`hpop.motions.Model.provides`
     goal_sets         whether the goal may be a list of states
     any_goal          whether the goal may be of any kind (:class:`hpop.goals.Goal`)
-    is_remade         whether the options in a front's provenance make the same graph again, so that it can be driven on
+    is_remade         whether the options in a front's provenance build the same graph again, as a drive needs
     is_judged         whether every candidate is evaluated again on the exact geometry before it is returned
-    answers_by_parts  whether :meth:`graphs` gives parts first even if only the last answer is wanted
+    answers_by_parts  whether :meth:`graphs` yields parts first even if only the last result is wanted
     """
 
     name: ClassVar[str]
@@ -125,28 +125,28 @@ class GraphFamily:
 
     @property
     def spec(self) -> dict[str, dict[str, Any]]:
-        """Name and options, as JSON, of which :func:`make_family` makes the family."""
+        """Name and options as JSON, from which :func:`make_family` makes the family."""
         name, family = next((name, family) for name, family in graphs.items() if family in type(self).__mro__)
-        own = [one for one in dataclasses.fields(family) if getattr(self, one.name) != one.default]
-        return {name: {one.name: getattr(self, one.name) for one in own}}
+        own = [option for option in dataclasses.fields(family) if getattr(self, option.name) != option.default]
+        return {name: {option.name: getattr(self, option.name) for option in own}}
 
     @property
     def family(self) -> GraphFamily:
-        """The family itself; what a planner that inherits from it searches."""
+        """The family itself, the graph of a planner that inherits from it."""
         return self
 
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Build the graph with the problem's ends; its costs are computed later.
 
         Raises QueryError for ends that are not usable, Exhausted where a limit of ``spending`` is passed, NotBuilt
-        where what was found on the way is all that there is.
+        where only candidates were found on the way.
         """
         raise NotImplementedError
 
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield parts of the graph, or smaller ones, if they are wanted, then the whole graph."""
+        """Yield the whole graph; ``in_stages``: parts of it, or smaller graphs, before."""
         yield self.build(problem, objectives, spending)
 
     def has_clock(self, problem: Problem) -> bool:
@@ -156,7 +156,7 @@ class GraphFamily:
     def first_answer(self, name: str, built: BuiltGraph, objectives: Objectives) -> Candidates | None:
         """Return a path or a few as candidates of the planner ``name``, in case a limit ends the costing of arcs.
 
-        Called if there is a time limit. None where the costs are known already.
+        Called if there is a time limit. None where the costs are cached.
         """
         space = built.ends.space
         return None if space.costed(objectives.optimised) else shortest_path(name, *built.ends, objectives)
@@ -168,7 +168,7 @@ class GraphFamily:
         spending: Spending | None = None,
         progress: ProgressCallback | None = None,
     ) -> Query:
-        """Return the problem on its graph, with all arcs checked and costed: what a search takes.
+        """Return the query of the problem on its graph, with all arcs checked and costed.
 
         Raises QueryError where people move, or no graph can be built, and as :meth:`build` does.
         """
@@ -181,12 +181,12 @@ class GraphFamily:
         return built_query(checked, objectives)
 
     def states(self, problem: Problem) -> StateGraph | None:
-        """Return the graph of states to which the problem's ends may be joined; None of a graph that has no places."""
+        """Return the graph of states without the problem's ends; None for a graph without places."""
         objectives = edge_objectives(problem.criteria, self.name)
         return self._built_or_refused(problem, objectives, Spending()).ends.space.states_alone
 
     def _built_or_refused(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
-        """Build the graph; QueryError where what was found on the way is all that there is."""
+        """Build the graph; raise QueryError where only candidates were found on the way."""
         try:
             return self.build(problem, objectives, spending)
         except NotBuilt as stop:
@@ -195,10 +195,10 @@ class GraphFamily:
             raise QueryError(f"there is no graph {self.name!r}: {'; '.join(stop.candidates.notes)}") from None
 
     def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
-        """Let a changed world keep of this family's graphs all that the change leaves as it was; nothing by default."""
+        """Let a changed world reuse the parts of cached graphs that the change leaves unchanged; none by default."""
 
     def anchored(self) -> Self:
-        """Return a family whose graph depends less on the start, or not at all, so that it can be asked again."""
+        """Return a family with a graph that depends less on the start, or not at all, so that it can be reused."""
         return self
 
 
@@ -212,7 +212,7 @@ def graph_family(name: str) -> Callable[[F], F]:
                 f"graph {name!r} must be a dataclass that inherits from hpop.planners.graphs.GraphFamily and has a "
                 "method build(problem, objectives, spending)"
             )
-        options = tuple(one.name for one in dataclasses.fields(cls)) if cls.is_remade else ()
+        options = tuple(option.name for option in dataclasses.fields(cls)) if cls.is_remade else ()
         vars_of_class = {"name": name, "graph_options": options}
         for attribute, value in vars_of_class.items():
             setattr(cls, attribute, value)
@@ -232,12 +232,12 @@ def make_family(spec: GraphSpec) -> GraphFamily:
     except OptionError as error:
         if isinstance(error, UnknownName) or f"has no {graphs.parameter} " not in str(error):
             raise
-        raise OptionError(f"{error}; options of the search stand beside `on`") from None
+        raise OptionError(f"{error}; options of the search are given beside `on`") from None
 
 
 @dataclass(frozen=True)
 class OnGraph:
-    """The option of a planner that searches the graph of any family.
+    """The option ``on`` of planners that search the graph of any family.
 
     on  the name of a graph family, or ``{name: {option: value}}``
     """
@@ -250,15 +250,15 @@ class OnGraph:
 
     @cached_property
     def family(self) -> GraphFamily:
-        """The graph family of ``on``; OptionError for options that it does not have."""
+        """The graph family of ``on``; raises OptionError for options that it does not have."""
         return make_family(self.on)
 
     def anchored(self) -> Self:
-        """Return a planner on a graph that does not depend on the start, if the family has such a one."""
+        """Return the planner on a graph that does not depend on the start, if the family has one."""
         return replace(self, on=self.family.anchored().spec)
 
     def take_needs(self) -> None:
-        """Need of a model, and take of goals, what the family does; called once, after the options are set."""
+        """Copy the family's requirements of models and goals; called once, after the options are set."""
         family = self.family
         for attribute in ("needs", "goal_sets", "any_goal"):
             object.__setattr__(self, attribute, getattr(family, attribute))

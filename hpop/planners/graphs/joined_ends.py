@@ -1,7 +1,7 @@
-"""Exact ends on any graph of states: a start or goal that is none of its states is joined to the states near by.
+"""Exact ends on any graph of states: a start or goal beside its states is joined to the states near it.
 
-A join is one arc, a chain of up to three motions: a turn, a straight move, a turn (:mod:`.chains`). So a start or goal
-adds one node and no turns from heading to heading: nothing leads back from the goal, nor to the start.
+A join is one arc, a chain of up to three motions: a turn, a straight move, a turn (:class:`.arcs.MotionChains`). So a
+start or goal adds one node. No arc leads back from a goal, or to the start.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.arcs import MOVE, MotionChains
-from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # by this name too
+from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # imported from here by others
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph
 from hpop.planners.needs import elsewhere
@@ -34,7 +34,7 @@ START, GOAL = "start", "goal"
 
 
 class Ends(NamedTuple):
-    """A graph of states, and which of them are the start and the goals."""
+    """A graph with the nodes of the start and the goals."""
 
     space: TrajectoryGraph
     start: int
@@ -42,17 +42,17 @@ class Ends(NamedTuple):
 
     @property
     def inside(self) -> tuple[list[int], list[int]]:
-        """States of the graph itself that are the start and the goals, or to which these are joined, the nearest first.
+        """States of the graph for the start and for the goals; of a joined end the states joined to it, nearest first.
 
-        None where start and goal are joined to each other alone.
+        Empty where start and goal are joined only to each other.
         """
         return self.space.inside([self.start]), self.space.inside(self.goals)
 
 
 def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
-    """The graph, and what on it are start and goal; those that are no states of it are joined to those within reach.
+    """Return the graph with its start and goals; ends beside its states are joined to the states within reach.
 
-    Raises QueryError for a start that is blocked, or to which nothing can be joined, and where all goals are so.
+    Raises QueryError where the start, or every goal, is blocked or cannot be joined.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
     states = {what: states_at(graph, end) for what, end in ends.items()}
 
     def straight(end: States) -> bool:
-        """A path straight from the start to it need not end with a heading of the graph."""
+        """Return whether a straight path from the start may end here with any heading."""
         return bool(not states[START] and np.isnan(end.yaw[0]) and _distance(ends[START], end)[0] <= reach)
 
     beside = {what: end for what, end in ends.items() if not states[what] or straight(end)}
@@ -80,28 +80,28 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
 
 
 def states_at(graph: StateGraph, end: States) -> list[int]:
-    """Ids of the free states at an end (1,); any will do in what is NaN there."""
+    """Return the ids of the free states at an end (1,); coordinates that are NaN match any value."""
     ids = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED)
     states = graph.states(ids)
-    there = graph.collision.states_free(states)
-    return [int(one) for one in ids[there & alike(graph.model.space, states, end)]]
+    free = graph.collision.states_free(states)
+    return [int(id_) for id_ in ids[free & matches(graph.model.space, states, end)]]
 
 
-def alike(space: StateSpace, states: States, end: States) -> BoolArray:
-    """Which states (M,) are an end, whose angles may be written with three decimals; what is NaN is free."""
-    there = np.ones(states.size, dtype=np.bool_)
+def matches(space: StateSpace, states: States, end: States) -> BoolArray:
+    """Mark the states (M,) equal to an end with angles to three decimals; coordinates that are NaN match any value."""
+    is_end = np.ones(states.size, dtype=np.bool_)
     for name, off in space.differences(end, states).items():
-        there &= ~(np.abs(off) > (HEADING_TOLERANCE if name in space.angles else UNMOVED))
-    return there
+        is_end &= ~(np.abs(off) > (HEADING_TOLERANCE if name in space.angles else UNMOVED))
+    return is_end
 
 
 @dataclass(frozen=True, eq=False)
 class JoinedEnds(TrajectoryGraph):
-    """A graph of states and beside it a start, goals or both: one node each, after those of the graph.
+    """A graph of states with a start, goals or both beside it, each a node after those of the graph.
 
     inner  the graph
-    ends   "start", goals or both, in this order: the state (1,); what is NaN there is free
-    reach  m: states no farther away are joined to them, where there is a free turn, straight move and turn
+    ends   states (1,) of "start" and goals, in this order; coordinates that are NaN are free
+    reach  m, within which states are joined to an end by a free turn, straight move and turn
     """
 
     has_clock = True
@@ -116,44 +116,44 @@ class JoinedEnds(TrajectoryGraph):
         return self.inner
 
     def node(self, what: str) -> int:
-        """Node of an end."""
+        """Return the node of an end."""
         return self.inner.size + list(self.ends).index(what)
 
     @property
     def size(self) -> int:
-        """Number of states, the ends among them."""
+        """Number of states, ends included."""
         return self.inner.size + len(self.ends)
 
     @property
     def words(self) -> str:
-        """The inner graph, and how the ends are joined to it, in words."""
+        """Description of the inner graph and the joins, in words."""
         joined = (f"the {what} joined to {count} positions" for what, count in self.options["joined"].items())
         by = f"at most a {', a '.join(self.joins.kinds[:-1])} and a {self.joins.kinds[-1]}"
         return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {by}"
 
     @property
     def options(self) -> dict[str, Any]:
-        """The inner graph's, and to how many of its positions each end is joined."""
+        """Options of the inner graph, and the number of its positions joined to each end."""
         counts = {what: np.unique(self.inner.places(self.joined(what))).size for what in self.ends}
         return {**self.inner.options, "joined": counts}
 
     @cached_property
     def joins(self) -> MotionChains:
-        """The arcs beside those of the inner graph, by their tails."""
-        found = [self._joins(what) for what in self.ends]
-        found += [self._straight(what) for what in self.ends if START in self.ends and what != START]
-        joins = MotionChains.all_of(found)
+        """The arcs that join the ends, by tail."""
+        parts = [self._joins(what) for what in self.ends]
+        parts += [self._straight(what) for what in self.ends if START in self.ends and what != START]
+        joins = MotionChains.all_of(parts)
         return joins.take(np.argsort(joins.tails, kind="stable"))
 
     def _straight(self, goal: str) -> MotionChains:
-        """The join of the start to a goal, if they are near each other and it is free."""
+        """Return the join from the start to a goal, if they are within reach and it is free."""
         ends = [self.ends[what] for what in (START, goal)]
         near = np.flatnonzero(_distance(*ends) <= self.reach)
         tails, heads = (np.full(near.size, self.node(what)) for what in (START, goal))
         return MotionChains.between(self.inner, tails, heads, *(end.take(near) for end in ends))
 
     def _joins(self, what: str) -> MotionChains:
-        """Free joins between an end and the states within reach."""
+        """Return the free joins between an end and the states within reach."""
         end = self.ends[what]
         ids = self.inner.near(float(end.x[0]), float(end.y[0]), self.reach)
         nodes = np.full(ids.size, self.node(what))
@@ -163,7 +163,7 @@ class JoinedEnds(TrajectoryGraph):
         return MotionChains.between(self.inner, ids, nodes, states, end)
 
     def joined(self, what: str) -> IntArray:
-        """States of the inner graph to which an end is joined, the nearest first."""
+        """Return the states of the inner graph joined to an end, nearest first."""
         node, end = self.node(what), self.ends[what]
         from_it, to_it = self.joins.tails == node, self.joins.heads == node
         ids = np.concatenate([self.joins.heads[from_it], self.joins.tails[to_it]])
@@ -172,7 +172,7 @@ class JoinedEnds(TrajectoryGraph):
         return ids[np.argsort(_distance(states, end), kind="stable")]
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """States of the inner graph: the nodes themselves, or those to which the end that they are is joined."""
+        """Return nodes with each end replaced by the states joined to it."""
         ends = list(self.ends)
         parts = [
             [node] if node < self.inner.size else self.joined(ends[node - self.inner.size]).tolist() for node in nodes
@@ -180,9 +180,9 @@ class JoinedEnds(TrajectoryGraph):
         return [node for part in parts for node in part]
 
     def checked(self, goals: Sequence[str]) -> dict[str, list[int]]:
-        """The node of each end, none of a goal that is not usable if another of the ``goals`` is.
+        """Return the node of each end; unusable goals have none, as long as another of the ``goals`` is usable.
 
-        Raises QueryError for a start, or goals, that are blocked, or to which nothing can be joined.
+        Raises QueryError where the start, or every goal, is blocked or cannot be joined.
         """
         reached = {*self.joins.tails.tolist(), *self.joins.heads.tolist()}
         lost = [what for what in self.ends if self.node(what) not in reached]
@@ -191,7 +191,7 @@ class JoinedEnds(TrajectoryGraph):
         return {what: [] if what in lost else [self.node(what)] for what in self.ends}
 
     def _refusal(self, what: str) -> str:
-        """Why an end cannot be used."""
+        """Return in words why an end cannot be used."""
         end = self.ends[what]
         whole = States(**{name: np.nan_to_num(column) for name, column in end.__dict__.items()})
         blocked = self.collision.why_blocked(whole)
@@ -203,14 +203,14 @@ class JoinedEnds(TrajectoryGraph):
         return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}.{hint}"
 
     def places(self, ids: IntArray) -> IntArray:
-        """Places (N,) of the inner graph; an end has one of its own, below 0."""
+        """Return the places (N,) of states in the inner graph; each end has a place of its own, below 0."""
         places = self.inner.size - 1 - ids
         inside = ids < self.inner.size
         places[inside] = self.inner.places(ids[inside])
         return places
 
     def states(self, ids: IntArray) -> States:
-        """Positions and yaws of states (N,); NaN is the yaw of a goal whose heading is free."""
+        """Return states (N,); the yaw of a goal with a free heading is NaN."""
         inside = ids < self.inner.size
         inner, ends = self.inner.states(ids[inside]), self.ends.values()
         columns = {}
@@ -222,15 +222,15 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Those of the inner graph."""
+        """Kinds of motions of the inner graph."""
         return self.inner.kinds
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """The inner graph's arcs, and after those of each node its joins."""
+        """Return the inner graph with costs; the joins of each node follow its arcs."""
         inner, joins = self.inner.graph(criteria), self.joins
         self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
         costs, is_reused = joins.costs(criteria), self.inner.is_reused
-        if is_reused:  # beside the inner graph, which is kept
+        if is_reused:  # a copy beside the inner graph, which stays
             self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
         return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
 
@@ -240,11 +240,11 @@ class JoinedEnds(TrajectoryGraph):
         return self.inner.counts
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs of the inner graph are kept from before."""
+        """Return whether the costs of all arcs of the inner graph are cached."""
         return self.inner.costed(criteria)
 
     def costed_in(self, world: World) -> JoinedEnds:
-        """The same states and arcs, whether free there or not, to be costed in another world."""
+        """Return the graph with its arcs, free or not, to be costed in another world."""
         inner = self.inner.costed_in(world)
         return copied(replace(self, inner=inner, world=world), joins=replace(self.joins, graph=inner))
 
@@ -254,31 +254,31 @@ class JoinedEnds(TrajectoryGraph):
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Where in `graph` the arcs of the inner graph are, and the joins."""
+        """Indices in `graph` of the arcs of the inner graph, and of the joins."""
         places = self._rows[self.joins.tails + 1]
         inner = np.arange(self.inner.arcs.heads.size)
         return inner + np.searchsorted(places, inner, side="right"), places + np.arange(places.size)
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Turns (m,) in each arc of `graph`, those of joins among them."""
+        """Number (m,) of turns in each arc of `graph`, joins included."""
         turns = self.joins.count(self.kinds[MOVE + 1 :]).astype(np.int8)
         return self.with_joins(self.inner.turned, turns)
 
     @property
     def _rows(self) -> IntArray:
-        """Where the arcs (n + 1,) of each node begin among those of the inner graph, which has none of the ends."""
+        """Index (n + 1,) of the first arc of each node among the inner graph's; ends have no arcs there."""
         start = self.inner.arcs.start
         return np.append(start, np.full(len(self.ends), start[-1]))
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Through states (N,), so many (n,) for each, the motions of joins written out."""
+        """Return trajectories through states (N,), ``sizes`` (n,) for each, with the motions of joins."""
         inside = ids < self.inner.size
         ends = np.cumsum(sizes)
         begins, whole = ends - sizes, sizes == 2
         inner = np.bincount(np.repeat(np.arange(sizes.size), sizes)[inside], minlength=sizes.size)
         from_start = ~inside[begins]
-        to_goal = ~inside[ends - 1] & ~(whole & from_start)  # of two nodes, the join between them is the first
+        to_goal = ~inside[ends - 1] & ~(whole & from_start)  # two joined ends share one join
         after, before = np.minimum(begins + 1, ends - 1), np.maximum(ends - 2, begins)
         return Stretches.joined(
             self.model.space,
@@ -290,15 +290,15 @@ class JoinedEnds(TrajectoryGraph):
         )
 
     def _joined(self, tails: IntArray, heads: IntArray, there: BoolArray) -> Stretches:
-        """The joins between nodes (n,), where there are any."""
+        """Return the joins between nodes (n,) where ``there`` (n,) is set."""
         rows = self.joins.rows(tails[there], heads[there])
         return self.joins.take(rows).stretches(there.astype(np.int64))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """What the inner graph says of the states to which the ends are joined, in words."""
+        """Say in words why no path leads on, by the states joined to the ends."""
         return self.inner.what_separates(self.inside([start])[0], self.inside(goals))
 
 
 def _distance(states: States, end: States) -> FloatArray:
-    """How far (M,), m, places are from that of an end (1,)."""
+    """Return the distances (M,), m, of states from an end (1,)."""
     return np.asarray(np.hypot(states.x - end.x, states.y - end.y))

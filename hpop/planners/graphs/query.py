@@ -1,4 +1,4 @@
-"""The one question that every search answers: which paths of a graph are non-dominated between its start and goals."""
+"""The query that every search answers: the non-dominated paths of a graph between its start and goals."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ TIED = "no path is better in every cost than a point"
 
 
 def refuse_unanswerable(problem: Problem, objectives: Objectives, what: str) -> None:
-    """Raise where a graph without time, ``what``, cannot answer: people who move (QueryError), or too many costs."""
+    """Raise for queries that a graph without a clock, ``what``, cannot answer: moving people, or too many costs."""
     refuse_moving(problem, what)
     refuse_too_many(objectives)
 
 
 def refuse_too_many(objectives: Objectives) -> None:
-    """Raise OptionError for more costs than an exact search takes."""
+    """Raise OptionError for more costs than an exact search can handle."""
     if len(objectives.optimised) > MAX_COSTS:
         names = [criterion.name for criterion in objectives.optimised]
         raise OptionError(
@@ -63,13 +63,13 @@ def refuse_too_many(objectives: Objectives) -> None:
 
 
 def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:
-    """Return tolerances (k,) in quanta, rounded down; OptionError for an unknown cost, or an amount that is none."""
+    """Return tolerances (k,) in quanta, rounded down; raise OptionError for an unknown cost or an invalid amount."""
     names = [criterion.name for criterion in objectives.optimised]
     for name in tolerance:
         if name not in names:
             raise OptionError(
-                f"tolerance names {name!r}, which is no cost that is searched for.{did_you_mean(name, names)} "
-                f"These are {', '.join(names)}"
+                f"tolerance names {name!r}, which is no optimised cost.{did_you_mean(name, names)} "
+                f"Optimised are {', '.join(names)}"
             )
     checked = amounts("tolerance", tolerance, MOST)
     slack = [checked.get(criterion.name, 0.0) / criterion.quantum for criterion in objectives.optimised]
@@ -78,17 +78,17 @@ def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> 
 
 @dataclass(frozen=True, eq=False)
 class Query:
-    """A question to a graph of trajectories, which static, timed and prepared searches and drives ask alike.
+    """A query to a graph of trajectories, for static, timed and prepared searches and for drives.
 
-    space          the graph, after its transformations, such as :mod:`.joined_ends`
-    objectives     the criteria that are optimised, and how they are reported
+    space          the graph, with exact ends joined (:mod:`.joined_ends`)
+    objectives     the optimised criteria, and how they are reported
     graph          arcs with their integer costs, in `quanta`
     start, goals   nodes
     build_seconds  s
-    notes          what the user should know of the ends
+    notes          on the ends, for the user
     max_turns      count  paths with more turns are left out; None for no bound
-    closed         (m,)  arcs that no path takes, which the search masks; None for none
-    timing         clock, people who move and departure; None where nobody moves
+    closed         (m,)  mask of closed arcs; None for none
+    timing         clock, moving people and departure; None where no person moves
     """
 
     space: TrajectoryGraph
@@ -102,18 +102,18 @@ class Query:
     closed: BoolArray | None = None
     timing: Timing | None = None
 
-    # What is asked, in numbers and in words
+    # The query in numbers and in words
 
     @property
     def quanta(self) -> FloatArray:
-        """One count of each cost (k,), in the criteria's units."""
+        """Quanta (k,) of the costs, in the criteria's units."""
         if self.timing is not None:
             return self.timing.timed.quanta
         return np.array([criterion.quantum for criterion in self.objectives.optimised])
 
     @property
     def free(self) -> Free | None:
-        """Function that marks free arcs; None where all arcs are free."""
+        """Function that marks free arcs; None where all arcs are known to be free."""
         return None if self.space.is_checked else self.space.arcs_free
 
     def at_most(self) -> list[int | None]:
@@ -137,18 +137,18 @@ class Query:
         words = f"{self.part}{in_time} for ({self.names})"
         if self.max_turns is not None:
             words += f" and at most {self.max_turns} turns"
-        shut = 0 if self.closed is None else int(self.closed.sum())
-        return f"{words}, {shut:,} of its edges closed" if shut else words
+        closed = 0 if self.closed is None else int(self.closed.sum())
+        return f"{words}, {closed:,} of its edges closed" if closed else words
 
     @property
     def rounded(self) -> str:
-        """How costs are rounded, in words."""
+        """The rounding of costs, in words."""
         return ROUNDED if self.timing is None else self.timing.rounded(self.objectives)
 
     # Searches
 
     def paths(self, limits: Limits, *, eps: float = 0.0, slack: IntArray | None = None) -> ParetoPaths | TimedPaths:
-        """Find all non-dominated paths, or some within ``eps`` and a slack (k,), in quanta of the objectives."""
+        """Find all non-dominated paths, or a cover within ``eps`` and a slack (k,), in quanta of the objectives."""
         slack = np.zeros(len(self.objectives.optimised), np.int64) if slack is None else slack
         if self.timing is not None:
             return self.timing.paths(self, limits, eps, slack)
@@ -182,7 +182,7 @@ class Query:
         covered: float = math.inf,
         stage: bool = False,
     ) -> Candidates:
-        """Find all non-dominated paths as the candidates of the planner ``name``, or some within ``eps`` of them all.
+        """Find all non-dominated paths, or a cover within ``eps``, as the candidates of the planner ``name``.
 
         Every non-dominated cost vector p is then covered by one that is at most (1 + eps) p + tolerance, the tolerance
         in the units of the costs that it names.
@@ -195,8 +195,8 @@ class Query:
         slack = tolerance_counts(self.objectives, tolerance or {})
         paths = self.paths(Limits.of(limits), eps=eps, slack=slack)
         gap = min(paths.gap, covered)
-        told: dict[str, Any] = {} if self.timing is not None or self.tie_broken is None else {"optimal": TIED}
-        claim = claimed(paths, self.where, self.rounded, eps=eps, tolerance=tolerance, gap=gap, stage=stage, **told)
+        words: dict[str, Any] = {} if self.timing is not None or self.tie_broken is None else {"optimal": TIED}
+        claim = claimed(paths, self.where, self.rounded, eps=eps, tolerance=tolerance, gap=gap, stage=stage, **words)
         claim += looked_at(self, paths)
         return assemble(name, self, paths, claim, notes=at_memory_limit(paths), stats=search_stats(paths, gap))
 
@@ -207,20 +207,20 @@ class Query:
 
         Parameters
         ----------
-        paths : the arcs of each, as places in `graph`, from the start to a goal
-        claim : what the planner says of them, in words
-        status : how the search ended; NO_PATH is found out where there is no path and the search is COMPLETE
+        paths : the arcs of each, as indices in `graph`, from the start to a goal
+        claim : the planner's claim, in words
+        status : how the search ended; a COMPLETE search without a path becomes NO_PATH
         """
         ended = Status.NO_PATH if not paths and status is Status.COMPLETE else status
         costs = costs_along(self.graph, paths)
-        found = ParetoPaths(costs, ended, SearchStats(name), self.graph, self.start, tuple(paths))
-        return assemble(name, self, found, claim)
+        result = ParetoPaths(costs, ended, SearchStats(name), self.graph, self.start, tuple(paths))
+        return assemble(name, self, result, claim)
 
     def first_answer(self, name: str, limits: Limits, *, quickly: bool = False) -> Candidates:
         """Return the first points found within some limits as a stage of the planner ``name``.
 
-        These are supported points; where a cost takes the worst arc, or not all arcs are checked, the first ones of the
-        exact search. ``quickly``: points of weighted costs, whose search is compiled first.
+        They are supported points; where a cost is a maximum, or arcs are not checked, they are the first points of the
+        exact search. ``quickly``: points of weighted sums only, as that search is compiled first.
         """
         exactly = "max" in self.graph.aggregates or self.free is not None
         quickly &= self.free is None
@@ -236,29 +236,29 @@ class Query:
 
         what = "points of weighted costs" if quickly else f"{'non-dominated' if exactly else 'supported'} points"
         paths = self.with_fewest_turns(search)
-        found = assemble(
+        first = assemble(
             name,
             self,
-            # why there is no path is said by the last stage
+            # the last stage says why there is no path
             replace(paths, status=Status.UNFINISHED) if paths.status is Status.NO_PATH else paths,
             f"{what} of {self.space.words} for ({self.names})",
             provenance=[{"stage": what}] * len(paths),
             stats={"method": paths.stats.method, "peak_memory": paths.stats.peak_memory},
         )
-        return found.unfinished()
+        return first.unfinished()
 
     # Paths of a search
 
     def plans(
         self, paths: ParetoPaths | TimedPaths, common: Mapping[str, Any], own: Sequence[Mapping[str, Any]] | None
     ) -> Plans:
-        """Return paths as trajectories, with their provenance: ``common`` entries, and those of each path."""
+        """Return paths as trajectories; their provenance has ``common`` entries and ``own`` ones of each path."""
         if self.timing is not None:
             return self.timing.plans(cast("TimedPaths", paths), common)
         return plans_of(self, cast(ParetoPaths, paths), common, own)
 
     def what_blocks(self, paths: ParetoPaths | TimedPaths) -> str:
-        """Say in words why there is no path: too many turns, people, or what separates start and goal."""
+        """Say in words why there is no path: turns, people, or a wall between start and goal."""
         if self.timing is not None:
             return self.timing.what_blocks(self)
         for j, bound in enumerate(self.at_most()):
@@ -274,48 +274,47 @@ class Query:
 
     @cached_property
     def tie_broken(self) -> Graph | None:
-        """The graph with turns as a last tie-break, where no cost charges for every turn; see :mod:`.ties`."""
+        """The graph with turns as a last tie-break; None where a cost charges for every turn."""
         return tie_broken(self.graph, self.space.turned, self.space.spending)
 
     def break_ties(self) -> None:
-        """Make the graph with broken ties now, so that its memory is not given to the search as well."""
+        """Make the graph with broken ties now, so that the search does not count on its memory."""
         _ = self.tie_broken
 
     def drop_ties(self) -> None:
-        """Free the graph with broken ties after the last search in it, and give its memory back."""
+        """Free the memory of the graph with broken ties, after the last search in it."""
         broken: Graph | None = vars(self).pop("tie_broken", None)
         if broken is not None:
             self.space.spending.release(broken.costs.nbytes)
 
     def with_fewest_turns(self, search: Callable[[Graph], ParetoPaths]) -> ParetoPaths:
-        """Search, and of paths with equal costs keep one with the fewest turns, also where no cost charges for them.
+        """Search, and keep of paths with equal costs one with the fewest turns, even if no cost charges for turns.
 
-        A search that ends by itself loses nothing: what differs in the turns alone is dropped afterwards. One that is
-        stopped may keep a point that ties with a better one in the first summed cost.
+        A complete search loses nothing, as paths that differ only in turns are dropped afterwards. A stopped one may
+        keep a point that ties with a better one in the first summed cost.
         """
         if self.tie_broken is None:
             return self._within(search(self.graph))
         paths, first = search(self.tie_broken), summed(self.graph)[0]
-        found = paths.costs.copy()
-        spun = found[:, first] % TIE_TURNS
-        found[:, first] //= TIE_TURNS
-        order = np.lexsort((spun, *found.T[::-1]))
-        kept = order[is_nondominated(found[order])]
-        return paths.select(found, kept)
+        costs = paths.costs.copy()
+        turns = costs[:, first] % TIE_TURNS
+        costs[:, first] //= TIE_TURNS
+        order = np.lexsort((turns, *costs.T[::-1]))
+        return paths.select(costs, order[is_nondominated(costs[order])])
 
     def _within(self, paths: ParetoPaths) -> ParetoPaths:
-        """Return the paths that keep the bound on the turns; a search that ignores it may have found others."""
+        """Return the paths within the bound on turns, which a search may have ignored."""
         bounds = [math.inf if bound is None else bound for bound in self.at_most()]
-        kept = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
-        return paths if kept.size == len(paths) else paths.select(paths.costs, kept)
+        rows = np.flatnonzero((paths.costs <= np.array(bounds or math.inf)).all(axis=1))
+        return paths if rows.size == len(paths) else paths.select(paths.costs, rows)
 
 
 def built_query(
     built: BuiltGraph, objectives: Objectives, began: float | None = None, max_turns: int | None = None
 ) -> Query:
-    """Cost all arcs of a graph that was built; raises Exhausted where a limit is passed.
+    """Cost all arcs of a built graph, and return its query; raises Exhausted where a limit is passed.
 
-    Where a criterion cannot cost what collides, all arcs are checked first. ``began``: when building it began, s of
+    Where a criterion cannot cost motions that collide, all arcs are checked first. ``began``: when building began, s of
     :func:`time.perf_counter`; None for now.
     """
     began = time.perf_counter() if began is None else began

@@ -1,7 +1,7 @@
-"""Graphs of states that turns and moves connect.
+"""Graphs of states in the plane, such as lattices and roadmaps, connected by moves and turns.
 
-A lattice, a roadmap: what they have in common is that a state stands at a place, that turns join the states of one
-place, and that an edge is a motion, so criteria cost it as they cost trajectories.
+Each state is at a place. Turns join the states of one place, moves join places. Each edge is a motion, so criteria cost
+it as they cost trajectories.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 A = TypeVar("A")
-UNMOVED = 1e-6  # m: an end that is so near to a state is at its place, and as high
-NEAREST = 12  # places to which an end beside a graph is joined, at least
+UNMOVED = 1e-6  # m: an end within this distance of a state is at its place
+NEAREST = 12  # least number of places to which an end beside a graph is joined
 BATCH = 500_000  # motions evaluated at once: bounds memory, large enough for array speed
-ARC = 16  # bytes of an arc beside its costs
+ARC = 16  # bytes of an arc without its costs
 
 
 @dataclass(frozen=True, eq=False)
 class StateGraph(TrajectoryGraph):
-    """Free states of a model in the plane, numbered from 0, and the motions that join them, each an arc."""
+    """Free states of a model in the plane, numbered from 0, with arcs of one motion each."""
 
     has_clock = True
 
@@ -46,68 +46,68 @@ class StateGraph(TrajectoryGraph):
 
     @property
     def states_alone(self) -> StateGraph:
-        """Itself."""
+        """The graph itself."""
         return self
 
     @abstractmethod
     def places(self, ids: IntArray) -> IntArray:
-        """Number (N,) of the place at which each state is; turns join the states of one place, moves places."""
+        """Return the number (N,) of the place of each state."""
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of its motions: moves, then those in place."""
+        """Kinds of motions: moves, then motions in place."""
         return ("move", "turn")
 
     @abstractmethod
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free motions of one kind."""
+        """Return tails and heads of all free motions of one kind."""
 
     def kinds_between(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Kind (N,) of the edges between states, as its place among `kinds`: a turn in place, or a move."""
+        """Return the kind (N,) of the edges between states, as an index into `kinds`: a turn in place, or a move."""
         stays: BoolArray = self.places(tails) == self.places(heads)
         return stays.astype(np.int64)
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
-        """Ids (N,), rising, of the states no farther than a radius, m, from a place; not all of them need be free."""
-        found = [np.zeros(0, dtype=np.int64)]
+        """Return the ids (N,), rising, of states within a radius, m, of a position; some may not be free."""
+        near = [np.zeros(0, dtype=np.int64)]
         for begin in range(0, self.size, BATCH):
             ids = np.arange(begin, min(begin + BATCH, self.size))
             states = self.states(ids)
-            found.append(ids[np.hypot(states.x - x, states.y - y) <= radius])
-        return np.concatenate(found)
+            near.append(ids[np.hypot(states.x - x, states.y - y) <= radius])
+        return np.concatenate(near)
 
     def reach(self, problem: Problem) -> float:
-        """Return how far away, m, states may be to which a start or goal beside the graph is joined.
+        """Return the distance, m, within which a start or goal beside the graph is joined to states.
 
-        That is as far as its twelfth nearest place to the start.
+        It is the distance of the start from its twelfth nearest place.
         """
         start, states = problem.model.space.state(problem.start), self.states(np.arange(self.size))
         distances = np.unique(np.hypot(states.x - start.x, states.y - start.y))
         return float(distances[min(NEAREST, distances.size) - 1]) + UNMOVED
 
     def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
-        """Mark the arcs (N,) that may not be taken because states beside them are blocked; none by default.
+        """Mark the arcs (N,) that are closed because states beside them are blocked; none by default.
 
         Parameters
         ----------
         tails, kinds : (N,) of the arcs
-        blocked : ids of states that are blocked now
+        blocked : ids of blocked states
         """
         return np.zeros(tails.size, dtype=np.bool_)
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Motions in place (m,) in each arc of `graph`."""
+        """Number (m,) of motions in place in each arc of `graph`."""
         in_place: BoolArray = self.arcs.kinds != MOVE
         return in_place.view(np.int8)
 
     @cached_property
     def collision(self) -> PlaneCollision:
-        """What tells free states and motions."""
+        """Collision check of states and motions."""
         return cast(PlaneCollision, collision_of(self.model, self.world))
 
     def motions(self, kind: str, tails: IntArray, heads: IntArray) -> Motions:
-        """Edges (M,) as motions; what comes round goes the shorter way, half a turn counter-clockwise."""
+        """Return edges (M,) as motions; angles turn the shorter way, half a turn counter-clockwise."""
         law, start = self.model.laws[kind], self.states(tails)
         end = onward(law, self.model.space, start, self.states(heads))
         kept = {name: getattr(start, name) for name in start.names if name not in law.varies}
@@ -119,13 +119,13 @@ class StateGraph(TrajectoryGraph):
         return Arcs.sorted(self.size, [self.edges(kind) for kind in self.kinds])
 
     def batches(self) -> Iterator[tuple[IntArray, IntArray, Motions]]:
-        """All edges as tails, heads and motions, in batches of bounded size."""
+        """Yield all edges as tails, heads and motions, in batches of bounded size."""
         for part in blocks(self.arcs.heads.size):
             for _, tails, heads, motions in self._batches(part):
                 yield tails, heads, motions
 
     def _batches(self, part: slice) -> Iterator[tuple[BoolArray, IntArray, IntArray, Motions]]:
-        """A range of arcs as motions of one law: which of them, their tails and heads, and the motions."""
+        """Yield the arcs of a range, law by law: a mask of them, their tails and heads, and their motions."""
         tails, heads = self.arcs.ends(part)
         for number, kind in sorted(enumerate(self.kinds), reverse=True):
             own = self.arcs.kinds[part] == number
@@ -134,66 +134,66 @@ class StateGraph(TrajectoryGraph):
 
     @cached_property
     def key(self) -> Hashable:
-        """What makes equal graphs of one world equal, so that it keeps their parts; None where nothing is kept."""
+        """Cache key of the graph in its world, equal for equal graphs; None where nothing is cached."""
         return None
 
     def shared(self, name: Hashable, make: Callable[[], A]) -> A:
-        """A part that the world keeps for all equal graphs: another planning run need not make it again."""
-        found = self.kept_part(name)
-        if found is None:  # not made under the cache's lock: it is made by several threads
-            found = make()
-            self.keep_part(name, found)
-        return cast(A, found)
+        """Return a part from the world's cache, shared by all equal graphs; make and cache it where it is missing."""
+        part = self.kept_part(name)
+        if part is None:  # made without the cache's lock, by several threads
+            part = make()
+            self.keep_part(name, part)
+        return cast(A, part)
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all edges are kept from an earlier planning run."""
+        """Return whether the costs of all edges are cached from an earlier planning run."""
         return all(self.kept_part(self.name_of(criterion)) is not None for criterion in criteria)
 
     def kept_part(self, name: Hashable) -> Any:
-        """Return a part that the world keeps for equal graphs; None where it keeps none."""
+        """Return a part from the world's cache; None where it is missing."""
         return None if None in (self.key, name) else self.world.cache.find((self.key, name))
 
     def keep_part(self, name: Hashable, value: Any) -> None:
-        """Let the world keep a part for equal graphs, if the graph has a key."""
+        """Cache a part in the world, if the graph has a key."""
         if None not in (self.key, name):
             self.world.cache.keep((self.key, name), value)
 
     @staticmethod
     def name_of(criterion: Criterion) -> Hashable:
-        """Return the name of a criterion's column of costs, equal for equal criteria; None for one that may change."""
+        """Return the cache name of a criterion's costs, equal for equal criteria; None for a mutable criterion."""
         try:
             return identity(criterion), criterion.quantum
         except TypeError:
             return None
 
     def motions_of(self, places: IntArray) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield some arcs, by their places (N,) in `arcs`, as motions, each portion with the places of its arcs."""
+        """Yield some arcs, by their indices (N,) in `arcs`, as motions, in portions with the indices of their arcs."""
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         for number, kind in enumerate(self.kinds):
             own = np.flatnonzero(self.arcs.kinds[places] == number)
             for begin in range(0, own.size, BATCH):
-                some = own[begin : begin + BATCH]
-                motions = self.motions(kind, tails[some], self.arcs.heads[places[some]].astype(np.int64))
+                rows = own[begin : begin + BATCH]
+                motions = self.motions(kind, tails[rows], self.arcs.heads[places[rows]].astype(np.int64))
                 for run, portion in motions.portions():
-                    yield places[some][run], portion
+                    yield places[rows][run], portion
 
     @property
     def is_reused(self) -> bool:
-        """Whether the graph is kept with its costs, since other queries will ask it."""
+        """True if the graph is cached with its costs, since other queries will use it."""
         return False
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """The graph with one integer cost a criterion: edge costs in quanta, rounded once."""
+        """Return the graph with one integer cost a criterion: edge costs in quanta, rounded once."""
         names = tuple(self.name_of(criterion) for criterion in criteria)
         if not self.is_reused or None in names:
             return self._graph(criteria)
-        found: Graph | None = self.kept_part(("graph", names))
-        if found is None:
-            found = self._graph(criteria)
-            self.keep_part(("graph", names), found)
+        graph: Graph | None = self.kept_part(("graph", names))
+        if graph is None:
+            graph = self._graph(criteria)
+            self.keep_part(("graph", names), graph)
         else:
-            self.spending.hold(found.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from before")
-        return found
+            self.spending.hold(graph.arcs * (8 * len(criteria) + ARC), f"{self.words} was taken from before")
+        return graph
 
     def _graph(self, criteria: Sequence[Criterion]) -> Graph:
         arcs = self.arcs
@@ -206,7 +206,7 @@ class StateGraph(TrajectoryGraph):
         )
 
     def _columns(self, criteria: Sequence[Criterion]) -> list[Counts]:
-        """Costs (m,) of all arcs in each criterion; those that are not kept are made together, block by block."""
+        """Return costs (m,) of all arcs in each criterion; missing ones are computed together, block by block."""
         columns = [self.kept_part(self.name_of(criterion)) for criterion in criteria]
         missing = [j for j, column in enumerate(columns) if column is None]
         size = self.arcs.heads.size
@@ -216,9 +216,9 @@ class StateGraph(TrajectoryGraph):
             counts = [np.empty(part.stop - part.start, np.int64) for _ in missing]
             for own, _, _, motions in self._batches(part):
                 places = np.flatnonzero(own)
-                for run, some in motions.portions():
+                for run, portion in motions.portions():
                     for count, j in zip(counts, missing, strict=True):
-                        count[places[run]] = quantised(motion_costs(criteria[j], some), criteria[j])
+                        count[places[run]] = quantised(motion_costs(criteria[j], portion), criteria[j])
             return part, counts
 
         for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
@@ -231,15 +231,15 @@ class StateGraph(TrajectoryGraph):
         return columns
 
     def costed_in(self, world: World) -> Self:
-        """The same states and arcs, whether free there or not, to be costed in another world, which keeps none of it.
+        """Return the graph with its arcs, free or not, to be costed in another world, without caching there.
 
-        So what people who come and go, or a door that closes, make of the costs is had without laying out the graph.
+        So costs after a change of people or doors are computed without laying out the graph again.
         """
-        _ = self.arcs, self.size  # which states there are is known of this world, not of the other
+        _ = self.arcs, self.size  # computed in this world, not in the other
         return copied(self, without={"collision"}, world=world, key=None)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Trajectories through states (N,), so many (n,) of them for each, not yet checked: one motion an edge."""
+        """Return trajectories, not yet checked, through states (N,), ``sizes`` (n,) for each: one motion an edge."""
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
         laws = [self.model.laws[kind] for kind in self.kinds]
@@ -247,14 +247,14 @@ class StateGraph(TrajectoryGraph):
 
 
 def identity(value: Any) -> Hashable:
-    """What tells a value that cannot change from others: of a dataclass all fields, compared or not.
+    """Return a hashable that identifies an immutable value; for a dataclass by all its fields, compared or not.
 
-    Raises TypeError for one that may change.
+    Raises TypeError for a mutable value.
     """
     if not is_dataclass(value):
         hash(value)
         return cast(Hashable, value)
-    declared = vars(type(value)).get("__dataclass_params__")  # its own: a class below may hold more than fields
+    declared = vars(type(value)).get("__dataclass_params__")  # a subclass may hold more than fields
     if declared is None or not declared.frozen:
         raise TypeError(f"{type(value).__name__} may change")
     return type(value), *(identity(getattr(value, field.name)) for field in fields(value))

@@ -1,4 +1,4 @@
-"""Graphs whose paths are trajectories: what a search on one needs to know of it, whatever its arcs are."""
+"""Graphs with trajectories as paths: the interface that searches use, for any kind of arcs."""
 
 from __future__ import annotations
 
@@ -25,19 +25,18 @@ if TYPE_CHECKING:
     from hpop.planners.graphs.state_graph import StateGraph
     from hpop.world import World
 
-# All states stand in the same columns, all motions of a law are checked at once; trajectories are parts of the columns.
+# All states share columns, and all motions of a law are checked at once; trajectories are parts of the columns.
 
 
-BLOCK = 2**20  # angles that are added up at once
+BLOCK = 2**20  # angles added up at once
 
 
 class Stretches(NamedTuple):
-    """Parts of trajectories, or whole ones, one after another.
+    """Trajectories or parts of them, one after another.
 
-    states  (N,)  what comes round is continuous within each
-    kinds   (N,)  of the motion that ends in each state, as its place among those of the graph; of a first state it
-                  says nothing
-    sizes   (n,)  states of each; none where there is no such part
+    states  (N,)  angles are continuous within each part
+    kinds   (N,)  index, in the kinds of the graph, of the motion that ends in each state; arbitrary for first states
+    sizes   (n,)  number of states of each part; 0 for an absent part
     """
 
     states: States
@@ -48,7 +47,7 @@ class Stretches(NamedTuple):
     def through(
         cls, space: StateSpace, laws: Sequence[Law], states: States, kinds: IntArray, sizes: IntArray
     ) -> Stretches:
-        """Motions of some kinds through states (N,), so many (n,) of them for each; angles turn the shorter way.
+        """Return motions through states (N,), ``sizes`` (n,) of them for each part; angles turn the shorter way.
 
         laws  of the kinds
         """
@@ -69,14 +68,14 @@ class Stretches(NamedTuple):
 
     @classmethod
     def joined(cls, space: StateSpace, parts: Sequence[Stretches]) -> Stretches:
-        """From each part the first stretches make one, the second ones the next, and so on.
+        """Join stretches end to end: the first ones of all ``parts`` make one, the second ones the next, and so on.
 
-        Each begins where the one before it ends, but for whole turns of what comes round.
+        Each begins where the one before it ends, up to whole turns of angles.
         """
         lengths = np.array([part.sizes for part in parts])  # (p, n)
         present = lengths > 0
         first = present & (np.cumsum(present, axis=0) == 1)
-        kept = lengths - (present & ~first)  # where one begins, the one before it ends
+        kept = lengths - (present & ~first)  # a part shares its first state with the part before it
         sizes = kept.sum(axis=0)
         begins = np.cumsum(sizes) - sizes + np.cumsum(kept, axis=0) - kept
         columns = {name: np.empty(sizes.sum()) for name in space.names}
@@ -88,21 +87,23 @@ class Stretches(NamedTuple):
             within = np.arange(owner.size) - own[owner]
             new = np.flatnonzero((within > 0) | is_first[owner])
             place = ((begin - ~is_first)[owner] + within)[new]
-            there = length > 0
+            is_present = length > 0
             kinds[place] = part.kinds[new]
             for name, column in columns.items():
                 value = getattr(part.states, name)
                 if name in last:
                     whole = np.zeros(length.size)
-                    whole[there] = 2 * np.pi * np.round((last[name][there] - value[own[there]]) / (2 * np.pi))
+                    whole[is_present] = (
+                        2 * np.pi * np.round((last[name][is_present] - value[own[is_present]]) / (2 * np.pi))
+                    )
                     whole[is_first] = 0.0
-                    value = value + whole[owner]  # so half a turn stays the way round that was checked
-                    last[name][there] = value[(own + length - 1)[there]]
+                    value = value + whole[owner]  # so half a turn keeps the direction that was checked
+                    last[name][is_present] = value[(own + length - 1)[is_present]]
                 column[place] = value[new]
         return cls(States(**columns), kinds, sizes)
 
     def trajectories(self, model: Model, kinds: tuple[str, ...]) -> tuple[Trajectory, ...]:
-        """The trajectories that they are, of motions of these kinds; raises ModelError for one that is none."""
+        """Return the trajectories, of motions of these kinds; raise ModelError for an impossible motion."""
         states = self.states
         for name in states.names:
             getattr(states, name).setflags(write=False)
@@ -121,17 +122,17 @@ class Stretches(NamedTuple):
 
 
 def _running(steps: FloatArray, sizes: IntArray) -> FloatArray:
-    """Sums (N,) of the steps up to each, over stretches of so many (n,), each added up from its first to its last."""
+    """Return the running sums (N,) of steps within stretches of ``sizes`` (n,)."""
     running = np.empty(steps.size)
     ends = np.append(0, np.cumsum(sizes))
-    several = max(1, BLOCK // max(1, int(sizes.max(initial=0))))
-    for begin in range(0, sizes.size, several):
-        own = sizes[begin : begin + several]
+    at_once = max(1, BLOCK // max(1, int(sizes.max(initial=0))))
+    for begin in range(0, sizes.size, at_once):
+        own = sizes[begin : begin + at_once]
         part = slice(ends[begin], ends[begin + own.size])
-        there = np.arange(own.max()) < own[:, None]
-        rows = np.zeros(there.shape)
-        rows[there] = steps[part]
-        running[part] = np.cumsum(rows, axis=1)[there]
+        inside = np.arange(own.max()) < own[:, None]
+        rows = np.zeros(inside.shape)
+        rows[inside] = steps[part]
+        running[part] = np.cumsum(rows, axis=1)[inside]
     return running
 
 
@@ -140,10 +141,10 @@ N = TypeVar("N", bound=np.generic)
 
 @dataclass(frozen=True, eq=False)
 class TrajectoryGraph(ABC):
-    """States of a model in a world, numbered from 0, and arcs between them, each of one motion or a chain of some.
+    """States of a model in a world, numbered from 0, and arcs between them, each a motion or a chain of motions.
 
     model, world
-    spending   what building it may spend
+    spending   time and memory for building it
     has_clock  whether the graph can be put on a clock, so that people may move (:mod:`hpop.planners.graphs.timed`)
     """
 
@@ -161,16 +162,16 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def words(self) -> str:
-        """What tells this graph from others, in words: "the lattice of step 0.25 m, ..."."""
+        """Description in words: "the lattice of step 0.25 m, ..."."""
 
     @property
     @abstractmethod
     def options(self) -> dict[str, Any]:
-        """The same, JSON-able."""
+        """Options that identify the graph, as JSON."""
 
     @abstractmethod
     def states(self, ids: IntArray) -> States:
-        """States (N,) by their numbers."""
+        """Return states (N,) by their numbers."""
 
     @property
     @abstractmethod
@@ -179,15 +180,15 @@ class TrajectoryGraph(ABC):
 
     @abstractmethod
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """The graph with one integer cost a criterion: costs of arcs in quanta, rounded once.
+        """Return the graph with one integer cost a criterion: costs of arcs in quanta, rounded once.
 
-        Raises CriterionError that names the criterion whose cost is negative, not a number or of the wrong shape, and
-        Exhausted where a limit of the spending is passed.
+        Raises CriterionError that names the criterion with a cost that is negative, not a number or of the wrong shape,
+        and Exhausted where a limit of the spending is passed.
         """
 
     @property
     def is_checked(self) -> bool:
-        """Whether all arcs of `graph` are known to be free; of others :meth:`arcs_free` tells."""
+        """True if all arcs of `graph` are known to be free; otherwise :meth:`arcs_free` checks them."""
         return True
 
     def with_checked_arcs(self) -> Self:
@@ -195,7 +196,7 @@ class TrajectoryGraph(ABC):
         return self
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs are kept from before; True where no path is known sooner than these."""
+        """Return whether the costs of all arcs are cached; True as well where no path can be known before them."""
         return True
 
     @property
@@ -205,21 +206,21 @@ class TrajectoryGraph(ABC):
 
     @property
     def states_alone(self) -> StateGraph | None:
-        """The graph of states to which ends are joined, or itself; None of a graph that has no places."""
+        """The graph of states without joined ends; None for a graph without places."""
         return None
 
     def inside(self, nodes: list[int]) -> list[int]:
-        """Return the nodes of the graph itself in the place of ends that were joined to it."""
+        """Return nodes with joined ends replaced by the states to which they are joined."""
         return nodes
 
     @property
     def joins(self) -> MotionChains | None:
-        """The arcs that join ends to the graph of states, by their tails; None where it has none."""
+        """The arcs that join ends to the graph of states, by tail; None where there are none."""
         return None
 
     @property
     def order(self) -> tuple[IntArray, IntArray]:
-        """Places in `graph` of the arcs of the graph of states, and of the joins."""
+        """Indices in `graph` of the arcs of the graph of states, and of the joins."""
         states = self.states_alone
         return np.arange(0 if states is None else states.arcs.heads.size), np.zeros(0, np.int64)
 
@@ -228,25 +229,25 @@ class TrajectoryGraph(ABC):
         return inner
 
     def costed_in(self, world: World) -> Self:
-        """Return the same states and arcs, whether free there or not, to be costed in another world."""
+        """Return the graph with its arcs, free or not, to be costed in another world."""
         raise NotImplementedError
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Which arcs (N,) of `graph`, by their places, are free."""
+        """Mark the free ones of some arcs (N,), given by their indices in `graph`."""
         return np.ones(places.size, dtype=np.bool_)
 
     def without(self, places: IntArray) -> TrajectoryGraph:
-        """The same without some arcs (N,) of `graph` that are known to be blocked: of one that is not checked."""
+        """Return a graph that is not checked without some arcs (N,), which are blocked."""
         raise NotImplementedError
 
     @property
     @abstractmethod
     def turned(self) -> NDArray[np.int8]:
-        """Motions (m,) in each arc of `graph` of which a path shall have few where its costs do not tell."""
+        """Number (m,) of motions in each arc of `graph` that break ties: a path should have few of them."""
 
     @abstractmethod
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Trajectories through states (N,), so many (n,) of them for each, not yet checked."""
+        """Return trajectories, not yet checked, through states (N,), ``sizes`` (n,) of them for each."""
 
     @abstractmethod
     def what_separates(self, start: int, goals: list[int]) -> str:
@@ -254,20 +255,20 @@ class TrajectoryGraph(ABC):
 
     @cached_property
     def collision(self) -> Collision:
-        """What tells free states and motions."""
+        """Collision check of states and motions."""
         return self.model.collision(self.world)
 
     def trajectory(self, ids: IntArray) -> Trajectory:
-        """The trajectory through states (n+1,)."""
+        """Return the trajectory through states (n+1,)."""
         return self.trajectories([ids])[0]
 
     def trajectories(self, paths: Sequence[IntArray]) -> tuple[Trajectory, ...]:
-        """The trajectories through the states (n+1,) of each path: what comes round is continuous."""
+        """Return the trajectories through the states (n+1,) of each path, with continuous angles."""
         sizes = np.array([path.size for path in paths], dtype=np.int64)
         ids = np.concatenate([np.zeros(0, np.int64), *paths])
         return self.stretches(ids, sizes).trajectories(self.model, self.kinds)
 
 
 def aggregates(criteria: Sequence[Criterion]) -> tuple[str, ...]:
-    """How a search adds up the cost of each criterion."""
+    """Return how a search adds up the cost of each criterion: "sum" or "max"."""
     return tuple("max" if criterion.aggregate == "max" else "sum" for criterion in criteria)

@@ -298,7 +298,7 @@ def test_who_is_at_the_goal_already_stays() -> None:
         ({"goal": (2.6, 2.0, 0.0)}, r"the goal \(2\.600, 2\.000, 0\.000\) is not usable: "),
         ({"goal": (2.6, 2.0, None)}, r"the goal \(2\.600, 2\.000, any\) is not usable \(at 100 angles drawn\): "),
         ({"goal": [(2.6, 2.0, 0.0), (0.1, 0.1, 0.0)]}, r"the goal 0 .* not usable: .*the goal 1 .* is not usable: "),
-        ({"goal": Beyond(4.95)}, "the goal is not usable: none of 100 states drawn of it is free"),
+        ({"goal": Beyond(4.95)}, "the goal is not usable: none of 100 states drawn from it is free"),
     ],
 )
 def test_ends_that_are_blocked_are_refused_by_what_blocks_them(ends: dict[str, Any], said: str) -> None:

@@ -31,28 +31,28 @@ if TYPE_CHECKING:
     from hpop.motions import Model
     from hpop.problems.problem import Problem
 
-TURNED = 1.1  # of a robot's reach: its turns are covered by hulls that are a little larger
+TURNED = 1.1  # of a robot's reach: turns are checked by slightly larger hulls
 SLACK = 1e-3  # m
-TRIED = 512  # arcs whose costs show what a criterion reads of a world
-OF_GROUND = frozenset({"obstruction", "obstruction_field"})  # methods of a world that ask its ground alone
+TRIED = 512  # sample of arcs that shows which attributes of a world a criterion reads
+OF_GROUND = frozenset({"obstruction", "obstruction_field"})  # methods of a world that depend on its ground alone
 
 
 def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) -> StateLattice:
-    """Return a lattice in a changed world, which then keeps all that the change leaves as it was.
+    """Return a lattice in a changed world, and cache there the parts that the change leaves unchanged.
 
-    States and arcs are checked again where the change may reach them; costs are computed again for those arcs, and for
-    all arcs by criteria that read of the world what changed. All other values are those of the world before, so the
-    result equals a lattice that is built anew. Where nothing was kept, or the extent has changed, nothing is taken.
+    States and arcs are checked again where the change may reach them. Costs are computed again for those arcs, and for
+    all arcs by criteria that read a changed attribute of the world. All other values are copied, so the result equals a
+    lattice that is built from scratch. Nothing is copied if nothing was cached or the extent of the map has changed.
     """
     lattice = replace(before, world=after)
-    known = {name: before.kept_part(name) for name in ("clear", "free", "arcs")}
-    if before.key is None or known["arcs"] is None or before.world.bounds != after.bounds:
+    cached = {name: before.kept_part(name) for name in ("clear", "free", "arcs")}
+    if before.key is None or cached["arcs"] is None or before.world.bounds != after.bounds:
         return lattice
     within = TURNED * max(part.reach for part in before.model.platform) + _longest(before) + SLACK
     near = _near(before, lattice, within)
     part = replace(lattice, kept=_near(before, lattice, within + _longest(before) + SLACK))
     lattice.keep_part("clear", _frozen(np.where(near, part.clear, before.clear)))
-    if known["free"] is not None:
+    if cached["free"] is not None:
         lattice.keep_part("free", _frozen(np.where(near[:, :, None], part.free, before.free)))
     arcs, taken = _joined(before, part, lattice, near)
     lattice.keep_part("arcs", arcs)
@@ -76,14 +76,14 @@ def _longest(lattice: StateLattice) -> float:
 
 
 def _near(before: StateLattice, after: StateLattice, within: float) -> BoolArray:
-    """Mark positions (rows, columns) where a robot may meet something else than before within a distance, m."""
+    """Mark positions (rows, columns) where the world differs from the one before within a distance, m."""
     rows, columns = (index.ravel() for index in np.indices(before.shape))
     x, y = before.position(rows, columns)
     return after.collision.differs(before.collision, x, y, within).reshape(before.shape)
 
 
 def _joined(before: StateLattice, part: StateLattice, lattice: StateLattice, near: BoolArray) -> tuple[Arcs, IntArray]:
-    """Return arcs of positions near a change, by a part of the lattice, and all others, by their places before."""
+    """Return the arcs after a change, joined from a part near it and the old arcs elsewhere, with their old indices."""
     old = ~near[before.cells][_tails(before.arcs) // before.width]
     new = near[part.cells][_tails(part.arcs) // part.width]
     sources = [(before, np.flatnonzero(old)), (part, np.flatnonzero(new))]
@@ -111,14 +111,14 @@ def _frozen(array: Any) -> Any:
     return array
 
 
-# What a criterion reads of a world
+# Attributes of a world that a criterion reads
 
 
 class _WatchedWorld(World):
-    """A stand-in for a world that notes which of its attributes are read."""
+    """A stand-in for a world that records which attributes are read."""
 
     def __getattribute__(self, name: str) -> Any:
-        """Note the attribute and return that of the world itself."""
+        """Record the attribute, and return the world's."""
         own = object.__getattribute__(self, "__dict__")
         if name.startswith("__") or "watched" not in own:
             return object.__getattribute__(self, name)
@@ -127,10 +127,10 @@ class _WatchedWorld(World):
 
 
 def _reads_change(criterion: Criterion, lattice: StateLattice, before: World) -> bool:
-    """Return whether a criterion may read of a lattice's world anything that differs from the world before.
+    """Return whether a criterion may read an attribute of a lattice's world that has changed.
 
-    A sample of arcs shows what hpop's own criteria read. A criterion of a user may read more on other arcs, so its
-    costs are always computed again.
+    A sample of arcs shows the attributes that hpop's own criteria read. A user's criterion may read more on other arcs,
+    so its costs are always computed again.
     """
     after, reads = lattice.world, set[str]()
     if not type(criterion).__module__.startswith("hpop.") or lacking(criterion.requires, lattice.model, after):
@@ -141,21 +141,21 @@ def _reads_change(criterion: Criterion, lattice: StateLattice, before: World) ->
     try:
         for _, motions in lattice.motions_of(tried):
             motion_costs(criterion, replace(motions, world=watched))
-    except Exception:  # a criterion of a plugin may do with a world what a stand-in does not bear
+    except Exception:  # a plugin's criterion may use the world in a way that the stand-in does not support
         return True
     return any(_differs(name, before, after) for name in reads - {"contents"})
 
 
 def _differs(name: str, before: World, after: World) -> bool:
-    """Return whether an attribute of two worlds differs; of most methods it is not known, so they do."""
+    """Return whether an attribute of two worlds differs; most methods count as different."""
     if name in OF_GROUND:
         return before.ground is not after.ground
     return bool(getattr(before, name) != getattr(after, name))
 
 
-MOST_FIRST = 5_000  # positions of the first stage: their edges are built in a fifth of a second
-LARGE = 2  # times as many: a smaller lattice is built as a whole almost as soon as a part of it, and then a second time
-MOST_IN_TIME = 400  # positions of the first stage among people who move: what they cost by the tick is soon known
+MOST_FIRST = 5_000  # positions of the first stage, with edges built in a fifth of a second
+LARGE = 2  # multiple of these from which on a part is built first; building all of a smaller lattice is as fast
+MOST_IN_TIME = 400  # positions of the first stage among moving people, where tables of costs by tick take time
 ANCHORS = ("start", "world")
 
 
@@ -168,11 +168,11 @@ class LatticeGraph(GraphFamily):
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
     anchor          "start": the start is one of the positions; "world": the corner of the map with the least x and y
-                    is, so that queries with other starts find the same lattice
+                    is one, so that queries with other starts reuse the lattice
 
-    A start or goal that is none of its states, in place or heading, is joined to all positions within 1.5 steps from
-    which, or to which, the robot can turn, go straight and turn (:mod:`hpop.planners.graphs.joined_ends`). Of a lattice
-    of more than 10,000 positions a part comes first: 5,000 positions on the shortest ways, 400 where people move.
+    A start or goal beside its states is joined to all positions within 1.5 steps to which the robot can turn, go
+    straight and turn (:mod:`hpop.planners.graphs.joined_ends`). Of a lattice of more than 10,000 positions a part is
+    searched first: 5,000 positions on the shortest paths, 400 where people move.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move"})
@@ -200,7 +200,7 @@ class LatticeGraph(GraphFamily):
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the part of a large lattice round the shortest ways, if it is wanted, then the whole lattice."""
+        """Yield the whole lattice; ``in_stages``: the part of a large lattice round the shortest paths before."""
         lattice, moving = self.lattice(problem, spending), people_move(problem)
         if in_stages and (moving or not lattice.costed(objectives.optimised)):
             part = self._part(lattice, problem, MOST_IN_TIME if moving else MOST_FIRST)
@@ -216,7 +216,7 @@ class LatticeGraph(GraphFamily):
         return True
 
     def anchored(self) -> Self:
-        """Return the lattice whose positions do not depend on the start."""
+        """Return the lattice anchored at the world, which does not depend on the start."""
         return replace(self, anchor="world")
 
     def states(self, problem: Problem) -> StateLattice:
@@ -224,12 +224,12 @@ class LatticeGraph(GraphFamily):
         return self.lattice(problem)
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> StateLattice:
-        """Return the lattice of a problem; building it may spend what is in the spending."""
+        """Return the lattice of a problem, to be built within the limits of ``spending``."""
         anchor = start_of(problem)[:2] if self.anchor == "start" else problem.world.bounds[:2]
         return self._lattice(problem.model, problem.world, anchor, spending)
 
     def update(self, before: World, after: World, model: Model, criteria: Sequence[Criterion]) -> None:
-        """Let a changed world keep of the lattice that is anchored at the world what the change leaves as it was."""
+        """Let a changed world reuse the unchanged parts of a lattice that is anchored at the world."""
         if self.anchor == "world":
             update(self._lattice(model, before, before.bounds[:2]), after, criteria)
 
@@ -248,14 +248,14 @@ class LatticeGraph(GraphFamily):
         )
 
     def ends(self, lattice: StateLattice, problem: Problem) -> Ends:
-        """Return the lattice with the problem's start and goal, joined to it where they are none of its states.
+        """Return the lattice with the problem's start and goal, joined to it where they are beside its states.
 
         Raises QueryError where one of them is blocked or out of reach.
         """
         return with_ends(lattice, problem, lattice.reach(problem))
 
     def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
-        """Positions of a large lattice on the shortest ways; None of a small one, or if there is no way."""
+        """Return the part of a large lattice on the shortest paths; None for a small one, or if there is no path."""
         if lattice.cells[0].size <= LARGE * most:
             return None
         from hpop.planners.graphs.lattice.nearby import nearby  # numba: on first use

@@ -1,4 +1,4 @@
-"""The grid under a lattice: positions, headings, neighbours that a step may reach, and what separates two positions."""
+"""The grid under a lattice: positions, headings, steps between positions, and reasons why no path exists."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from hpop.planners.graphs.lattice.graph import StateLattice
 
-# Plain arrays, no robots: a lattice with headings and a position grid without (as in the MovingAI benchmarks) step
-# alike.
+# Plain arrays, no robots: lattices with headings and position grids without (as in the MovingAI benchmarks) use the
+# same steps.
 
 
 # One step along each heading, in cells (columns, rows), counter-clockwise from +x.
@@ -35,7 +35,7 @@ STEPS = {4: STEPS_8[::2], 8: STEPS_8, 16: STEPS_16}
 class Headings:
     """A set of 4, 8 or 16 headings and the step that the grid takes along each.
 
-    With 16 the new ones point to a knight's move (2, 1), so they are 26.57 and 63.43 degrees, not multiples of 22.5.
+    The additional headings of 16 follow a knight's move (2, 1): 26.57 and 63.43 degrees, not multiples of 22.5.
     """
 
     count: int
@@ -57,7 +57,7 @@ class Headings:
 def steps_from(
     free: BoolArray, step: tuple[int, int], *, corner_cutting: bool
 ) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-    """Rows and columns (M,) of the free cells from which one step reaches a free cell, and of the cells reached.
+    """Return rows and columns (M,) of the free cells from which one step reaches a free cell, and of the cells reached.
 
     Without corner cutting every cell that the step's straight line passes must be free: both orthogonal neighbours of a
     diagonal, both middle cells of a knight's move.
@@ -80,7 +80,7 @@ def steps_from(
 
 
 def passed_cells(step: tuple[int, int]) -> tuple[tuple[int, int], ...]:
-    """Cells (columns, rows) that the straight line of a step touches between its ends.
+    """Return the cells (columns, rows) that the straight line of a step touches between its ends.
 
     >>> passed_cells((1, -1)), passed_cells((-2, 1)), passed_cells((1, 0))
     (((1, 0), (0, -1)), ((-1, 0), (-1, 1)), ())
@@ -95,16 +95,15 @@ def passed_cells(step: tuple[int, int]) -> tuple[tuple[int, int], ...]:
     return ()
 
 
-NEGLIGIBLE = 1e-9  # length of a wide link against that of a narrow one
+NEGLIGIBLE = 1e-9  # length of a wide link relative to a narrow one
 
 
 def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     """Say in words why no path leads from a state to any of the goals.
 
-    Looks for the passage whose narrowest point leaves the robot most room, on the lattice's positions: room is the
-    clearance less the robot's reach, so a negative room is what the robot is too wide by. The path in a maximum
-    spanning tree of the room has the widest passage; where it is narrow, a path shows that is no longer narrow than it
-    need be.
+    Finds the passage with the most room at its narrowest point, on the lattice's positions. Room is the clearance less
+    the robot's reach; where it is negative, the robot is too wide by twice as much. The path in a maximum spanning tree
+    of the room is the widest passage; among equally wide ones, that with the shortest narrow part is named.
     """
     from scipy.sparse import csr_array  # on first use: most problems have a path, and the import takes its time
     from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
@@ -116,8 +115,8 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
     tails, heads = _links(lattice, room)
     narrow = np.minimum(room[tails], room[heads])
 
-    def graph(weight: FloatArray, kept: Any = slice(None)) -> csr_array:
-        return csr_array((weight[kept], (tails[kept], heads[kept])), shape=(room.size, room.size))
+    def graph(weight: FloatArray, rows: Any = slice(None)) -> csr_array:
+        return csr_array((weight[rows], (tails[rows], heads[rows])), shape=(room.size, room.size))
 
     tree = minimum_spanning_tree(graph(1.0 + narrow.max(initial=0.0) - narrow))
     reached, before = breadth_first_order(tree, begin, directed=False)
@@ -147,7 +146,7 @@ def what_separates(lattice: StateLattice, start: int, goals: list[int]) -> str:
 
 
 def _room(lattice: StateLattice) -> FloatArray:
-    """Clearance less reach (rows, columns), m, at the tightest part of the robot; -inf where even a point collides.
+    """Return clearance less reach (rows, columns), m, of the tightest part of the robot; -inf where a point collides.
 
     A robot that is not round has room wherever it is free at some heading.
     """
@@ -162,7 +161,7 @@ def _room(lattice: StateLattice) -> FloatArray:
 
 
 def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]:
-    """Neighbouring positions (row * columns + column) between which a point, or the robot itself, can move."""
+    """Return neighbouring positions (row * columns + column) between which a point, or the robot itself, can move."""
     possible = np.isfinite(room).reshape(lattice.shape)
     ends = np.hstack([np.stack(steps_from(possible, step, corner_cutting=True)) for step in STEPS_8[:4]])
     segments = (*lattice.position(ends[0], ends[1]), *lattice.position(ends[2], ends[3]))
@@ -178,7 +177,7 @@ def _links(lattice: StateLattice, room: FloatArray) -> tuple[IntArray, IntArray]
 
 
 def _path(before: NDArray[np.integer[Any]], begin: int, end: int) -> list[int]:
-    """Positions from the end back to the beginning."""
+    """Return the positions from the end back to the beginning."""
     path = [end]
     while path[-1] != begin:
         path.append(int(before[path[-1]]))

@@ -1,4 +1,4 @@
-"""The cells of a grid on the shortest ways: where a first answer is looked for if all of the grid takes too long.
+"""The cells of a grid on the shortest paths, which are searched first if the whole grid takes long.
 
 Plain arrays, no robots. Imported on first use only, because importing numba takes a quarter of a second.
 """
@@ -13,22 +13,22 @@ from hpop.runtime.compiled import lean
 
 STRAIGHT, DIAGONAL = 5, 7  # 7/5 is near enough to sqrt(2) for choosing cells
 STEPS = DIAGONAL + 1
-FAR = np.int64(2**30)  # farther than any way
+FAR = np.int64(2**30)  # longer than any path
 
 
 def nearby(
     free: BoolArray, start: tuple[int, int], goal: tuple[int, int], most: int, *, corner_cutting: bool
 ) -> BoolArray | None:
-    """Mark the free cells that lie on the shortest ways from start to goal; None if there is no way.
+    """Mark the free cells that lie on the shortest paths from start to goal; None if there is no path.
 
-    Cells are taken by the length of the shortest way through them, of equal ones those nearest to one shortest way,
-    which is marked as a whole; without corner cutting with the cells that its diagonals pass between.
+    Cells are taken by the length of the shortest path through them; ties go to those nearest to one shortest path,
+    which is marked completely. Without corner cutting, the cells beside its diagonals are marked too.
 
     Parameters
     ----------
     free : (rows, columns) bool
     start, goal : (row, column) of free cells
-    most : cells to mark, if that way has no more
+    most : number of cells to mark, unless the path has more
 
     >>> nearby(np.ones((3, 5), bool), (0, 0), (0, 4), 7, corner_cutting=False).sum(axis=1).tolist()
     [5, 2, 0]
@@ -55,7 +55,7 @@ def nearby(
 
 
 def spread(free: BoolArray, seeds: IntArray, corner_cutting: bool) -> tuple[IntArray, IntArray]:
-    """Distance (rows * columns,) of each cell from the seeds, FAR if unreached, and the cell before it, or -1."""
+    """Return the distance (rows * columns,) of each cell from the seeds, or FAR, and the cell before it, or -1."""
     distance = np.full(free.size, FAR)
     before = np.full(free.size, np.int64(-1))
     distance[seeds] = 0

@@ -1,7 +1,7 @@
 """A roadmap of configurations: states of any model, drawn at random, and the chains of motions that connect them.
 
-A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) in the space of the model's states, near and far as its metric
-says. An arc is all that the model needs to get from a state to another, so nothing is known here of how it moves.
+A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) in the space of the model's states, by its metric. An arc is
+the whole chain by which the model connects two states, so the roadmap works for any laws of motion.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, ag
 from hpop.planners.spending import Spending
 from hpop.search import Graph
 
-ARC = 16  # bytes of an arc beside its costs
-ORDERED = 40  # and while it is looked which of them go there and back
-PIECES = 64  # to look whether a chain is free is as much work as so many arcs of one motion
-WORKED = 60_000  # bytes that costing a chain takes for a while, at most
-COSTED = 2, 8  # and so are its costs, of a small roadmap: in larger blocks less time goes between operations
-SHARED = 8  # blocks of costs are wanted at least, so that every core has some
-NEAREST, FAR = 8, 8  # of a robot beyond the plane: neighbours, far links
+ARC = 16  # bytes of an arc without its costs
+ORDERED = 40  # bytes of an arc while arcs are ordered
+PIECES = 64  # work of checking a chain, in arcs of one motion
+WORKED = 60_000  # bytes for costing a chain, at most
+COSTED = 2, 8  # work of costing a chain, in arcs; small roadmaps have larger blocks
+SHARED = 8  # least number of blocks of costs, so that every core has some
+NEAREST, FAR = 8, 8  # neighbours and far links of robots beyond the plane
 
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationRoadmap(TrajectoryGraph):
-    """Configurations of a robot, and the chains of motions between them that are free.
+    """Configurations of a robot, and the free chains of motions between them.
 
-    nodes   (P,)    the start, the samples, the goals; what is NaN of a goal is free
-    links   (L, 2)  tails and heads, by tails, between which a chain may be free
+    nodes   (P,)    the start, the samples, the goals; NaN in free coordinates of a goal
+    links   (L, 2)  tails and heads, by tail, of possible chains
     goals   nodes
-    name    what the roadmap is, in words
-    chosen  the options that made it, JSON-able
-    lazy    whether chains are looked at only where a path would take them: until then they are arcs, free or not
-    notes   what the user should know of it
+    name    description in words
+    chosen  options, as JSON
+    lazy    whether chains are checked for collisions only where a path takes them
+    notes   for the user
 
-    A pair that the model's legs do not lead from one to the other has no chain.
+    There is no arc between states that the model does not connect.
     """
 
     nodes: States
@@ -60,7 +60,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @property
     def is_checked(self) -> bool:
-        """Whether all arcs are free."""
+        """True if all arcs are known to be free."""
         return not self.lazy
 
     def with_checked_arcs(self) -> ConfigurationRoadmap:
@@ -79,17 +79,17 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @property
     def words(self) -> str:
-        """What tells this roadmap from others, in words."""
+        """Description of the roadmap in words."""
         return self.name
 
     @property
     def options(self) -> dict[str, Any]:
-        """The same, JSON-able."""
+        """Options of the roadmap, as JSON."""
         return self.chosen
 
     @property
     def counts(self) -> dict[str, int]:
-        """How large it is."""
+        """Numbers of configurations and chains."""
         return {"configurations": self.size, "chains": self.arcs.heads.size}
 
     @cached_property
@@ -99,31 +99,31 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return tuple(dict.fromkeys(leg.kind for leg in self.model.connect(start, start)))
 
     def states(self, ids: IntArray) -> States:
-        """Configurations (N,) by their nodes."""
+        """Return configurations (N,) by their nodes."""
         return self.nodes.take(ids)
 
     def _chains(self, tails: IntArray, heads: IntArray) -> MotionChains:
-        """Chains (N,) between nodes, free or not."""
+        """Return the chains (N,) between nodes, free or not."""
         return MotionChains.connecting(self, tails, heads, self.states(tails), self.states(heads))
 
     @cached_property
     def arcs(self) -> Arcs:
-        """All chains that lead where they shall, and are free unless that is asked later, each an arc."""
+        """All chains that reach their heads, each an arc; only free ones unless they are checked later."""
         free = np.zeros(len(self.links), dtype=np.bool_)
 
-        def found(part: slice) -> tuple[slice, BoolArray]:
+        def checked(part: slice) -> tuple[slice, BoolArray]:
             tails, heads = self.links[part].T
             chains = self._chains(tails, heads)
             reach = chains.reach(self.states(heads))
             return part, reach if self.lazy else reach & chains.free()
 
-        for part, there in self.spending.each(found, blocks(free.size, PIECES), f"{self.words} was laid out"):
-            free[part] = there
+        for part, is_free in self.spending.each(checked, blocks(free.size, PIECES), f"{self.words} was laid out"):
+            free[part] = is_free
         tails, heads = self.links[free].T
         return Arcs.sorted(self.size, [(tails, heads)])
 
     def arcs_free(self, places: IntArray) -> BoolArray:
-        """Which arcs (N,), by their places, are free."""
+        """Mark the free ones of some arcs (N,), given by their indices."""
         tails = np.searchsorted(self.arcs.start, places, side="right") - 1
         heads = self.arcs.heads[places].astype(np.int64)
 
@@ -134,12 +134,12 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return np.concatenate([np.zeros(0, np.bool_), *parts])
 
     def without(self, places: IntArray) -> ConfigurationRoadmap:
-        """The same without some arcs (N,)."""
+        """Return the roadmap without some arcs (N,)."""
         links = np.stack(self.arcs.ends(slice(0, self.arcs.heads.size)), axis=1)
         return replace(self, links=np.delete(links, places, axis=0))
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """The graph with one integer cost a criterion: costs of chains in quanta, rounded once."""
+        """Return the graph with one integer cost a criterion: costs of chains in quanta, rounded once."""
         arcs, doing = self.arcs, f"{self.words} was built"
         size = arcs.heads.size
         self.spending.check(doing, size * (8 * len(criteria) + ARC + ORDERED))
@@ -152,7 +152,7 @@ class ConfigurationRoadmap(TrajectoryGraph):
             return places, self._chains(tails[places], heads[places]).costs(criteria)
 
         each = int(np.clip(SHARED * BLOCK // max(1, size), *COSTED))
-        if (most := self.spending.limits.max_memory) is not None:  # so that all cores together keep it
+        if (most := self.spending.limits.max_memory) is not None:  # a limit for all cores together
             each = max(each, int(WORKED * BLOCK * self.spending.cores // max(1, most)))
         for places, counts in self.spending.each(paid, blocks(size, each), doing):
             costs[places] = counts
@@ -161,13 +161,13 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     @cached_property
     def turned(self) -> NDArray[np.int8]:
-        """Motions (m,) in each arc."""
+        """Number (m,) of motions in each arc."""
         size = self.arcs.heads.size
         parts = [self._chains(*self.arcs.ends(part)).count(self.kinds) for part in blocks(size, PIECES)]
         return np.concatenate([np.zeros(0, np.int8), *parts]).astype(np.int8)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
-        """Trajectories through nodes (N,), so many (n,) of them for each, the motions of chains written out."""
+        """Return trajectories through nodes (N,), ``sizes`` (n,) of them for each, with the motions of chains."""
         alone = sizes == 1  # from a node to itself: a chain without motions
         ids = np.repeat(ids, np.repeat(np.where(alone, 2, 1), sizes))
         sizes = sizes + alone
@@ -175,13 +175,13 @@ class ConfigurationRoadmap(TrajectoryGraph):
         return self._chains(ids[heads - 1], ids[heads]).stretches(sizes - 1)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """How many components the roadmap has, and which hold the start and the goal, or what is reached, in words."""
+        """Say why no path leads from start to goals: the components with both, or the reached states."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import breadth_first_order, connected_components
 
         arcs = self.arcs
         links = csr_array((np.ones(arcs.heads.size), arcs.heads, arcs.start), shape=(self.size, self.size))
-        if self.lazy:  # back from the goal nobody has looked
+        if self.lazy:  # arcs on the goal's side have not been checked
             reached = breadth_first_order(links, start, return_predecessors=False).size
             return (
                 f"no path: on {self.words} {reached} of {self.size} configurations, and no goal, are reached from the "
@@ -205,21 +205,21 @@ class ConfigurationRoadmap(TrajectoryGraph):
 def configuration_roadmap(
     known: Survey, samples: int, neighbours: int | None, far: int | None, spending: Spending
 ) -> ConfigurationRoadmap:
-    """The roadmap between the start and the goals of a survey, lazy unless the robot is one of the plane.
+    """Return the roadmap between the start and goals of a survey; lazy unless the robot moves in the plane.
 
     Raises OptionError for more links than a graph can have.
 
     Parameters
     ----------
-    samples : free configurations that are drawn; fewer where next to nothing is free
-    neighbours : to how many of the nearest each is linked; None takes ceil(2e log n) of n in the plane, else 8
-    far : to how many farther away; None takes none in the plane, else 8
+    samples : number of free configurations to draw; fewer where hardly any are free
+    neighbours : number of nearest nodes to which each is linked; None: ceil(2e log n) for n nodes in the plane, else 8
+    far : number of nodes farther away to which each is linked; None: none in the plane, else 8
     """
     problem, connections, seed = known.problem, known.connections, known.seed
     model, space, in_plane = problem.model, connections.space, "plane" in problem.model.provides
     _, of_samples, _, of_links = np.random.default_rng(seed).spawn(4)
     start, goals, found, pairs = known.start, known.goals, known.guides, known.pairs
-    if found and length(found[0], connections) > 0.0:  # else the start is at a goal, and near it nothing is sought
+    if found and length(found[0], connections) > 0.0:  # else the start is at a goal
         rows = guided(connections, *known.ends, found, samples, of_samples, spending)
     else:
         rows = uniform(connections, samples, of_samples, spending)
@@ -255,13 +255,13 @@ def configuration_roadmap(
         name=name,
         chosen=chosen,
         lazy=not in_plane,
-        notes=(f"no way was found by {pairs} pairs of trees: samples are uniform",) if pairs and not found else (),
+        notes=(f"{pairs} pairs of trees found no guide: samples are uniform",) if pairs and not found else (),
         spending=spending,
     )
 
 
 def guide_roadmap(known: Survey, spending: Spending) -> ConfigurationRoadmap:
-    """The roadmap of the guides alone, a part of all that have samples as well."""
+    """Return the roadmap of the guides alone, a part of every roadmap with samples."""
     free = len(known.inner)
     return ConfigurationRoadmap(
         known.problem.model,

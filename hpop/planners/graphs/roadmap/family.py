@@ -1,4 +1,4 @@
-"""The roadmap planner: every optimal trade-off on a probabilistic roadmap, exactly."""
+"""The roadmap's graph family: a probabilistic roadmap of positions, or of configurations of any robot."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from hpop.planners.spending import Spending
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-# To link and cost a roadmap of many samples may take longer than the limit. Under a limit the search is therefore first
-# run on a sixteenth of the samples, then on a quarter, each in a share of the time.
+# Linking and costing a large roadmap may take longer than the time limit. Under a limit, the search therefore runs on a
+# sixteenth of the samples first, then on a quarter, each in a share of the time.
 
 
 SMALLEST = 250  # samples of the smallest roadmap
-GROWTH = 4  # times as many samples has the next one
+GROWTH = 4  # ratio of the samples of successive roadmaps
 
 
 def smaller(samples: int, spending: Spending) -> list[int]:
-    """Return the samples of the roadmaps to search first, the smallest first; none without a time limit."""
+    """Return the numbers of samples of the roadmaps to search first, in order; none without a time limit."""
     sizes: list[int] = []
     if spending.limits.time_limit is not None:
         while (samples := samples // GROWTH) >= SMALLEST:
@@ -54,18 +54,18 @@ class RoadmapGraph(GraphFamily):
     """A probabilistic roadmap (Kavraki et al. 1996) of positions, or of configurations of any robot.
 
     samples     count  free positions, or configurations, drawn uniformly unless there are trees
-    neighbours  count  nearest ones to which each is linked; None takes ceil(2e log n) of n, as PRM* does, and 8 beyond
-                       the plane
+    neighbours  count  nearest samples to which each is linked; None takes ceil(2e log n) for n nodes, as PRM* does, and
+                       8 beyond the plane
     far         count  configurations farther away to which each is linked as well: the nearest within random subsets of
                        log-uniform size; None takes none in the plane, and 8 beyond it
-    trees       count  pairs of trees that look for ways before (:mod:`.guides`): three of ten samples then lie near
-                       these, the others where a way may be at most 1.6 times as long as the shortest of them; None
+    trees       count  pairs of trees that search for guides first (:mod:`.guides`): three of ten samples then lie near
+                       guides, the others where a path may be at most 1.6 times as long as the shortest guide; None
                        takes none in the plane, and 10 beyond it
-    seed               of the random samples; in Python also `rng`: a seed, a Generator of which one is drawn, or None
-                       for a fresh one (SPEC 7)
+    seed               of the random samples; in Python also `rng`: a seed, a Generator that draws one, or None for a
+                       fresh one (SPEC 7)
 
-    Where trees found guides, the graph of these alone comes first; of positions under a time limit, roadmaps of a
-    sixteenth and a quarter of the samples. So a limit leaves more than nothing.
+    Where trees found guides, the graph of the guides is searched first; for positions under a time limit, roadmaps of a
+    sixteenth and a quarter of the samples. So even a short time limit leaves a result.
     """
 
     goal_sets: ClassVar[bool] = True
@@ -95,42 +95,42 @@ class RoadmapGraph(GraphFamily):
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the graph of the guides, if there are some and they are wanted, then the whole roadmap."""
-        known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
-        if in_stages and known is not None and known.guides:
-            yield replace(_built(guide_roadmap(known, spending), problem), part="guides")
-        if in_stages and known is None:
+        """Yield the whole roadmap; ``in_stages``: the graph of the guides, or smaller roadmaps, before."""
+        ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
+        if in_stages and ends_and_guides is not None and ends_and_guides.guides:
+            yield replace(_built(guide_roadmap(ends_and_guides, spending), problem), part="guides")
+        if in_stages and ends_and_guides is None:
             for samples in smaller(self.samples, spending):
                 held = spending.memory
                 part = replace(self, samples=samples)._of_positions(problem, spending)
                 yield replace(_built(part, problem), part=f"roadmap of {samples:,} samples")
                 spending.release(spending.memory - held)
-        roadmap = self._made(problem, known, spending)
+        roadmap = self._made(problem, ends_and_guides, spending)
         drawn = roadmap.options["samples"]
-        few = f"only {drawn} of {self.samples:,} samples: next to nothing is free where they are drawn"
+        few = f"only {drawn} of {self.samples:,} samples: hardly any drawn sample is free"
         built = _built(roadmap, problem)
         yield replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
 
     def has_clock(self, problem: Problem) -> bool:
-        """Return whether the samples are positions, between which a robot can hold."""
+        """Return whether the samples are positions, at which a robot can hold."""
         return _has_positions(problem)
 
     def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
         """Return the roadmap between the problem's start and goal; QueryError when one of them is blocked."""
         spending = spending or Spending()
-        known = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
-        return self._made(problem, known, spending)
+        ends_and_guides = None if _has_positions(problem) else survey(problem, self.trees, self.seed, spending)
+        return self._made(problem, ends_and_guides, spending)
 
-    def _made(self, problem: Problem, known: Survey | None, spending: Spending) -> AnyRoadmap:
-        """The roadmap of configurations where something is known of them, else that of positions."""
-        if known is None:
+    def _made(self, problem: Problem, ends_and_guides: Survey | None, spending: Spending) -> AnyRoadmap:
+        """Return the roadmap of configurations between surveyed ends, or of positions without a survey."""
+        if ends_and_guides is None:
             return self._of_positions(problem, spending)
-        return configuration_roadmap(known, self.samples, self.neighbours, self.far, spending)
+        return configuration_roadmap(ends_and_guides, self.samples, self.neighbours, self.far, spending)
 
     def _of_positions(self, problem: Problem, spending: Spending) -> StateRoadmap:
         if self.far or self.trees:
             raise OptionError(
-                "far and trees are for roadmaps of configurations; for this robot it has positions; leave them out"
+                "far and trees are options of roadmaps of configurations; this robot has positions: leave them out"
             )
         ends = checked_ends(problem)
         positions = np.concatenate([ends.positions, drawn_positions(problem, self.samples, self.seed, spending)])
@@ -155,5 +155,5 @@ def _built(roadmap: AnyRoadmap, problem: Problem) -> BuiltGraph:
 
 
 def _has_positions(problem: Problem) -> bool:
-    """Whether the samples of a problem's roadmap are positions."""
+    """Return whether the samples of a problem's roadmap are positions."""
     return problem.model.provides >= HEADED and bool(problem.target.listed)

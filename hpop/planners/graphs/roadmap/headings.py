@@ -1,8 +1,8 @@
 """A roadmap as a graph of states: positions, straight moves between them, and turns between their headings.
 
 A roadmap of Kavraki et al. 1996 (doi 10.1109/70.508439) has positions as nodes. Here a node is a position with a
-heading, for a turn has a cost: each position has the headings in which its moves leave and arrive, and turns join them
-all. Everything is built in array operations.
+heading, since turns have costs. Each position has the headings of the moves that leave and reach it, joined by turns.
+Everything is built in array operations.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ if TYPE_CHECKING:
 
 ALIGNED = 1e-9  # rad: directions that differ by less are one heading
 MAX_EDGES = 60_000_000
-LINK = 40  # bytes that a link to a neighbour takes while it is looked for
-ARROW = 80  # bytes that laying out an arrow takes
-TURN = 48  # those of a turn
-PIECES = 4  # in which a turn is checked, at least
+LINK = 40  # bytes of a link while neighbours are searched
+ARROW = 80  # bytes of an arrow while it is laid out
+TURN = 48  # bytes of a turn while it is laid out
+PIECES = 4  # least number of pieces in which a turn is checked
 
 
 @dataclass(frozen=True, eq=False)
 class StateRoadmap(StateGraph):
-    """Positions of a robot, and all states and motions that links between them make.
+    """Positions of a robot, with the states and motions that links between them make.
 
-    positions  (P, 2)  m    no two the same; the first is the start's
-    links      (L, 2)       pairs of positions between which a straight move may be free, either way
+    positions  (P, 2)  m    distinct; the first is the start's
+    links      (L, 2)       pairs of positions between which a straight move may be free, in both directions
     start_yaw  rad
-    targets    position of each goal, and its yaw, rad, or None where the heading there is free
-    name       what the roadmap is, in words
-    chosen     the options that made it, JSON-able
-    remedy     what to do when it has no path, in words
+    targets    index of each goal's position, and its yaw, rad, or None where the heading is free
+    name       description in words
+    chosen     options, as JSON
+    remedy     advice where it has no path, in words
 
-    Turns join the headings of a position, but those that differ by less than a degree only at the start and the goal.
-    A link that passes through a third position is left out: the links to that one, being straight on, hold it.
+    Turns join the headings of a position; headings that differ by less than a degree are joined only at start and goal.
+    A link that passes through a third position is left out, as the links to that position make the same path.
     """
 
     notes: ClassVar[tuple[str, ...]] = ()
@@ -64,17 +64,17 @@ class StateRoadmap(StateGraph):
 
     @property
     def options(self) -> dict[str, Any]:
-        """What tells this roadmap from others, JSON-able."""
+        """Options of the roadmap, as JSON."""
         return self.chosen
 
     @property
     def words(self) -> str:
-        """The same in words."""
+        """Description of the roadmap in words."""
         return self.name
 
     @property
     def counts(self) -> dict[str, int]:
-        """How large it is."""
+        """Numbers of positions, moves and turns."""
         return {"positions": len(self.positions), "moves": self.moves[0].size, "turns": self.turns[0].size}
 
     @cached_property
@@ -83,13 +83,13 @@ class StateRoadmap(StateGraph):
         self.spending.check(self._doing, 2 * len(self.links) * ARROW)
         tails, heads = np.concatenate([self.links, self.links[:, ::-1]]).T
 
-        def found(ids: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        def free_arrows(ids: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
             return self._free_arrows(tails[ids], heads[ids])
 
-        return _joined(self.spending.each(found, _by_position(tails), self._doing))
+        return _joined(self.spending.each(free_arrows, _by_position(tails), self._doing))
 
     def _free_arrows(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-        """Those of some arrows that are free, of several in one direction only the shortest."""
+        """Return the free ones of some arrows; of several in one direction only the shortest."""
         span = self.positions[heads] - self.positions[tails]
         yaw = _within_turn(np.arctan2(span[:, 1], span[:, 0]))
         direction = _numbered(tails, yaw)
@@ -109,9 +109,9 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _wanted(self) -> tuple[IntArray, FloatArray]:
-        """Position and heading of the tail of every arrow, of the head of every arrow, of the start and of the goal.
+        """Position and heading of the tails of all arrows, of the heads of all arrows, of the start and of the goals.
 
-        A goal of free heading has a state even where no link reaches it.
+        A goal with a free heading has a state even where no link reaches it.
         """
         tails, heads, yaw = self.arrows
         places, yaws = zip((0, self.start_yaw), *self.targets, strict=True)
@@ -120,7 +120,7 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _numbers(self) -> IntArray:
-        """State of each of those that are wanted; the states of a position follow one another."""
+        """State of each wanted position and heading; the states of one position are consecutive."""
         at, yaw = self._wanted
         self.spending.check(self._doing, at.size * ARROW)
         numbers, count = np.empty(at.size, np.int64), 0
@@ -132,7 +132,7 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def _state(self) -> tuple[IntArray, FloatArray]:
-        """Position and yaw (S,) of every state: those of the first that wants it."""
+        """Position and yaw (S,) of every state, from the first pair that needs it."""
         at, yaw = self._wanted
         first = np.full(self._numbers.max() + 1, at.size)
         np.minimum.at(first, self._numbers, np.arange(at.size))
@@ -144,11 +144,11 @@ class StateRoadmap(StateGraph):
         return int(self._state[0].size)
 
     def places(self, ids: IntArray) -> IntArray:
-        """Position of each state (N,)."""
+        """Return the position of each state (N,)."""
         return self._state[0][ids]
 
     def states(self, ids: IntArray) -> States:
-        """Positions and yaws, in [0, 2 pi), of states (N,)."""
+        """Return states (N,), with yaws in [0, 2 pi)."""
         x, y = self.positions[self._state[0][ids]].T
         return States(x=x, y=y, yaw=self._state[1][ids])
 
@@ -159,20 +159,20 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def goals(self) -> list[int]:
-        """The state of each goal, or all at its position where its heading is free."""
-        found = list(self._exact_goals)
+        """States of the goals: one each, or all states at its position where its heading is free."""
+        goals = list(self._exact_goals)
         for position, yaw in self.targets:
-            found += np.flatnonzero(self._state[0] == position).tolist() if yaw is None else []
-        return list(dict.fromkeys(found))
+            goals += np.flatnonzero(self._state[0] == position).tolist() if yaw is None else []
+        return list(dict.fromkeys(goals))
 
     @property
     def _exact_goals(self) -> list[int]:
-        """The state of each goal whose heading is given."""
+        """States of the goals with a given heading."""
         ids = self._numbers[-len(self.targets) :].tolist()
         return [state for state, (_, yaw) in zip(ids, self.targets, strict=True) if yaw is not None]
 
     def edges(self, kind: str) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free turns, or of all free moves."""
+        """Return tails and heads of all free turns, or of all free moves."""
         return self.turns if kind == "turn" else self.moves
 
     @cached_property
@@ -183,33 +183,33 @@ class StateRoadmap(StateGraph):
 
     @cached_property
     def turns(self) -> tuple[IntArray, IntArray]:
-        """Tails and heads of all free turns, between all headings of a position that differ by more than LEAST_TURN.
+        """Tails and heads of all free turns, between headings of a position that differ by more than LEAST_TURN.
 
-        Smaller ones in a row would turn by any angle and count nothing.
-        The heading at the start may differ by less from what is left in, and that at the goal from what is arrived in.
+        A row of smaller turns would turn by any angle without counting as a turn. Turns from the start's heading and to
+        a goal's heading may be smaller.
         """
         at = self._state[0]
         first = np.searchsorted(at, at)
-        others = np.searchsorted(at, at, side="right") - first - 1
-        self.spending.check(self._doing, int(others.sum()) * TURN)
-        if others.sum() > MAX_EDGES:
+        degree = np.searchsorted(at, at, side="right") - first - 1
+        self.spending.check(self._doing, int(degree.sum()) * TURN)
+        if degree.sum() > MAX_EDGES:
             raise OptionError(
-                f"{self.words} has {self.size:,} states and {others.sum():,} turns between them, more than "
+                f"{self.words} has {self.size:,} states and {degree.sum():,} turns between them, more than "
                 f"{MAX_EDGES:,}; take fewer positions, or fewer neighbours of each"
             )
-        before = np.concatenate([[0], np.cumsum(others)])
+        before = np.concatenate([[0], np.cumsum(degree)])
 
-        def found(part: slice) -> tuple[IntArray, IntArray]:
-            tails = np.repeat(np.arange(part.start, part.stop), others[part])
+        def free_turns(part: slice) -> tuple[IntArray, IntArray]:
+            tails = np.repeat(np.arange(part.start, part.stop), degree[part])
             heads = first[tails] + np.arange(before[part.start], before[part.stop]) - before[tails]
             heads += heads >= tails
             return self._free_turns(tails, heads)
 
-        each = max(1, int(others.max()) * PIECES)
-        return _joined(self.spending.each(found, blocks(at.size, each), self._doing))
+        each = max(1, int(degree.max()) * PIECES)
+        return _joined(self.spending.each(free_turns, blocks(at.size, each), self._doing))
 
     def _free_turns(self, tails: IntArray, heads: IntArray) -> tuple[IntArray, IntArray]:
-        """Those of some turns that are large enough, and free."""
+        """Return the turns that are large enough and free."""
         at, yaw = self._state
         large = (np.abs(wrap(yaw[heads] - yaw[tails])) > LEAST_TURN) | (tails == self.start)
         for goal in self._exact_goals:
@@ -223,7 +223,7 @@ class StateRoadmap(StateGraph):
         return tails[free], heads[free]
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """How many components the roadmap has, and which hold the start and the goal, in words."""
+        """Say why no path leads from start to goals: the components of the roadmap with both."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import connected_components
 
@@ -246,13 +246,13 @@ class StateRoadmap(StateGraph):
 
 
 def _within_turn(yaw: FloatArray) -> FloatArray:
-    """Yaws in [0, 2 pi), those just below 2 pi as 0."""
+    """Return yaws in [0, 2 pi), those just below 2 pi as 0."""
     yaw = yaw % (2 * math.pi)
     return np.where(yaw > 2 * math.pi - ALIGNED, 0.0, yaw)
 
 
 def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
-    """Number (N,) of each pair of a position and a heading, by position, then by yaw; aligned headings share one."""
+    """Return the number (N,) of each pair of a position and a heading, by position, then by yaw."""
     order = np.lexsort((yaw, at))
     new = (np.diff(at[order], prepend=-1) != 0) | (np.diff(yaw[order], prepend=-1.0) > ALIGNED)
     number = np.empty(at.size, np.int64)
@@ -261,7 +261,7 @@ def _numbered(at: IntArray, yaw: FloatArray) -> IntArray:
 
 
 def _by_position(at: IntArray) -> Iterator[IntArray]:
-    """The places of positions in an array, position by position, in blocks between which none is torn."""
+    """Yield the indices of an array of positions, position by position, in blocks that split no position."""
     order = np.argsort(at, kind="stable")
     cuts = np.array([part.stop for part in blocks(at.size)][:-1], dtype=np.int64)
     ends = np.unique(np.searchsorted(at[order], at[order][cuts]))
@@ -269,38 +269,38 @@ def _by_position(at: IntArray) -> Iterator[IntArray]:
 
 
 def _joined(parts: Iterable[tuple[Any, ...]]) -> tuple[Any, ...]:
-    """The columns of all blocks."""
+    """Join the columns of all blocks."""
     return tuple(np.concatenate(column) for column in zip(*parts, strict=True))
 
 
 def nearest_links(positions: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Links (L, 2) from each position to its nearest ones."""
+    """Return links (L, 2) from each position to its nearest ones."""
     from scipy.spatial import KDTree
 
     count = min(count, len(positions) - 1)
     if not count:
         return np.zeros((0, 2), np.int64)
-    doing = "the nearest of each position were looked for"
+    doing = "the nearest neighbours of positions were searched"
     spending.check(doing, len(positions) * count * LINK)
     tree = KDTree(positions)
 
-    def found(part: slice) -> IntArray:
+    def links(part: slice) -> IntArray:
         _, nearest = tree.query(positions[part], [*range(2, count + 2)])  # the first is itself
         return np.stack([np.repeat(np.arange(len(positions))[part], count), nearest.ravel()], axis=1)
 
-    return np.concatenate([*spending.each(found, blocks(len(positions), count), doing)])
+    return np.concatenate([*spending.each(links, blocks(len(positions), count), doing)])
 
 
-DRAWS = 1000  # positions drawn for each that is wanted, before the free space is called too small
-SAMPLE = 64  # bytes that drawing a position takes
-SAME = 1e-9  # m: two positions no further apart are one
+DRAWS = 1000  # positions drawn for each sample, before the free space counts as too small
+SAMPLE = 64  # bytes for drawing a position
+SAME = 1e-9  # m: two positions within this distance are one
 
 
 class PositionedEnds(NamedTuple):
-    """Where a roadmap begins and may end.
+    """Start and goals of a roadmap.
 
     positions  (E, 2)  m; the first is the start's
-    goals      position of each goal, and its yaw, rad, None where it is free
+    goals      index of each goal's position, and its yaw, rad, None where it is free
     """
 
     positions: FloatArray
@@ -308,12 +308,12 @@ class PositionedEnds(NamedTuple):
 
 
 def checked_ends(problem: Problem) -> PositionedEnds:
-    """Positions of the start and of the goals that are not blocked; QueryError where the start or all goals are."""
+    """Return the start and the goals that are not blocked; raise QueryError where the start or all goals are."""
     collision = in_plane(problem.model).collision(problem.world)
 
     def refusal(what: str, end: End) -> str:
         x, y, yaw = end
-        if yaw is None and collision.yaw_matters:  # some heading may do
+        if yaw is None and collision.yaw_matters:  # another heading may be free
             return ""
         state = States(x=np.array([x]), y=np.array([y]), yaw=np.array([yaw or 0.0]))
         reason = collision.why_blocked(state)
@@ -333,14 +333,14 @@ def checked_ends(problem: Problem) -> PositionedEnds:
 
 
 def pairs(count: int) -> IntArray:
-    """All pairs (L, 2) of the first positions."""
+    """Return all pairs (L, 2) of the first positions."""
     return np.stack(np.triu_indices(count, 1), axis=1)
 
 
 def drawn_positions(problem: Problem, samples: int, seed: int, spending: Spending) -> FloatArray:
-    """Free positions (n, 2), m, drawn uniformly; fewer than samples where next to nothing is free.
+    """Draw free positions (n, 2), m, uniformly; fewer than ``samples`` where hardly any are free.
 
-    A position is taken if the robot is free there at a random heading.
+    A position is kept if the robot is free there at a random heading.
     """
     rng = np.random.default_rng(seed)
     collision = problem.model.collision(problem.world)
@@ -350,11 +350,11 @@ def drawn_positions(problem: Problem, samples: int, seed: int, spending: Spendin
         spending.check("positions were drawn", samples * SAMPLE)
         at = rng.uniform((x_min, y_min, 0.0), (x_max, y_max, 2 * math.pi), (samples, 3))
 
-        def found(part: slice, at: FloatArray = at) -> FloatArray:
+        def free(part: slice, at: FloatArray = at) -> FloatArray:
             x, y, yaw = at[part].T
             return at[part][collision.states_free(States(x=x, y=y, yaw=yaw)), :2]
 
-        drawn = np.concatenate([drawn, *spending.each(found, blocks(samples), "positions were drawn")])
+        drawn = np.concatenate([drawn, *spending.each(free, blocks(samples), "positions were drawn")])
         if len(drawn) >= samples:
             break
     return drawn[:samples]

@@ -1,4 +1,4 @@
-"""Configurations of a roadmap: free samples, and which of them are linked."""
+"""Configurations of a roadmap: free samples, and links between them."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, length
 from hpop.planners.spending import Spending
 
-# Near is what the metric of the space calls so. With its nearest ones alone a state of many joints is some steps from
-# any other; a far link leads to the nearest within a random subset, and the smaller that is, the farther away.
+# Nearness is by the metric of the space. With links to nearest states only, states of many joints are several steps
+# apart. A far link leads to the nearest state within a random subset; the smaller the subset, the farther the state.
 
 
 MAX_LINKS = 60_000_000
-LINK = 64  # bytes that finding a link takes
-PIECES = 64  # to find the nearest is as much work as so many arcs of one motion
-LEAF = 32  # points: of seven joints in a tree so flat, not balanced, the nearest are found in two thirds of the time
-START = 0  # its node
+LINK = 64  # bytes for finding a link
+PIECES = 64  # work of a nearest-neighbour query, in arcs of one motion
+LEAF = 32  # points of a leaf: for seven joints, a flat unbalanced tree takes two thirds of the time
+START = 0  # node of the start
 LINKED = "configurations were linked"
 
 
@@ -39,16 +39,16 @@ def linked(
     rng: np.random.Generator,
     spending: Spending,
 ) -> IntArray:
-    """Tails and heads (L, 2), by tails: of each sample and some others, either way, from the start, to the goals.
+    """Return links as tails and heads (L, 2), by tail: between samples in both directions, from the start, to goals.
 
-    The nodes are the start, the samples, the goals. The start is linked to all goals as well; nothing leads back from
-    these, nor to the start.
+    The nodes are the start, the samples, the goals. The start is linked to all goals as well; no link leads back from
+    a goal, or to the start.
 
     Parameters
     ----------
-    count : of the nearest samples to which each is linked; so are start and goals, if there are no far links
-    far : of the samples farther away; with them start and goals share as many nearest ones as there are samples
-    chosen : (C, 2) nodes that are linked anyway, first to second, and back between samples
+    count : number of nearest samples to which each sample is linked; start and goals too, if there are no far links
+    far : number of far links of each sample; with them, start and goals together are linked to as many as all samples
+    chosen : (C, 2) further links of nodes, first to second, and back between samples
     """
     number, places = samples.size, np.arange(goals.size)
     if number * (count + far) > MAX_LINKS:
@@ -57,11 +57,11 @@ def linked(
             "samples, or fewer neighbours"
         )
     spending.check(LINKED, number * (count + far) * LINK)
-    ids, others = np.arange(number), nearest(space, samples, samples, count + 1, spending)  # each is near to itself
+    ids, neighbours = np.arange(number), nearest(space, samples, samples, count + 1, spending)  # itself included
     between = (chosen > START).all(axis=1) & (chosen <= number).all(axis=1)
     away = farther(space, samples, far, rng, spending)
     ends = [
-        np.stack([np.repeat(ids, others.shape[1]), others.ravel()], axis=1),
+        np.stack([np.repeat(ids, neighbours.shape[1]), neighbours.ravel()], axis=1),
         np.stack([np.tile(ids, len(away)), away.ravel()], axis=1),
         chosen[between] - 1,
     ]
@@ -81,41 +81,41 @@ def linked(
 
 
 def nearest(space: StateSpace, states: States, of: States, count: int, spending: Spending) -> IntArray:
-    """Places (N, c) of the nearest among states to each ``of`` (N,), by the metric of the space.
+    """Return the indices (N, c) of the nearest states to each of ``of`` (N,), by the metric of the space.
 
-    What is NaN in the first of these is left out of the metric. A column that turns is a circle of the tree.
+    Coordinates that are NaN in the first of ``of`` are left out of the metric. Angles are periodic in the tree.
     """
     count = min(count, states.size)
     if not count or not of.size:
         return np.zeros((of.size, count), np.int64)
     names = [name for name in space.names if not np.isnan(getattr(of, name)[:1]).any()]
-    points, asked = (_placed(space, names, some) for some in (states, of))
-    return _nearest(points, asked, _circles(space, names), count, spending)
+    points, queries = (_placed(space, names, rows) for rows in (states, of))
+    return _nearest(points, queries, _circles(space, names), count, spending)
 
 
 def farther(space: StateSpace, states: States, count: int, rng: np.random.Generator, spending: Spending) -> IntArray:
-    """Places (c, N) of the nearest to each of the states within each of c random subsets of them.
+    """Return the indices (c, N) of the nearest state to each state within each of c random subsets.
 
-    The sizes of the subsets are log-uniform, from 1 to half of the states, one draw in each of c parts of equal width.
-    All states are dealt into groups of such a size; a state looks for its nearest in the group after its own. One tree
-    finds all: the groups are farther apart than any states.
+    The sizes of the subsets are log-uniform, from 1 to half of the states, with one draw in each of c strata. All
+    states are dealt into groups of such a size; each state takes the nearest in the group after its own. One tree
+    answers all queries, as groups are farther apart in it than any states.
     """
     number = states.size
-    found = np.zeros((count if number > 1 else 0, number), np.int64)
-    if not found.size:
-        return found
+    far_states = np.zeros((count if number > 1 else 0, number), np.int64)
+    if not far_states.size:
+        return far_states
     rows, circles = _placed(space, space.names, states), _circles(space, space.names)
     apart = 1.0 + math.sqrt(rows.shape[1]) * 2 * max(float(np.ptp(rows, axis=0).max()), float(circles.max()))
     for level, share in enumerate((np.arange(count) + rng.random(count)) / count):
         groups = number // max(1, math.floor(math.exp(share * math.log(number / 2))))
         group = rng.permutation(number) % groups
-        inside, asked = (np.column_stack([rows, apart * place]) for place in (group, (group + 1) % groups))
-        found[level] = _nearest(inside, asked, np.append(circles, 0.0), 1, spending)[:, 0]
-    return found
+        points, queries = (np.column_stack([rows, apart * place]) for place in (group, (group + 1) % groups))
+        far_states[level] = _nearest(points, queries, np.append(circles, 0.0), 1, spending)[:, 0]
+    return far_states
 
 
 def _placed(space: StateSpace, names: tuple[str, ...] | list[str], states: States) -> FloatArray:
-    """States as points (N, d) of a tree: columns weighted, within a circle where they turn."""
+    """Return states as points (N, d) of a tree, with weighted columns; angles lie within one period."""
     rows = [np.zeros(states.size)]
     for name, weight in zip(space.names, space.weights, strict=True):
         if weight and name in names:
@@ -128,41 +128,41 @@ def _placed(space: StateSpace, names: tuple[str, ...] | list[str], states: State
 
 
 def _circles(space: StateSpace, names: tuple[str, ...] | list[str]) -> FloatArray:
-    """How long (d,) the circle of each of these columns is, 0 where it has none."""
+    """Return the period (d,) of each of these columns, 0 for columns that are not periodic."""
     columns = [(name, weight) for name, weight in zip(space.names, space.weights, strict=True) if weight]
     return np.array(
         [0.0, *(2 * math.pi * weight * (name in space.turning) for name, weight in columns if name in names)]
     )
 
 
-def _nearest(points: FloatArray, asked: FloatArray, circles: FloatArray, count: int, spending: Spending) -> IntArray:
-    """Places (N, c) of the nearest among points to those asked (N, d)."""
+def _nearest(points: FloatArray, queries: FloatArray, circles: FloatArray, count: int, spending: Spending) -> IntArray:
+    """Return the indices (N, c) of the nearest points to queries (N, d)."""
     from scipy.spatial import KDTree  # on first use
 
-    box = circles if circles.any() else None  # without circles a tree is searched sooner
+    box = circles if circles.any() else None  # without periods a query is faster
     tree = KDTree(points, leafsize=LEAF, balanced_tree=False, boxsize=box)
-    found = np.zeros((len(asked), count), np.int64)
+    indices = np.zeros((len(queries), count), np.int64)
 
     def near(part: slice) -> tuple[slice, IntArray]:
-        return part, np.asarray(tree.query(asked[part], [*range(1, count + 1)])[1], np.int64)
+        return part, np.asarray(tree.query(queries[part], [*range(1, count + 1)])[1], np.int64)
 
-    for part, places in spending.each(near, blocks(len(asked), PIECES), LINKED):
-        found[part] = places
-    return found
+    for part, places in spending.each(near, blocks(len(queries), PIECES), LINKED):
+        indices[part] = places
+    return indices
 
 
 DRAWN_AT_ONCE = 1 << 16
-DRAWS = 1000  # states drawn for each that is wanted, before the free space is called too small
-NEAR = 0.3  # of the samples lie near guides
-FARTHEST = 0.2  # of the shortest guide's length: no sample near a guide is meant to lie farther from it
-CLOSEST = 0.01  # of the same: how far others are from a guide is log-uniform
-LONGER = 1.6  # all other samples lie on ways at most so many times as long as the shortest guide
+DRAWS = 1000  # states drawn for each sample, before the free space counts as too small
+NEAR = 0.3  # share of the samples that lie near guides
+FARTHEST = 0.2  # largest spread of samples about a guide, as a share of the shortest guide's length
+CLOSEST = 0.01  # smallest spread; spreads are log-uniform in between
+LONGER = 1.6  # largest length of a path through other samples, as a multiple of the shortest guide's
 
 Rows = Callable[[int], FloatArray]
 
 
 def uniform(connections: Connections, number: int, rng: np.random.Generator, spending: Spending) -> FloatArray:
-    """Free states (n, k), drawn uniformly from the space; fewer where next to nothing is free."""
+    """Draw free states (n, k) uniformly from the space; fewer where hardly any are free."""
     space = connections.space
     return _drawn(connections, lambda count: connections.rows(space.sample(rng, count)), number, spending)
 
@@ -176,13 +176,13 @@ def guided(
     rng: np.random.Generator,
     spending: Spending,
 ) -> FloatArray:
-    """Free states (n, k): three of ten near guides, the others uniform where a way through them may be short.
+    """Draw free states (n, k): three of ten near guides, the others uniformly where a path through them may be short.
 
     That is where the distances from the start (k,) and to a goal (G, k) add up to at most 1.6 times the length of the
-    shortest guide: what informed RRT* (Gammell et al. 2014, doi 10.1109/IROS.2014.6942976) calls its informed set.
+    shortest guide: the informed set of informed RRT* (Gammell et al. 2014, doi 10.1109/IROS.2014.6942976).
 
-    Of a space with a rest half of either are at rest, the inner states of guides among them; others are where a guide,
-    the start or a goal is, but for what rests.
+    If some coordinates of the space have a rest position, half of the samples of both kinds are at rest, inner states
+    of guides included. In all other samples, the remaining coordinates are those of a guide, the start or a goal.
     """
     shortest, near = length(found[0], connections), round(NEAR * number)
     longest, space = LONGER * shortest, connections.space
@@ -196,7 +196,7 @@ def guided(
     ]
 
     def settled(rows: FloatArray, places: FloatArray) -> FloatArray:
-        """Rows (n, k), some of them at rest, and those that are not but for that at one of places (n, k)."""
+        """Put half of the rows (n, k) at rest; in the others, only coordinates that can rest differ from places."""
         if not space.rest:
             return rows
         moved = np.where([name in space.rest for name in space.names], rows, places)
@@ -224,7 +224,7 @@ def guided(
 
 
 def rested(space: StateSpace, rows: FloatArray) -> FloatArray:
-    """Rows (n, k), what rests in them at rest."""
+    """Return rows (n, k) with their coordinates that have a rest position at rest."""
     rest = [space.rest.get(name, np.nan) for name in space.names]
     return np.where(np.isnan(rest), rows, rest)
 
@@ -232,13 +232,13 @@ def rested(space: StateSpace, rows: FloatArray) -> FloatArray:
 def informed(
     connections: Connections, start: FloatArray, goals: FloatArray, longest: float, rows: FloatArray
 ) -> BoolArray:
-    """Which rows (n, k) lie on a way from the start (k,) to a goal (G, k) no longer than that, as the crow flies."""
+    """Mark the rows (n, k) through which a straight path from start (k,) to a goal (G, k) is no longer than a limit."""
     onward = np.min([connections.apart(rows, goal) for goal in goals], axis=0)
     return np.asarray(connections.apart(start, rows) + onward <= longest)
 
 
 def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest: float) -> StateSpace:
-    """The space as far as such rows may lie, goal by goal an ellipsoid between two foci."""
+    """Return the space bounded to the informed set, for each goal an ellipsoid with start and goal as foci."""
     space, weights = connections.space, connections.weights
     apart = connections.differences(np.broadcast_to(start, goals.shape), goals)
     room = np.maximum(0.0, longest**2 - ((weights * apart) ** 2).sum(axis=1))[:, None]
@@ -254,14 +254,14 @@ def _box(connections: Connections, start: FloatArray, goals: FloatArray, longest
 
 
 def _drawn(connections: Connections, draw: Rows, number: int, spending: Spending) -> FloatArray:
-    """Free ones (n, k) of what is drawn, so many at once; fewer where next to nothing is free."""
+    """Draw free rows (n, k), in batches; fewer where hardly any are free."""
     at_once = min(max(1, number), DRAWN_AT_ONCE)
-    parts, found = [np.zeros((0, len(connections.weights)))], 0
+    parts, count = [np.zeros((0, len(connections.weights)))], 0
     for _ in range(DRAWS * math.ceil(number / at_once)):
         spending.check("configurations were drawn")
         rows = draw(at_once)
         parts.append(rows[connections.collision.states_free(connections.states(rows))])
-        found += len(parts[-1])
-        if found >= number:
+        count += len(parts[-1])
+        if count >= number:
             break
     return np.concatenate(parts)[:number]

@@ -1,4 +1,4 @@
-"""What is known between a problem's start and goal before samples are drawn: its ends, and guides between them."""
+"""Survey before sampling: a problem's usable start and goals, and guides between them."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 PAIRS = 10  # of trees, of a robot beyond the plane
-GOAL_STATES = 100  # drawn of a goal that is more than one state
+GOAL_STATES = 100  # drawn from a goal with more than one state
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """What is known between a problem's start and goal before samples are drawn.
+    """Usable ends of a problem and guides between them, before samples are drawn.
 
     start        (1,)  state
-    goals        (G,)  those that are not blocked, NaN where they are free
-    sought       how many goals there were before those that are blocked were left out
-    pairs        of trees that looked for guides
-    guides       what they found, the shortest first
-    seed         of all that is random
+    goals        (G,)  free states; NaN in coordinates that may have any value
+    sought       number of goal states before blocked ones were left out
+    pairs        of trees that searched for guides
+    guides       paths that the trees found, shortest first
+    seed         of all random draws
     """
 
     problem: Problem
@@ -49,7 +49,7 @@ class Survey:
 
     @property
     def ends(self) -> tuple[FloatArray, FloatArray]:
-        """Start (k,) and goals (G, k) as rows; what is free of a goal is as it is at the start."""
+        """Start (k,) and goals (G, k) as rows; free coordinates of a goal have the start's values."""
         start, goals = self.connections.rows(self.start)[0], self.connections.rows(self.goals)
         return start, np.where(np.isnan(goals), start, goals)
 
@@ -60,23 +60,23 @@ class Survey:
         return np.concatenate([start[:0], *(guide.rows[1:-1] for guide in self.guides)])
 
     def places(self, free: int) -> list[int]:
-        """Nodes of the goals behind the start and so many free states."""
+        """Return the nodes of the goals, which follow the start and ``free`` free states."""
         return list(range(1 + free, 1 + free + self.goals.size))
 
     def targets(self, free: int) -> list[int]:
-        """The same, and the start where it is at a goal."""
+        """Return the nodes of the goals, and of the start if it is at a goal."""
         at_goal = self.problem.target.reached(self.problem.model, self.start)[0]
         return [START, *self.places(free)] if at_goal else self.places(free)
 
 
 def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -> Survey:
-    """Look for goals, and for ways to them.
+    """Find usable goals, and guides to them.
 
-    Raises QueryError when start or goal is blocked.
+    Raises QueryError where the start or every goal is blocked.
 
     Parameters
     ----------
-    trees : pairs of them that look for guides; None takes none in the plane, else 10
+    trees : pairs of trees that search for guides; None takes none in the plane, else 10
     """
     space, in_plane = sampled_space(problem.model, problem.world), "plane" in problem.model.provides
     of_goals, _, of_trees, _ = np.random.default_rng(seed).spawn(4)
@@ -84,18 +84,18 @@ def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -
     connections = Connections(problem, space)
     pairs = (0 if in_plane else PAIRS) if trees is None else trees
     begin, ends = connections.rows(start)[0], connections.rows(goals)
-    ends = np.where(np.isnan(ends), begin, ends)  # what is free of a goal is sought as it is at the start
+    ends = np.where(np.isnan(ends), begin, ends)  # free coordinates take the start's values
     found = guides(connections, begin, ends, pairs, of_trees, spending) if pairs else []
     return Survey(problem, connections, start, goals, sought, pairs, found, seed)
 
 
 def along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
-    """Links (L, 2) along guides, whose inner states are the first nodes after the start."""
+    """Return links (L, 2) along guides; their inner states are the first nodes after the start."""
     parts, node = [np.zeros((0, 2), np.int64)], START + 1
     for guide in found:
         inner = len(guide.rows) - 2
-        way = np.array([START, *range(node, node + inner), goals[guide.goal]])
-        parts.append(np.stack([way[:-1], way[1:]], axis=1))
+        nodes = np.array([START, *range(node, node + inner), goals[guide.goal]])
+        parts.append(np.stack([nodes[:-1], nodes[1:]], axis=1))
         node += inner
     return np.concatenate(parts)
 
@@ -104,7 +104,7 @@ def along(found: Sequence[Guide], goals: Sequence[int]) -> IntArray:
 
 
 def _start(problem: Problem) -> States:
-    """The start (1,); QueryError where it is blocked."""
+    """Return the start (1,); raise QueryError where it is blocked."""
     start = problem.model.space.state(problem.start)
     if reason := problem.model.collision(problem.world).why_blocked(start):
         hint = elsewhere(problem.model, problem.world, start)
@@ -113,11 +113,9 @@ def _start(problem: Problem) -> States:
 
 
 def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
-    """Goals (G,) that are not blocked, NaN where they are free; of a goal of another kind some of its states.
+    """Return the goals (G,) that are not blocked, NaN where free, and the number of goals with blocked ones.
 
-    With them, how many there were before those that are blocked were left out.
-
-    Raises QueryError where all are blocked.
+    A goal that is no list of states is replaced by states drawn from it. Raises QueryError where all are blocked.
     """
     model, target = problem.model, problem.target
     collision = model.collision(problem.world)
@@ -127,8 +125,8 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
         if not free.any():
             reason = collision.why_blocked(states.take(slice(0, 1)))
             raise QueryError(
-                f"the goal is not usable: none of {states.size} states drawn of it is free: {reason}, or move or widen "
-                "the goal."
+                f"the goal is not usable: none of {states.size} states drawn from it is free: {reason}, or move or "
+                "widen the goal."
             )
         return states.take(free), states.size
     usable, refusals = list[States](), list[str]()
@@ -148,10 +146,10 @@ def _goals(problem: Problem, rng: np.random.Generator) -> tuple[States, int]:
 
 
 def _written(values: Sequence[float | None]) -> str:
-    """A state, as messages name it."""
+    """Return a state in words, for messages."""
     return f"({', '.join('any' if value is None else f'{value:.3f}' for value in values)})"
 
 
 def all_of(space: StateSpace, parts: Sequence[States]) -> States:
-    """States of several parts, in order."""
+    """Return the states of several parts, in order."""
     return States(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in space.names})

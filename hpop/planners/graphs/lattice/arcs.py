@@ -1,0 +1,137 @@
+"""The arcs of a lattice: motions in place and steps along headings, with their collision checks in blocks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, IntArray
+from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
+from hpop.planners.graphs.lattice.grid import steps_from
+
+if TYPE_CHECKING:
+    from hpop.planners.graphs.lattice.graph import StateLattice
+
+
+def lattice_arcs(lattice: StateLattice) -> Arcs:
+    """Return the free arcs of a lattice.
+
+    Heads are written to a table with a row for each state, in order, so no sort is needed; -1 marks blocked arcs.
+    """
+    (to, of_kind), places, width = lattice.in_place, lattice.cells[0].size, lattice.width
+    lattice.spending.check(lattice.doing, places * width * (to.shape[1] + 1) * (4 + 1 + 4 + 1))
+    heads = np.empty((places, width, to.shape[1] + 1), np.int32)
+    heads[:, :, :-1] = to + np.arange(0, places * width, width, dtype=np.int32)[:, None, None]
+    reached = _steps(lattice)[:, lattice.stance]  # (P, S)
+    heads[:, :, -1] = np.where(reached >= 0, reached * width + np.arange(width, dtype=np.int32), -1)
+    if (to < 0).any():
+        heads[:, :, :-1][:, to < 0] = -1
+    if lattice.collision.yaw_matters:
+        heads[:, :, :-1][~_in_place_free(lattice, to, of_kind)] = -1
+    there = heads >= 0
+    start = np.zeros(lattice.size + 1, np.int64)
+    np.cumsum(there.sum(axis=2).ravel(), out=start[1:])
+    kinds = np.concatenate([of_kind, np.full((width, 1), MOVE, np.uint8)], axis=1)
+    return Arcs(start, heads[there], np.broadcast_to(kinds, there.shape)[there]).frozen()
+
+
+def in_place(lattice: StateLattice) -> tuple[NDArray[np.int32], NDArray[np.uint8]]:
+    """Return the heads (S, W) of motions in place from each station, -1 for unused columns, and their kinds (S, W)."""
+    motions = [*lattice.stations.motions.values()]
+    tails, heads = (np.concatenate([ends[side] for ends in motions]) for side in (0, 1))
+    kinds = np.repeat(np.arange(1, len(motions) + 1, dtype=np.uint8), [ends[0].size for ends in motions])
+    order = np.lexsort((heads, kinds, tails))
+    leaving = np.bincount(tails, minlength=lattice.width)
+    column = np.arange(tails.size) - np.repeat(np.cumsum(leaving) - leaving, leaving)
+    to = np.full((lattice.width, int(leaving.max(initial=0))), -1, np.int32)
+    of_kind = np.zeros(to.shape, np.uint8)
+    to[tails[order], column], of_kind[tails[order], column] = heads[order], kinds[order]
+    return to, of_kind
+
+
+def _steps(lattice: StateLattice) -> NDArray[np.int32]:
+    """Return the position (P, Z) one step ahead of each position in each stance, -1 where it is not free."""
+    count, places = lattice.station_in.size, lattice.cells[0].size
+    headings = lattice.stations.headings if lattice.collision.posture_matters else np.arange(count)
+    steps = np.full(places * count, -1, np.int32)
+    mirrored = not lattice.collision.yaw_matters  # a round robot is free on a move where it is on the move back
+    for stance, heading in enumerate(headings.tolist()):
+        rows, columns, to_rows, to_columns = steps_from(
+            lattice.free[:, :, stance], lattice.headings.steps[heading], corner_cutting=lattice.corner_cutting
+        )
+        steps[lattice.number[rows, columns] * count + stance] = lattice.number[to_rows, to_columns]
+
+    def blocked(part: slice) -> IntArray:
+        tails: IntArray = part.start + np.flatnonzero(steps[part] >= 0)
+        if mirrored:
+            tails = tails[tails % count < count // 2]
+        place, stance = np.divmod(tails, count)
+        station = lattice.station_in[stance]
+        ends = (place * lattice.width + station, steps[tails].astype(np.int64) * lattice.width + station)
+        return tails[~lattice.collision.motions_free(lattice.motions("move", *ends))]
+
+    for tails in lattice.spending.each(blocked, blocks(steps.size), lattice.doing):
+        if mirrored:
+            back = steps[tails] * np.int64(count) + (tails + count // 2) % count
+            steps[back] = -1
+        steps[tails] = -1
+    return steps.reshape(places, count)
+
+
+def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
+    """Mark the motions in place (P, S, W) that are free.
+
+    Where the posture does not matter, a motion that turns the base is as free as the turn, and any other as the place.
+    """
+    if lattice.collision.posture_matters:
+        return _each_in_place_free(lattice, to, of_kind)
+    count = lattice.headings.count
+    others = np.array([[b for b in range(count) if b != a] for a in range(count)], np.int32)
+    turns = _turns_free(lattice, others)  # (P, H, H - 1)
+    here = lattice.stations.headings[:, None]
+    there = lattice.stations.headings[to]
+    turned = turns[:, here, np.where(there < here, there, there - 1) % (count - 1)]
+    free: BoolArray = np.where(there == here, lattice.free[lattice.cells][:, here], turned)
+    return free
+
+
+def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
+    """Mark the motions in place (P, S, W) that are free, checking each of them."""
+    stances = lattice.free[lattice.cells]  # (P, S)
+    free: BoolArray = stances[:, :, None] & stances[:, to] & (to >= 0)
+    sure = lattice.clear[lattice.cells]
+
+    def blocked(part: slice) -> tuple[IntArray, ...]:
+        place, station, column = np.nonzero(free[part] & ~sure[part, None, None])
+        tails, heads = ((place + part.start) * lattice.width + at for at in (station, to[station, column]))
+        wrong = np.zeros(place.size, dtype=bool)
+        kinds = of_kind[station, column]
+        for kind in np.unique(kinds).tolist():
+            of = np.flatnonzero(kinds == kind)
+            wrong[of] = ~lattice.collision.motions_free(lattice.motions(lattice.kinds[kind], tails[of], heads[of]))
+        return place[wrong] + part.start, station[wrong], column[wrong]
+
+    for at in lattice.spending.each(blocked, blocks(len(free), to.size), lattice.doing):
+        free[at] = False
+    return free
+
+
+def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
+    """Mark the turns (P, H, H - 1) to the other headings that are free."""
+    count = lattice.headings.count
+    free = lattice.free[lattice.cells]
+    possible = free[:, :, None] & free[:, others]
+    sure = lattice.clear[lattice.cells]
+
+    def found(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
+        place, a, b = np.nonzero(possible[part] & ~sure[part, None, None])
+        tails, heads = (
+            (place + part.start) * lattice.width + lattice.station_in[heading] for heading in (a, others[a, b])
+        )
+        return (place + part.start, a, b), lattice.collision.motions_free(lattice.motions("turn", tails, heads))
+
+    for at, turns in lattice.spending.each(found, blocks(len(free), count * count), lattice.doing):
+        possible[at] = turns
+    return possible
