@@ -1,4 +1,4 @@
-"""A graph made ready to be searched again and again, from node after node, while arcs are closed and opened."""
+"""A graph prepared for many searches to the same targets, while arcs are closed and opened."""
 
 from hpop.search.prepared.prepared import Prepared
 

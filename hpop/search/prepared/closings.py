@@ -1,4 +1,4 @@
-"""What a prepared graph knows before a query: closed arcs, known paths, and bounds on the remaining costs."""
+"""Data of a prepared graph before a query: closed arcs, known paths, and bounds on the remaining costs."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ from hpop.search.staircase.turn_hull import IntLanes, TurnHull, directions, turn
 
 
 class Closings:
-    """Closed arcs of a graph whose turns make groups; the turns of `groups` are changed with them.
+    """Closed arcs of a graph; the costs of turns in its groups change with them.
 
-    closed  (m,)  which arcs are
+    closed  (m,)  mask of the closed arcs
     """
 
     def __init__(self, graph: Graph, groups: Groups) -> None:
         self.graph, self.whole = graph, groups
         self.closed = np.zeros(graph.arcs, np.bool_)
-        self.turns = np.zeros(len(groups.rows), np.int64)  # how many of each group are closed
+        self.turns = np.zeros(len(groups.rows), np.int64)  # number of closed turns of each group
 
     @property
     def groups(self) -> Groups:
-        """The groups in force: each node on its own where some turns of a group are closed and others are not."""
+        """The groups in force: single nodes while only some of the turns of a group are closed."""
         several = self.whole.rows[:, SIZE] * (self.whole.rows[:, SIZE] - 1)
         return self._apart if ((self.turns > 0) & (self.turns < several)).any() else self.whole
 
     def without_closed(self) -> Groups:
-        """The groups in force without what is closed: arcs that are no turns, and the turns of whole groups."""
+        """Return the groups in force without closed arcs and without the turns of closed groups."""
         groups, still = self.groups, self.turns > 0
         free = ~self.closed[groups.origin]
         start = np.concatenate([np.zeros(1, np.int64), np.cumsum(free)])[groups.start]
@@ -60,11 +60,11 @@ class Closings:
 
     @cached_property
     def tails(self) -> NDArray[np.int32]:
-        """Where arcs (m,) begin."""
+        """Tail (m,) of each arc."""
         return np.repeat(np.arange(self.graph.nodes, dtype=np.int32), np.diff(self.graph.indptr))
 
     def turned(self, arcs: ArrayLike, closed: bool) -> IntArray:
-        """Close arcs, or open them, by their places (N,); returns those that were not so before."""
+        """Close or open arcs, given by their indices (N,), and return those that changed."""
         places = self._places(arcs)
         places = np.compress(self.closed[places] != closed, places)
         self.closed[places] = closed
@@ -85,7 +85,7 @@ class Closings:
         return unique
 
     def _count_turns(self, arcs: IntArray, by: int) -> None:
-        """Count the turns of groups among arcs, and price the turns of groups anew that have none left, or all."""
+        """Count the closed turns of groups, and update the costs of turns of these groups."""
         groups = self.whole
         if groups.column < 0:
             return
@@ -102,11 +102,11 @@ class Closings:
 
     @cached_property
     def _group(self) -> NDArray[np.int32]:
-        """The group (n,) of each node, by the numbers of the groups."""
+        """Number (n,) of the group of each node."""
         return np.repeat(np.arange(len(self.whole.rows), dtype=np.int32), self.whole.rows[:, SIZE])
 
     def mask(self, search: Search) -> None:
-        """Let a search that was set up take no arc that is closed."""
+        """Close the closed arcs in a search that was set up."""
         if isinstance(search, General):
             search.close(self.closed)
         elif isinstance(search, Staircase):
@@ -115,7 +115,7 @@ class Closings:
 
 
 class KnownPaths(NamedTuple):
-    """Costs (n, k) of paths, and the places of their arcs in the graph."""
+    """Costs (n, k) of paths, and the indices of their arcs in the graph."""
 
     costs: IntArray
     paths: tuple[IntArray, ...]
@@ -124,7 +124,7 @@ class KnownPaths(NamedTuple):
 def known_paths(
     graph: Graph, source: int, is_target: BoolArray, paths: Sequence[IntArray], closed: BoolArray
 ) -> KnownPaths:
-    """Paths of which no arc is closed, and what they cost; QueryError for what leads from the source to no target."""
+    """Return the paths without closed arcs, with their costs; QueryError for one that leads to no target."""
     several = [np.asarray(path) for path in paths]
     listed = [arcs.ndim == 1 and (arcs.dtype.kind in "iu" or not arcs.size) for arcs in several]
     if not all(listed):
@@ -153,11 +153,11 @@ def known_paths(
     free = np.ones(len(several), np.bool_)
     free[row[closed[arcs]]] = False
     parts = np.split(arcs, ends[:-1]) if several else []
-    return KnownPaths(costs[free], tuple(part for part, kept in zip(parts, free, strict=True) if kept))
+    return KnownPaths(costs[free], tuple(part for part, is_free in zip(parts, free, strict=True) if is_free))
 
 
 @lean
-def least_way(
+def least_path(
     indptr: IntArray,
     heads: NDArray[np.int32],
     costs: IntArray,
@@ -167,7 +167,7 @@ def least_way(
     source: int,
     arcs: IntArray,
 ) -> int:
-    """Follow nodes onward (n,) from the source by the open arcs (n,) that cost least; returns how many these are."""
+    """Follow nodes onward (n,) from the source by the cheapest open arcs; write these, and return their number."""
     size = 0
     u = np.int64(source)
     while onward[u] >= 0:
@@ -181,23 +181,23 @@ def least_way(
     return size
 
 
-# Both cost more than a small search, and neither depends on its source. They are made while all arcs are open, and are
-# true whatever is closed then: fewer ways are no better. The exact search takes bounds by turns (:mod:`.turn_bounds`),
-# the one within a precision joint bounds (:mod:`.turn_hull`). The latter tell by how much the rest of a way exceeds its
-# least costs, one by one: so they belong to the bounds with which they were made.
+# Bounds by turns (:func:`.staircase.tables.costs_by_turns`) serve the exact search, joint bounds (:mod:`.turn_hull`)
+# the approximate one. Both take longer than a small search, and neither depends on the source. They are computed while
+# all arcs are open, and stay valid when arcs are closed, as fewer paths are no better. Joint bounds are stored as excess
+# over the least costs, so they belong to the bounds with which they were computed.
 
 
 ROOM = 200 * 2**20  # bytes for joint bounds, scratch included
-NEAR, FEW = 1.025, 0.02  # so many more turns help no more than so, from all but so few of the nodes
+NEAR, FEW = 1.025, 0.02  # more turns are not added once bounds are this near to the least ones, at all but a few nodes
 
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """Bounds of the rest of the way, of the order of costs in which the search takes them.
+    """Bounds on the remaining costs, for the order of costs of the search.
 
-    h       (k, n)       least costs, one by one, while all arcs are open
-    layers  (n, LAYERS)  least rest with at most so many turns, the nodes in the order of the groups; None for none
-    hull                 joint bounds; None for none
+    h       (k, n)       least remaining costs, one by one, while all arcs are open
+    layers  (n, LAYERS)  least remaining third cost by the number of turns, nodes in the order of the groups; or None
+    hull                 joint bounds, or None
     """
 
     h: IntArray
@@ -215,7 +215,7 @@ class Outlook:
         groups: Groups,
         clock: Clock,
     ) -> Self:
-        """The bounds of a staircase search whose turns make groups and count by ones, from a source as far as any."""
+        """Return the bounds of a staircase search from the farthest source, if its turns make groups and count ones."""
         first, index, rest = order
         sums = [graph.aggregates[j] == "sum" for j in (first, rest)]
         if groups.column != index or groups.step != 1 or not sums[1]:
@@ -233,8 +233,8 @@ class Outlook:
         near = search.nodes[:, [H_FIRST, H_REST]] * weights[[0, 1], [0, 1]] * NEAR
         near[h[0, groups.nodes] >= UNREACHABLE] = np.inf
 
-        def is_enough(now: IntLanes) -> bool:
-            return bool((now[:, :2] > near).any(axis=1).mean() <= FEW)
+        def is_enough(lanes: IntLanes) -> bool:
+            return bool((lanes[:, :2] > near).any(axis=1).mean() <= FEW)
 
         hull = turn_hull(groups, (first, rest), weights, *tables, search.is_target, is_enough, ROOM, clock)
         return cls(h, layers, hull)

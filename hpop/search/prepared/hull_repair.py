@@ -1,11 +1,11 @@
-"""Joint bounds that are made right again where arcs are closed, and nowhere else.
+"""Repair of joint bounds after arcs were closed, only where the bounds change.
 
-A layer of a hull (:mod:`.staircase.turn_hull`) has the least weighted rests with so many turns. Where an arc is closed,
-only nodes whose best way takes it may have to go farther; which arcs these ways take is kept with the layers. So layer
-after layer these nodes are marked, and their rests are made anew from what is right already: the layer of one turn
-less, and the rests of nodes ahead. Whatever is marked, what is made is a lower bound, and none becomes less. What it
-was before is kept: where arcs are opened again, it comes back, and what is still closed is looked at anew. A repair may
-end after any layer, and go on when there is time.
+A layer of a hull (:mod:`.staircase.turn_hull`) has the least weighted remaining costs with a given number of turns, and
+the arcs that the best paths take. When an arc is closed, only nodes with a best path through it are affected. Layer
+after layer, these nodes are marked and their values computed again from repaired ones: the layer with one turn less,
+and nodes ahead. The results are always lower bounds, and none decreases. Old values are stored: when arcs are opened
+again they are restored, and arcs that are still closed are processed again. A repair may stop after any layer and
+continue later.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, MOST_STEPS, STEP_BITS, UP, IntLanes, Steps, TurnHull
 
 ALL = np.uint8(2**LANES - 1)
-LAYER, LAST = 120e-9, 600e-9  # s a node that a layer takes, and the last one, which turns again and again
+LAYER, LAST = 120e-9, 600e-9  # s a node for a layer, and for the last one, which allows any number of turns
 Places = NDArray[np.int32]
 
 
-class Hulled(NamedTuple):
-    """What a hull was made of, as kernels read it; nodes and plain arcs (m,) are in the order of the groups and chains.
+class HullTables(NamedTuple):
+    """Tables of a hull for kernels; nodes and plain arcs (m,) are in the order of the groups and chains.
 
     tails, heads     (m,)
-    first, rest      (m,)  costs, of the first and the rest cost
-    least            (2, n)  least rests of these costs when the hull was made
+    first, rest      (m,)  first and third cost of the search
+    least            (2, n)  least remaining values of these costs when the hull was computed
     groups, alike    of :class:`.Groups`; group (n,) of each node
     turn_first, turn_rest  costs of turns: of groups where alike, else of pairs
     weights          (LANES, 2)
@@ -54,7 +54,7 @@ class Hulled(NamedTuple):
 
 
 class HullRepair:
-    """A hull, and which arcs are closed of it."""
+    """A hull of joint bounds, with repairs for closed arcs."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class HullRepair:
         least: IntArray,
         is_target: BoolArray,
     ) -> None:
-        """Of a graph with costs (m, k); columns are of its first and its rest cost, least (k, n) its least rests."""
+        """Prepare for a graph with costs (m, k); ``columns``: first and third cost; ``least`` (k, n) remaining costs."""
         self.hull, self.columns = hull, columns
         there = np.flatnonzero(least[columns[0], groups.nodes[groups.heads]] < UNREACHABLE)  # as a search lists them
         places = np.empty_like(there)  # of plain arcs, in the order of the chains
@@ -74,7 +74,7 @@ class HullRepair:
         tails = np.repeat(np.arange(len(groups.nodes)), np.diff(groups.start))
         alike = bool(groups.alike[list(columns)].all())
         turns = np.ascontiguousarray(groups.dearest.T) if alike else groups.turns
-        self.tables = Hulled(
+        self.tables = HullTables(
             tails[places],
             groups.heads[places].astype(np.int64),
             costs[self.arcs, columns[0]],
@@ -89,30 +89,30 @@ class HullRepair:
             is_target[groups.nodes],
         )
         self.closed = np.zeros(len(self.arcs), np.bool_)
-        self.still = np.zeros(len(groups.rows), np.bool_)  # groups whose turns were closed when a layer was made
-        self.kept: list[tuple[int, Places, Steps]] = []  # layer, nodes, their steps before
-        self.bits: list[tuple[int, Places, NDArray[np.uint8]]] = []  # layer, arcs, which lanes take them
-        self.new = self.closed  # while not all layers are made: the arcs that were closed last, the next layer, and
+        self.still = np.zeros(len(groups.rows), np.bool_)  # groups with closed turns when a layer was computed
+        self.kept: list[tuple[int, Places, Steps]] = []  # layer, nodes, their old steps
+        self.bits: list[tuple[int, Places, NDArray[np.uint8]]] = []  # layer, arcs, old masks of their lanes
+        self.new = self.closed  # during a repair: the arcs that were closed last, the next layer, and
         self.layer = 0
-        self.marks: NDArray[np.uint8] | None = None  # which lanes of the one before are made anew; None where all are
+        self.marks: NDArray[np.uint8] | None = None  # marked lanes of the layer before; None after a complete repair
 
     def arrays(self) -> list[np.ndarray[Any, Any]]:
-        """All that is kept, without views of what others hold."""
-        kept: list[Any] = [*self.tables, self.arcs, self.closed, self.still, self.new, self.marks]
-        kept += [part for each in (*self.kept, *self.bits) for part in each]
-        return [array for array in kept if isinstance(array, np.ndarray) and array.base is None]
+        """Return all arrays of its own, without views."""
+        arrays: list[Any] = [*self.tables, self.arcs, self.closed, self.still, self.new, self.marks]
+        arrays += [part for each in (*self.kept, *self.bits) for part in each]
+        return [array for array in arrays if isinstance(array, np.ndarray) and array.base is None]
 
     def tells(self, closed: BoolArray, still: BoolArray) -> bool:
-        """Whether all layers are those of the graph without some arcs (m,) and the turns of some groups (g,)."""
+        """Return whether all layers are those of the graph without some arcs (m,) and the turns of some groups (g,)."""
         same = (self.closed == closed[self.arcs]).all() and not (self.still & ~still).any()
         return self.marks is None and bool(same)
 
     def close(self, closed: BoolArray, still: BoolArray, clock: Deadline) -> bool:
-        """Make the hull that of the graph without some arcs (m,), layer after layer; False where there is no time left.
+        """Repair the hull for the graph without some arcs (m,), layer after layer; return False if time runs out.
 
-        The turns of some groups (g,) are closed too, all of each: what is made anew may heed that, and is not kept
-        when they open. Layers that were not made yet are those of the graph with fewer arcs closed, which bounds them
-        too. The next call goes on from there.
+        All turns of some groups (g,) are closed as well; repaired values may depend on that, and are restored when the
+        turns open. Layers not yet repaired are those of a graph with fewer closed arcs, so they are lower bounds too.
+        The next call continues there.
         """
         now = closed[self.arcs]
         if (
@@ -136,7 +136,7 @@ class HullRepair:
         return True
 
     def _restore(self) -> None:
-        """The hull as it was made."""
+        """Restore the hull as it was computed with all arcs open."""
         for layer, nodes, steps in reversed(self.kept):
             self.hull.layers[layer, nodes] = steps
         for layer, arcs, bits in reversed(self.bits):
@@ -145,7 +145,7 @@ class HullRepair:
         self.closed, self.still = np.zeros_like(self.closed), np.zeros_like(self.still)
 
     def _remake(self, m: int, before: NDArray[np.uint8], clock: Deadline) -> bool:
-        """Make a layer anew where the one `before` is marked, or a way takes an arc that is new; False without time."""
+        """Repair a layer where the layer `before` is marked or a path takes a newly closed arc; False without time."""
         layers, tables = self.hull.layers, self.tables
         last = m == len(layers) - 1
         moved = np.zeros(len(self.new), np.uint8) if last else self.hull.moved[m]
@@ -170,11 +170,12 @@ class HullRepair:
 
 @lean
 def mark(
-    tables: Hulled, moved: NDArray[np.uint8], new: BoolArray, before: NDArray[np.uint8], marks: NDArray[np.uint8]
+    tables: HullTables, moved: NDArray[np.uint8], new: BoolArray, before: NDArray[np.uint8], marks: NDArray[np.uint8]
 ) -> None:
-    """Mark the lanes (n,) in which best ways take closed arcs; `before` those with a turn less; `marks` are 0 before.
+    """Mark the lanes (n,) with best paths through closed arcs; `before` has the marks of the layer with a turn less.
 
-    moved  (m,)  in which lanes this layer is better by each arc than the one before
+    moved  (m,)  lanes in which this layer improves on the one before by each arc
+    marks  (n,)  0 before the call
     """
     for g in range(len(tables.groups)):
         begin = tables.groups[g, OFFSET]
@@ -192,8 +193,8 @@ def mark(
 
 
 @lean
-def tell_rest(tables: Hulled, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
-    """Write the weighted rests of the way from a node in a layer; no more than they were before they were rounded."""
+def tell_rest(tables: HullTables, steps: Steps, v: int, rest: IntLanes, row: int) -> None:
+    """Write the weighted remaining costs from a node in a layer, rounded down."""
     first, last = np.float64(tables.least[0, v]), np.float64(tables.least[1, v])
     for k in range(LANES):
         least = (tables.weights[k, 0] * first + tables.weights[k, 1] * last) * DOWN - 2.0
@@ -203,7 +204,7 @@ def tell_rest(tables: Hulled, steps: Steps, v: int, rest: IntLanes, row: int) ->
 
 @lean
 def turn_from(
-    tables: Hulled,
+    tables: HullTables,
     steps: Steps,
     marks: NDArray[np.uint8],
     within: bool,
@@ -214,11 +215,11 @@ def turn_from(
     rests: IntLanes,
     least: IntLanes,
 ) -> None:
-    """Stay or turn, from the steps of a layer; `within` it, from what is already made anew of it.
+    """Improve values by staying or turning, from the steps of a layer; ``within``: from repaired values of this layer.
 
-    came     (n,)  which nodes are better by moves: turns are taken in their groups alone; 0 afterwards
-    turned   (n,)  is 1 then where turns are better
-    rests    (g, LANES), as `least` (1, LANES), is room; g are the nodes of the largest group
+    came     (n,)  nodes improved by moves; turns are tried only in their groups; 0 after the call
+    turned   (n,)  set to 1 where turns improve
+    rests    (g, LANES) scratch, g nodes of the largest group; `least` (1, LANES) scratch
     """
     weights = tables.weights
     told, stays = np.int64(-1), False
@@ -261,7 +262,7 @@ def turn_from(
 
 @lean
 def move_on(
-    tables: Hulled,
+    tables: HullTables,
     steps: Steps,
     marks: NDArray[np.uint8],
     closed: BoolArray,
@@ -272,9 +273,9 @@ def move_on(
     turned: NDArray[np.uint8],
     rests: IntLanes,
 ) -> bool:
-    """Move straight on by open arcs, of which (a,) begin at nodes that are marked; tells whether it helped.
+    """Improve values by moves along open arcs (a,) from marked nodes; return whether any value improved.
 
-    Moves to nodes (n,) that are no better by turns, nor by the moves before, are left out; `turned` is 0 afterwards.
+    Moves to nodes that neither turns nor earlier moves improved are skipped; `turned` is 0 after the call.
     """
     weights = tables.weights
     better = np.uint8(0)
@@ -304,7 +305,7 @@ def move_on(
 
 @lean
 def remake(
-    tables: Hulled,
+    tables: HullTables,
     layers: Steps,
     m: int,
     last: bool,
@@ -317,7 +318,7 @@ def remake(
     room: IntLanes,
     fresh: NDArray[np.uint8],
 ) -> None:
-    """Make a layer anew at the nodes (a,) that are marked, from which arcs (b,) lead; the last has any number of turns.
+    """Compute a layer again at marked nodes (a,), with their arcs (b,); the last layer has any number of turns.
 
     now    (n, LANES)      scratch
     room   (1 + g, LANES)  scratch, g the nodes of the largest group
@@ -326,7 +327,7 @@ def remake(
     least, rests, came, turned = room[:1], room[1:], fresh[0], fresh[1]
     for i in arcs:
         moved[i] = 0
-    if last:  # the one before is no less, and near
+    if last:  # the layer before is no less, and near
         for v in nodes:
             tell_rest(tables, layers[m - 1], v, now, v)
     else:

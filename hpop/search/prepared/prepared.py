@@ -1,13 +1,13 @@
-"""A graph made ready for one set of targets: groups and bounds are made once, closed arcs are masked.
+"""A graph prepared for one set of targets: groups and bounds are computed once, closed arcs are masked.
 
-A drive asks the same question again and again, from node after node, while doors close and open. What takes most of the
-time of a small question does not change then: the groups that turns make, and lower bounds of the costs-to-go, which do
-not depend on the source. Nor does a closed arc need another graph. In the tables of a search it costs more than any
-solution, or leads back to where it begins, so kernels stay what they are. The bounds are repaired where they change
-(:mod:`.repair`): old ones would be true after a closing, but lead a search to the closed door.
+A drive repeats one query from many nodes, while doors close and open. Most of the time of a small query goes into the
+groups of turns and the lower bounds on remaining costs, which do not depend on the source. Closed arcs need no new
+graph: in the tables of a search they cost more than any solution, or lead back to their tails, so the kernels are the
+same. Bounds are repaired where they change (:mod:`.repair`); without a repair they would stay valid after a closing,
+but would lead the search to the closed door.
 
-All turns of a group can be closed together. Where only some of them are, a path may need two turns in a row, which
-groups rule out: then the search does without groups until they are open again. That is exact, and slower.
+All turns of a group can be closed together. If only some are closed, a path may need two turns in a row, which groups
+exclude. The search then does without groups until these turns are open again, which is exact but slower.
 """
 
 from __future__ import annotations
@@ -31,39 +31,38 @@ from hpop.search.machinery.kernels import proven_gap
 from hpop.search.machinery.slices import N_GENERATED, Clock, Deadline, Search
 from hpop.search.machinery.turns import Groups
 from hpop.search.pareto_paths import Question, chosen_method, chosen_order
-from hpop.search.prepared.closings import Closings, KnownPaths, Outlook, known_paths, least_way
+from hpop.search.prepared.closings import Closings, KnownPaths, Outlook, known_paths, least_path
 from hpop.search.prepared.hull_repair import HullRepair
 from hpop.search.prepared.repair import after_closing, after_opening, sort_by_head
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
 from hpop.search.staircase.search import Staircase
 from hpop.search.staircase.tables import TooWide
 
-# Most questions of a drive are small: the exact search answers them in milliseconds. Where it has spent a part of its
-# limits and is not done, a search within a precision comes in between. Joint bounds that are kept are made right for
-# what is closed now, as far as there is time; with them, and all that is known to begin with, it needs some thousands
-# of labels, and proves a gap that the exact search, which goes by its first cost, would prove at its end. Then that
-# goes on. On small graphs joint bounds are not made right: where anything is closed, all the time is the exact
-# search's.
+# Most queries of a drive are small, and the exact search answers them in milliseconds. If it has spent a part of its
+# limits without ending, it is interrupted by an approximate search. That one first repairs the cached joint bounds for
+# the closed arcs, as far as time allows. With them and all known paths it needs some thousands of labels, and proves a
+# gap that the exact search, which is ordered by its first cost, would prove only at its end. Then the exact search goes
+# on. On small graphs joint bounds are not repaired: while arcs are closed, the exact search has all the time.
 
 
-FIRST, SECOND = 0.4, 0.7  # of all limits: a search within a precision comes in between
-SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # where it waits until joint bounds are those of what is closed now
+FIRST, SECOND = 0.4, 0.7  # shares of the limits at which the approximate search begins and ends
+SOON, REPAIRED, LATE = 0.15, 0.55, 0.95  # shares if joint bounds are repaired: begin, end of repair, end
 GAP = 0.1  # its precision, relative
-AHEAD = 150e-9  # s a node that it takes before its first label
+AHEAD = 150e-9  # s a node, before its first label
 
 
 class PreparedRun:
-    """One question: from a source to the targets, with some paths known."""
+    """One query: from a source to the targets, with some known paths."""
 
     def __init__(self, prepared: Prepared, source: int, known: KnownPaths) -> None:
         self.prepared, self.source, self.known = prepared, source, known
         self.exact: Search | None = None
         self.near: Staircase | None = None
-        self.is_near = False  # whether the search within a precision is complete
+        self.is_near = False  # whether the approximate search is complete
         self.method, self.order = prepared.plans[0]
 
     def go(self, clock: Deadline) -> Status:
-        """Search until all is found, or time is up."""
+        """Search to the end, or until a limit."""
         if self.prepared.bounds[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
         status = clock.exceeded(0, 0)
@@ -96,11 +95,11 @@ class PreparedRun:
         return search.run(clock)
 
     def _go_near(self, exact: Staircase, clock: Deadline) -> None:
-        """Search within a precision, with joint bounds and all that is found and known to begin with."""
+        """Run the approximate search, with joint bounds, beginning with all paths that are known or found."""
         prepared, outlook = self.prepared, self.prepared.outlook
         graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
         h = outlook.h.copy()
-        turns = prepared.bounds[self.order[1]]  # joint bounds do not build on this one
+        turns = prepared.bounds[self.order[1]]  # joint bounds do not depend on these
         np.copyto(h[self.order[1]], turns, where=turns < UNREACHABLE)
         clock.share = SECOND
         if (outdated := prepared.outdated) is not None:
@@ -115,10 +114,10 @@ class PreparedRun:
             search = question.search("staircase", self.order, h, groups, clock, jointly=True)
             assert isinstance(search, Staircase)
             prepared.closings.mask(search)
-            along, ways = search.front_along(hull, clock)
-            found, labels, *_ = exact.found()
-            costs = np.concatenate([self.known.costs[:, list(self.order)], found, along])
-            paths = [*self.known.paths, *exact.paths(labels, clock), *ways]
+            along, paths_along = search.front_along(hull, clock)
+            costs_found, labels, *_ = exact.found()
+            costs = np.concatenate([self.known.costs[:, list(self.order)], costs_found, along])
+            paths = [*self.known.paths, *exact.paths(labels, clock), *paths_along]
             rows = _best(costs)
             search.take_joint_bounds(hull, costs[rows], [paths[row] for row in rows], clock)
             self.near = search
@@ -129,16 +128,16 @@ class PreparedRun:
         clock.memory = 0 if self.near is None else self.near.memory()
 
     def result(self, clock: Deadline, status: Status) -> ParetoPaths:
-        """What was found and what was known, together, and how much better others may be."""
+        """Return the found and known paths together, with the gap to missing ones."""
         graph = self.prepared.graph
         costs, paths = self.known
         generated = expanded = waiting = 0
         for search in (self.near, self.exact):
             if search is not None:
-                found, labels, made, followed, waiting = search.found()
-                costs = np.concatenate([self._in_columns(found), costs])
+                costs_found, labels, new, followed, waiting = search.found()
+                costs = np.concatenate([self._in_columns(costs_found), costs])
                 paths = (*search.paths(labels, clock), *paths)
-                generated, expanded = generated + made, expanded + followed
+                generated, expanded = generated + new, expanded + followed
         rows = _best(costs)
         costs = costs[rows]
         costs.setflags(write=False)
@@ -156,15 +155,15 @@ class PreparedRun:
         return ParetoPaths(costs, status, stats, graph, self.source, tuple(paths[row] for row in rows), gap=gap)
 
     def _beside(self, search: Search) -> int:
-        """Bytes that a search holds beside what is kept for all."""
+        """Return the bytes of a search that are not shared by all searches."""
         outlook, groups = self.prepared.outlook, self.prepared.closings.whole
-        kept = [outlook.layers, *vars(groups).values(), *vars(outlook.hull or object).values()]
-        places = {array.__array_interface__["data"][0] for array in kept if isinstance(array, np.ndarray)}
+        shared = [outlook.layers, *vars(groups).values(), *vars(outlook.hull or object).values()]
+        places = {array.__array_interface__["data"][0] for array in shared if isinstance(array, np.ndarray)}
         arrays = search.arrays()
         return sum(array.nbytes for array in arrays if array.__array_interface__["data"][0] not in places)
 
     def _gap(self, costs: IntArray) -> float:
-        """The least gap that any search proves of what is returned (n, k)."""
+        """Return the smallest gap that any search proves for the returned costs (n, k)."""
         if self.exact is None:
             return proven_gap(costs, self.prepared.bounds[:, self.source][None], math.inf)
         gap = GAP if self.is_near else math.inf
@@ -173,35 +172,35 @@ class PreparedRun:
         return min(gap, proven_gap(costs, self._in_columns(self.exact.estimates()), gap))
 
     def _in_columns(self, table: IntArray) -> IntArray:
-        """A table (n, k) in the order of the search, in the caller's columns."""
+        """Return a table (n, k) in the caller's order of columns."""
         columns: IntArray = np.empty((len(table), len(self.order)), np.int64)
         columns[:, list(self.order)] = table[:, : len(self.order)]
         return columns
 
 
 def _best(costs: IntArray) -> IntArray:
-    """The rows of non-dominated costs (n, k), in lexicographic order."""
+    """Return the rows of non-dominated costs (n, k), in lexicographic order."""
     rows: IntArray = np.lexsort(costs.T[::-1])
     return rows[is_nondominated(costs[rows].astype(np.float64))] if len(rows) else rows
 
 
-MANY = 100_000  # nodes: of fewer the exact search is mostly done before joint bounds are needed
-SHARE = 0.2  # of the nodes: where a closing changes the bounds of more, making all anew is faster
+MANY = 100_000  # nodes: on smaller graphs the exact search mostly ends before joint bounds are needed
+SHARE = 0.2  # of the nodes: where a closing changes more bounds, computing all again is faster
 
 
 @checked_arguments
 class Prepared:
-    """A graph ready to be searched from any node to the same targets, again and again.
+    """A graph prepared for searches from any node to the same targets.
 
-    bounds  (k, n)  least cost of any open way to a target
-    onward  (k, n)  next node on such a way, -1 for none
+    bounds  (k, n)  least cost of any open path to a target
+    onward  (k, n)  next node on such a path, -1 for none
 
     Accepts: any :class:`Graph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: :meth:`paths` is what :func:`pareto_paths` finds on the graph without the arcs that are closed.
+    Guarantees: :meth:`paths` returns the result of :func:`pareto_paths` on the graph without the closed arcs.
 
-    Cost: groups and bounds once, and what closings and openings change of the bounds. A search then takes the time of
-    its labels alone; joint bounds are made right by the first one that needs them, as far as its limits allow.
+    Cost: groups and bounds once, and repairs of the bounds after each closing and opening. A search then takes the time
+    of its labels; the first search that needs joint bounds repairs them, as far as its limits allow.
 
     >>> graph = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 5], [1, 5], [9, 1]])
     >>> prepared = Prepared(graph, 2)
@@ -247,34 +246,34 @@ class Prepared:
 
     @property
     def closed(self) -> BoolArray:
-        """Which arcs (m,) are closed; a copy."""
+        """Mask (m,) of the closed arcs; a copy."""
         return self.closings.closed.copy()
 
     @property
     def memory(self) -> int:
-        """Bytes of what is kept beside the graph."""
+        """Bytes of all arrays beside the graph."""
         outlook, entering = self.outlook, self._entering or ()
-        kept = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
-        kept += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
-        kept += [self.is_target, *vars(self.closings).values(), *([] if self.hull is None else self.hull.arrays())]
-        return sum({id(array): array.nbytes for array in kept if isinstance(array, np.ndarray)}.values())
+        arrays = [self.bounds, self.onward, outlook.h, *entering, *vars(self.closings.whole).values()]
+        arrays += [self.closings.closed, outlook.layers, *vars(outlook.hull or object).values()]
+        arrays += [self.is_target, *vars(self.closings).values(), *([] if self.hull is None else self.hull.arrays())]
+        return sum({id(array): array.nbytes for array in arrays if isinstance(array, np.ndarray)}.values())
 
     @property
     def outdated(self) -> HullRepair | None:
-        """Joint bounds of what was closed before, not of what is now; None where there are none."""
+        """Joint bounds that still need a repair for the closed arcs; None where they are up to date or missing."""
         closings = self.closings
         return None if self.hull is None or self.hull.tells(closings.closed, closings.turns > 0) else self.hull
 
     def close(self, arcs: ArrayLike) -> None:
-        """Let no path take these arcs, by their places (N,) in the graph, until they are opened."""
+        """Close arcs, given by their indices (N,) in the graph, until they are opened."""
         self._repair(after_closing, self.closings.turned(arcs, closed=True))
 
     def open(self, arcs: ArrayLike) -> None:
-        """Let paths take these arcs again, by their places (N,) in the graph."""
+        """Open closed arcs, given by their indices (N,) in the graph."""
         self._repair(after_opening, self.closings.turned(arcs, closed=False))
 
     def _repair(self, kernel: Any, changed: IntArray) -> None:
-        """Make the bounds right again after some arcs (a,) were closed or opened."""
+        """Repair the bounds after some arcs (a,) were closed or opened."""
         graph, clock, n = self.graph, Clock(UNLIMITED, None), self.graph.nodes
         if self._entering is None:
             self._entering = np.zeros(n + 2, np.int64), np.empty(graph.arcs, np.int32)
@@ -288,10 +287,10 @@ class Prepared:
             bounds = self.bounds[j], self.onward[j], np.zeros(n, np.uint8)
             return (changed, tables, self._entering, *kind, *bounds, piles, np.empty(most, np.int32))
 
-        done = clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
-        if anew := [j for j, kept in enumerate(done) if not kept]:
-            bounds = costs_to_go(graph, self.targets, clock, self.closings.without_closed(), anew)
-            self.bounds[anew], self.onward[anew] = bounds
+        repaired = clock.call_all(kernel, [arguments(j) for j in range(graph.criteria)])
+        if failed := [j for j, is_repaired in enumerate(repaired) if not is_repaired]:
+            bounds = costs_to_go(graph, self.targets, clock, self.closings.without_closed(), failed)
+            self.bounds[failed], self.onward[failed] = bounds
 
     def paths(
         self,
@@ -304,13 +303,13 @@ class Prepared:
     ) -> ParetoPaths:
         """Find every non-dominated cost vector of the open paths from a source to the targets, each with one path.
 
-        With a `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C it may end before:
-        what is returned is what was found until then, and `gap` says how much better others may be. Slices are so short
-        that a deadline is kept, answer and gap included; to compile kernels, once, does not count.
+        A `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C may end the search.
+        Then the paths found so far are returned, and `gap` bounds how much better missing ones may be. The deadline
+        includes the computation of the result and the gap, but not the first compilation of kernels.
 
-        `known` are paths from the source, by the places of their arcs in the graph, such as
-        :meth:`.ParetoPaths.suffixes`. Those of which no arc is closed are there even after a deadline of 0, and the gap
-        is that of what was found and what was known together.
+        `known` are paths from the source, by the indices of their arcs in the graph, such as
+        :meth:`.ParetoPaths.suffixes`. Known paths without a closed arc are returned even after a deadline of 0; the gap
+        is that of found and known paths together.
 
         Raises QueryError for a source that is no node, and for a known path that does not lead from it to a target.
         """
@@ -318,21 +317,22 @@ class Prepared:
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
         clock = Deadline(deadline, budget, progress)
-        sooner = known_paths(self.graph, start, self.is_target, [*known, *self.least_ways(start)], self.closings.closed)
-        run = PreparedRun(self, start, sooner)
+        paths = [*known, *self.least_paths(start)]
+        open_paths = known_paths(self.graph, start, self.is_target, paths, self.closings.closed)
+        run = PreparedRun(self, start, open_paths)
         try:
             status = run.go(clock)
         except KeyboardInterrupt:
             status = Status.INTERRUPTED
         return run.result(clock, status)
 
-    def least_ways(self, source: int) -> list[IntArray]:
-        """A path from a node that is least in each cost, by the places of its arcs; none where no target is reached."""
+    def least_paths(self, source: int) -> list[IntArray]:
+        """Return a least path from a node for each cost, by the indices of its arcs; none without a reachable target."""
         if self.bounds[0, source] >= UNREACHABLE:
             return []
-        graph, clock, found = self.graph, Clock(UNLIMITED, None), []
+        graph, clock, paths = self.graph, Clock(UNLIMITED, None), []
         arcs = np.empty(graph.nodes, np.int64)
         for j in range(graph.criteria):
             tables = (graph.indptr, graph.heads, graph.costs, j, self.closings.closed, self.onward[j])
-            found.append(arcs[: clock.call(least_way, *tables, source, arcs)].copy())
-        return found
+            paths.append(arcs[: clock.call(least_path, *tables, source, arcs)].copy())
+        return paths

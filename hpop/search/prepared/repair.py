@@ -1,10 +1,10 @@
-"""Bounds that are made right again where arcs were closed or opened, and nowhere else.
+"""Repair of bounds after arcs were closed or opened, only where the bounds change.
 
-h_j(v) is the least cost j of any way from v to a target, and each node knows the next one on such a way. Where an arc
-is closed, only nodes whose way takes it may have to go farther: their bounds are forgotten, and made anew from those of
+h_j(v) is the least cost j of any path from v to a target, and the next node on such a path is stored for each node.
+When an arc is closed, only the bounds of nodes with paths through it may rise; they are computed again from those of
 their neighbours (Ramalingam and Reps, "An incremental algorithm for a generalization of the shortest-path problem",
-1996). Where an arc u -> v is opened h(u) may fall to c + h(v), and so on backward. Both go on as the search of
-:mod:`.machinery.bounds` does, from where something changed.
+1996). When an arc u -> v is opened, h(u) may fall to c + h(v), and so on backward. Both continue like the search of
+:mod:`.machinery.bounds` from the changed nodes.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def settle(
     is_open: NDArray[np.uint8],
     piles: Any,
 ) -> None:
-    """Lower bounds until no open arc could lower one any more, from the nodes that lie in the piles."""
+    """Lower bounds, beginning at the nodes in the piles, until no open arc lowers any bound."""
     _, _, costs, tails = graph
     first, arcs = entering
     tops, above, below = piles
@@ -98,7 +98,7 @@ def after_opening(
     piles: Any,
     scratch: NDArray[np.int32],
 ) -> bool:
-    """Lower h and onward (n,) of one cost where opened arcs (a,) make the way to a target shorter; True.
+    """Lower h and onward (n,) of one cost where opened arcs (a,) make a path to a target shorter; return True.
 
     graph          indptr (n + 1,), heads (m,), costs (m, k) and tails (m,)
     entering       the arcs that enter each node, see :func:`sort_by_head`
@@ -122,7 +122,7 @@ def after_opening(
 
 @lean
 def after_closing(
-    shut: IntArray,
+    newly_closed: IntArray,
     graph: Any,
     entering: Any,
     column: int,
@@ -134,15 +134,15 @@ def after_closing(
     piles: Any,
     affected: NDArray[np.int32],
 ) -> bool:
-    """Raise h and onward (n,) of one cost where closed arcs (a,) were on the ways; arguments as before.
+    """Raise h and onward (n,) of one cost where paths took closed arcs (a,); arguments as in :func:`after_opening`.
 
-    affected  (most,) scratch. False where more nodes are: then h and onward are no bounds any more
+    affected  (most,) scratch; returns False where more nodes are affected, and h and onward are then invalid
     """
     indptr, heads, costs, tails = graph
     first, arcs = entering
     tops, above, below = piles
     size = 0
-    for a in shut:
+    for a in newly_closed:
         u = np.int64(tails[a])
         if onward[u] == heads[a] and h[u] < UNREACHABLE:
             if size == len(affected):

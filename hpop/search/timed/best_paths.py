@@ -1,4 +1,4 @@
-"""Paths on a clock: the best for a weight, their costs, and holds gathered to fewer."""
+"""Paths on a clock: best paths for a weight, costs of a path, and paths with fewer holds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hpop.search.timed.tables import PLAIN, STAYS, TimedTables, arc_cost, free_s
 
 @lean
 def rest_by(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, p: int, t: int) -> int:
-    """The weighted rest of a lane, all rows filled, for leaving at tick t by an arc whose tail is at place p."""
+    """Return the weighted remaining cost in a lane of leaving at tick t by an arc with its tail at place p."""
     u = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
     if ahead.ticks[u] > ahead.arrive_by - end or not is_open(tables, a, p, t):
@@ -34,7 +34,7 @@ def rest_by(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int
 
 @lean
 def goes_on(tables: TimedTables, ahead: TimeWindows, work: JointSweep, lane: int, a: int, t: int) -> bool:
-    """Whether a best way of a lane that leaves by an arc at tick t leaves its head at once, for another place."""
+    """Return whether a best path of a lane by an arc at tick t leaves the arc's head at once for another place."""
     u, end = np.int64(tables.heads[a]), t + np.int64(tables.durations[a])
     p = np.int64(tables.place[u])
     least = np.int64(work.rows[row_of(work.offset, work.calm, u, end), lane])
@@ -56,15 +56,15 @@ def follow(
     leaves: IntArray,
     total: IntArray,
 ) -> int:
-    """Follow a best way of a lane from a node reached at tick t; write its arcs, and when they are left for.
+    """Follow a best path of a lane from a node reached at tick t; write its arcs and their departures.
 
-    Where arcs in place cost a lane nothing, ways go round in circles of them: so an arc that leads away comes next.
-    What it costs is added to total (k,). Returns the number of arcs, -1 if it leads nowhere in time, or round.
+    Where arcs in place cost a lane nothing, a path could circle among them, so arcs that lead away are preferred. Its
+    costs are added to total (k,). Returns the number of arcs, -1 if the path circles or does not arrive in time.
     """
     dep, now = work.dep, work.now
     hold = np.int64(tables.hold)
     v, t, count = np.int64(node), np.int64(tick), 0
-    seen = np.int64(-1)  # a node of this way, the next one when as many arcs follow as come before
+    seen = np.int64(-1)  # a node of this path, updated whenever the number of arcs has doubled
     while not ahead.is_target[v]:
         if count == len(arcs) or v == seen:
             return -1
@@ -76,7 +76,7 @@ def follow(
         leaving = best = np.int64(dep[lane])
         last = np.int64(work.calm[v])
         least = np.int64(work.rows[row_of(work.offset, work.calm, v, t), lane])
-        if hold > 0 and t <= last and best > least:  # else a hold has no use
+        if hold > 0 and t <= last and best > least:  # otherwise a hold is useless
             weigh_standing(tables, work.weights, p, t, now)
             base = now[lane]
             s = t + hold
@@ -127,10 +127,10 @@ def follow_all(
     totals: IntArray,
     sizes: IntArray,
 ) -> int:
-    """Follow a best way each of lanes (w,) from nodes (w,), all reached at tick t, and write one behind the other.
+    """Follow a best path for each of lanes (w,) from nodes (w,), all reached at tick t; write them one after another.
 
-    What each costs is added to totals (w, k); sizes (w,) are their numbers of arcs, 0 of those that lead nowhere.
-    Returns how many were followed: there is room for the longest way at least, and none begins where that is not left.
+    Their costs are added to totals (w, k); sizes (w,) are their numbers of arcs, 0 for paths that do not arrive.
+    Returns the number of paths followed: another one begins only if there is room for the longest path.
     """
     used, longest = 0, len(arcs) // 2
     for i in range(len(lanes)):
@@ -143,14 +143,14 @@ def follow_all(
     return len(lanes)
 
 
-EVEN = 0.25  # what each cost has at least of a mixed weight, times the share of one among them all
+EVEN = 0.25  # least share of each cost in a mixed weight, times its share in an even mixture
 
 
 def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Weights (LANES, k) of each summed cost alone, powers of two, then even mixtures; shifts (k,) of the former.
+    """Return weights (LANES, k): each summed cost alone, by powers of two with shifts (k,), then mixtures.
 
     summed   columns of costs that add up
-    typical  (k,) what a whole way costs, about
+    typical  (k,) approximate costs of a whole path
     """
     k = len(typical)
     weights, shift = np.zeros((LANES, k)), np.zeros(k, np.int64)
@@ -163,21 +163,21 @@ def lone_weights(summed: IntArray, typical: FloatArray) -> tuple[FloatArray, Int
 
 
 def mixed_weights(summed: IntArray, ranges: FloatArray, typical: FloatArray) -> FloatArray:
-    """Weights (LANES, k) that make ranges (k,) alike; none is larger than what makes a whole way UNIT."""
+    """Return weights (LANES, k) that make ranges (k,) equal; none gives a whole path more than UNIT."""
     weights = np.zeros((LANES, len(ranges)))
-    one = mixtures(len(summed), LANES) / np.maximum(1.0, ranges[summed])
-    most = (one * np.maximum(1.0, typical[summed])).sum(axis=1)
-    weights[:, summed] = _whole(one * UNIT / most[:, None])
+    mixed = mixtures(len(summed), LANES) / np.maximum(1.0, ranges[summed])
+    most = (mixed * np.maximum(1.0, typical[summed])).sum(axis=1)
+    weights[:, summed] = _whole(mixed * UNIT / most[:, None])
     return weights
 
 
 def _whole(weights: FloatArray) -> FloatArray:
-    """Weights rounded to whole numbers where they are at least 1: sums of what they weigh are then exact."""
+    """Return weights rounded to whole numbers where they are at least 1, so that weighted sums are exact."""
     return np.asarray(np.where(weights >= 1, np.rint(weights), weights))
 
 
 def mixtures(k: int, count: int) -> FloatArray:
-    """Positive weights (count, k), sums 1: first the even one, then those that favour each cost, then spread ones.
+    """Return positive weights (count, k) with sums of 1: an even one, one that favours each cost, then random ones.
 
     >>> mixtures(2, 3).round(3).tolist()
     [[0.5, 0.5], [0.875, 0.125], [0.125, 0.875]]
@@ -186,19 +186,17 @@ def mixtures(k: int, count: int) -> FloatArray:
         return np.ones((count, 1))
     even = np.full((1, k), 1 / k)
     favour = (1 - EVEN) * np.eye(k) + EVEN / k
-    generator = np.random.default_rng(0)  # any spread will do, the same each time
+    generator = np.random.default_rng(0)  # fixed, so that weights are always the same
     spread = generator.dirichlet(np.full(k, 0.7), max(0, count - k - 1))
     return np.concatenate([even, favour, (1 - EVEN / 5) * spread + EVEN / 5 / k])[:count]
 
 
 @lean
 def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, total: IntArray) -> int:
-    """Write what a walk costs that leaves a node at a tick and takes arcs (s,) at ticks (s,), holds between them.
+    """Write the costs (k,) of a path that leaves a node at a tick and takes arcs (s,) at ticks (s,), holds between.
 
-    It is written into total (k,).
-
-    Returns the node where it ends; -1 if it is none of this graph, or holds so long after the horizon that no search
-    would. The numbers may be any.
+    Returns the node where it ends; -1 if it is no path of this graph, or holds so long after the horizon that no search
+    would. Any numbers are allowed.
     """
     for j in range(len(total)):
         total[j] = 0
@@ -211,7 +209,7 @@ def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leav
         held = leave - t
         if held != 0 and (tables.hold == 0 or held < tables.hold or free_since(tables, p, leave) > t):
             return -1
-        if held != 0 and leave > last + tables.hold:  # a hold that no search makes
+        if held != 0 and leave > last + tables.hold:  # a hold that no search would make
             return -1
         if not is_open(tables, a, p, leave):
             return -1
@@ -225,17 +223,16 @@ def path_cost(tables: TimedTables, source: int, begin: int, arcs: IntArray, leav
     return int(v)
 
 
-# A search keeps one path of each cost vector, whichever comes first: where waiting costs the same at several places, it
-# may stop at each of them for a while. So of each path that is found pairs of holds are tried as one, at the place of
-# the first or of the second; what lies between is then left for later or earlier, and all of it is costed anew. The
-# path that remains costs the same, and no two of its holds could be one.
+# A search keeps the first path of each cost vector. Where waiting costs the same at several places, that path may stop
+# at each of them. So pairs of holds of each path are merged at the place of the first or second one, departures between
+# them shift, and the path is costed again. The result costs the same, and no two of its holds can be merged.
 
 
 @kernel
 def gather_holds(
     tables: TimedTables, source: int, begin: int, arcs: IntArray, leaves: IntArray, costs: IntArray
 ) -> int:
-    """Make two holds one while the path costs the same (k,); leaves (s,) are changed; returns how many are left."""
+    """Merge pairs of holds while the path costs the same (k,); changes leaves (s,), returns the number of holds."""
     total = np.empty(len(costs), np.int64)
     tried = leaves.copy()
     waits = np.zeros(len(arcs), np.int64)

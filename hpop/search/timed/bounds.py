@@ -1,8 +1,8 @@
-"""Joint bounds of a query, made table by table, and the ways that are best for their weights: first solutions.
+"""Joint bounds of a query, computed table by table, with the best paths for their weights as first solutions.
 
-Where a sweep takes long, one over the nodes that lie next to a best way comes first. Its ways are real, and best of
-those that stay among these nodes: first solutions, early. And who comes through a node whose least costs, on the way to
-it and on, are all no less than those of a solution finds nothing new, at whatever tick: such nodes are then left out.
+Before a long sweep, a smaller one covers only nodes near a best path. Its paths are real and give early solutions. A
+node is left out of the long sweep if the least costs of paths through it, at any tick, are all no less than those of a
+solution.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from hpop.search.timed.graph import MAX_TICKS, TimedGraph
 from hpop.search.timed.joint import DOWN, FAR, HALF, LANES, JointSweep, JointTables, TimeWindows, price_arcs, sweep
 from hpop.search.timed.tables import NEVER, TimedTables
 
-AT_ONCE = 4  # columns of a graph whose shortest ways are found side by side
-MANY = 250_000  # states in between: fewer are swept at once
-NARROW = 10  # one node of so many is next to a best way
-STEPS = 30_000  # states that are swept in a slice: some 20 milliseconds
-PRICED = 20  # bytes of an arc and a lane: what it costs, and the graph in which the shortest ways are found
-FEW = 4  # mixtures of costs in the first table: with fewer, a second one has mixtures of like ranges
+AT_ONCE = 4  # weights for which shortest paths are computed together
+MANY = 250_000  # states in between: fewer are swept without a smaller sweep before
+NARROW = 10  # share of the nodes that count as near a best path, as a divisor
+STEPS = 30_000  # states of a slice: some 20 milliseconds
+PRICED = 20  # bytes of an arc and a lane: its cost, and the graph for shortest paths
+FEW = 4  # mixed weights in the first table; with fewer, a second table has mixtures of equal ranges
 
 
 class Seed(NamedTuple):
-    """A solution known before the search: costs (k,), arcs (s,) and when they are left for (s,)."""
+    """A known solution: costs (k,), arcs (s,) and their departures (s,)."""
 
     costs: IntArray
     arcs: IntArray
@@ -41,14 +41,14 @@ class Seed(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Which states have rows of their own, of the nodes that are needed.
+    """Rows of the states of needed nodes in a table.
 
-    needed  (n,)
+    needed  (n,)    mask
     calm    (n,)    L, or NOTHING
-    offset  (n,)    of node v at tick t is the row offset[v] + t, until L(v)
-    order   (w,)    nodes that have such rows, those of a place together
-    first   (p + 1,)  where in `order` those of each such place begin
-    size    rows, those of calm nodes included
+    offset  (n,)    the row of node v at tick t is offset[v] + t, until L(v)
+    order   (w,)    nodes with such rows, grouped by place
+    first   (p + 1,)  begin of each place in `order`
+    size    number of rows, those of calm nodes included
     """
 
     needed: BoolArray
@@ -59,12 +59,12 @@ class Layout(NamedTuple):
     size: int
 
     @classmethod
-    def of(cls, ways: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
-        """The layout for some nodes (n,), which are at places (n,)."""
+    def of(cls, bounds: PathBounds, needed: BoolArray, place: NDArray[np.int32]) -> Layout:
+        """Return the layout for a mask (n,) of nodes at places (n,)."""
         n = len(needed)
-        calm = np.where(needed, ways.calm, np.int32(NOTHING))
-        between = np.maximum(calm - ways.earliest + 1, 0)
-        offset = n + np.cumsum(between) - between - np.minimum(ways.earliest, NEVER)
+        calm = np.where(needed, bounds.calm, np.int32(NOTHING))
+        between = np.maximum(calm - bounds.earliest + 1, 0)
+        offset = n + np.cumsum(between) - between - np.minimum(bounds.earliest, NEVER)
         order = np.flatnonzero(between)
         order = order[np.argsort(place[order], kind="stable")]
         first = np.flatnonzero(np.diff(place[order], prepend=-1, append=-1))
@@ -72,7 +72,7 @@ class Layout(NamedTuple):
 
 
 class Prices(NamedTuple):
-    """Weights of LANES lanes, and what arcs cost by them: see :class:`.JointSweep` and :func:`.price_arcs`."""
+    """Weights of LANES lanes, and weighted costs of arcs; see :class:`.JointSweep` and :func:`.price_arcs`."""
 
     weights: FloatArray
     columns: FloatArray
@@ -82,37 +82,37 @@ class Prices(NamedTuple):
 
 
 class TimedJointBounds:
-    """Tables of joint bounds, and the seeds that come with them."""
+    """Tables of joint bounds on a clock, and the solutions found with them."""
 
     def __init__(
         self,
         graph: TimedGraph,
         tables: TimedTables,
-        ways: PathBounds,
+        bounds: PathBounds,
         source: int,
         targets: IntArray,
         known: Iterable[Seed] = (),
         begin: int = 0,
     ) -> None:
-        """Begin with solutions that are known; a query leaves the source at a tick."""
+        """Begin with known solutions; queries leave the source at tick ``begin``."""
         self.begin = begin
-        self.graph, self.tables, self.ways, self.source, self.targets = graph, tables, ways, source, targets
+        self.graph, self.tables, self.bounds, self.source, self.targets = graph, tables, bounds, source, targets
         n = graph.graph.nodes
         is_target = np.zeros(n, np.uint8)
         is_target[targets] = 1
         arrive_by = NEVER if graph.arrive_by is None else graph.arrive_by
-        self.ahead = TimeWindows(ways.ticks, ways.earliest, arrive_by, is_target)
+        self.ahead = TimeWindows(bounds.ticks, bounds.earliest, arrive_by, is_target)
         self.summed = np.flatnonzero([aggregate == "sum" for aggregate in graph.graph.aggregates])
         self.weights: list[FloatArray] = []
         self.rows: list[NDArray[np.int32]] = []
         self.sweeps: list[JointSweep] = []
-        self.room = tuple(np.empty(2 * (n + graph.horizon), np.int64) for _ in range(2))  # two of the longest ways
+        self.room = tuple(np.empty(2 * (n + graph.horizon), np.int64) for _ in range(2))  # two of the longest paths
         self.seeds = list(known)
         self.shift = np.zeros(graph.graph.criteria, np.int64)
-        self.layout = Layout.of(ways, self._needed(), graph.place)
+        self.layout = Layout.of(bounds, self._needed(), graph.place)
 
     def make(self, clock: Clock) -> None:
-        """Make the tables, as far as there are sums, and memory and time for them."""
+        """Compute the tables, as far as there are summed costs, memory and time."""
         if not len(self.summed) or clock.exceeded(0, PRICED * LANES * self.graph.graph.arcs, record=False) is not None:
             return
         typical = self._typical()
@@ -121,8 +121,8 @@ class TimedJointBounds:
         if self.layout.size > MANY:
             near = self._near_best(prices, clock)
             if near is not None:
-                self._seed(self._swept(prices, Layout.of(self.ways, near, self.graph.place), clock), clock)
-                self.layout = Layout.of(self.ways, self._needed(), self.graph.place)
+                self._seed(self._swept(prices, Layout.of(self.bounds, near, self.graph.place), clock), clock)
+                self.layout = Layout.of(self.bounds, self._needed(), self.graph.place)
         several = 1 if LANES - len(self.summed) > FEW else 2
         for table in range(several):
             if table > 0:
@@ -135,7 +135,7 @@ class TimedJointBounds:
             self._seed(work, clock)
 
     def make_for_all(self, clock: Clock) -> None:
-        """Make the first table for whoever comes from the source, whichever way; it tells no solutions."""
+        """Compute the first table for all states reachable from the source, without solutions."""
         if len(self.summed):
             weights, self.shift = lone_weights(self.summed, self._typical())
             work = self._swept(self._prices(weights, clock), self.layout, clock)
@@ -148,7 +148,7 @@ class TimedJointBounds:
         self.sweeps.append(work)
 
     def joint(self) -> JointTables:
-        """All tables, as kernels read them."""
+        """Return all tables for the kernels."""
         k = self.graph.graph.criteria
         alone = np.full(k, -1)
         if not self.rows:
@@ -160,8 +160,8 @@ class TimedJointBounds:
         return JointTables(weights, rows, self.layout.offset, self.layout.calm, alone, self.shift)
 
     def _needed(self) -> BoolArray:
-        """The nodes (n,) through which something may come that no solution known covers."""
-        through = self.ways.through
+        """Return a mask (n,) of the nodes with paths through them that no known solution covers."""
+        through = self.bounds.through
         needed = np.asarray((through < UNREACHABLE).all(axis=0))
         for seed in self.seeds:
             needed &= (seed.costs[:, None] > through).any(axis=0)
@@ -169,7 +169,7 @@ class TimedJointBounds:
         return needed
 
     def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
-        """Those of the nodes needed (n,) that are next to a way that is best when nothing changes any more."""
+        """Return a mask (n,) of the needed nodes near a best path by the final costs; None at a limit."""
         lane, needed = len(self.summed), self.layout.needed
         calm = self._calm_graph(prices, slice(lane, lane + 1), needed)
         onward, _, status = lower_bounds(calm, self.source, self.targets, clock)
@@ -185,7 +185,7 @@ class TimedJointBounds:
         return near
 
     def _calm_graph(self, prices: Prices, lanes: slice, needed: BoolArray) -> Graph:
-        """The graph of weighted costs from H on, of the nodes needed."""
+        """Return the graph of weighted final costs between needed nodes."""
         graph = self.graph.graph
         calm = Graph.from_csr(graph.indptr, graph.heads, prices.priced[:, lanes].astype(np.int64))
         closed = (prices.priced == FAR).all(axis=1) | ~needed[graph.heads]
@@ -193,13 +193,13 @@ class TimedJointBounds:
         return calm.without(closed) if closed.any() else calm
 
     def _typical(self) -> FloatArray:
-        """What a way costs (k,), about: at least what is least of the farthest node, and some arcs."""
-        least = self.ways.least.astype(np.float64)
+        """Return the approximate cost (k,) of a path: at least the least from the farthest node, and that of some arcs."""
+        least = self.bounds.least.astype(np.float64)
         far = np.array([row[row < NEVER].max(initial=0.0) for row in least])
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
 
     def _ranges(self, typical: FloatArray) -> FloatArray:
-        """How far apart (k,) the solutions known are in each cost."""
+        """Return the range (k,) of the known solutions in each cost."""
         if len(self.seeds) < 2:
             return typical
         costs = np.array([seed.costs for seed in self.seeds], np.float64)
@@ -207,7 +207,7 @@ class TimedJointBounds:
         return np.asarray(np.where(spread > 0, spread, np.maximum(costs.max(axis=0), 1.0)))
 
     def _prices(self, weights: FloatArray, clock: Clock) -> Prices:
-        """What arcs cost by weights (LANES, k)."""
+        """Return the costs of arcs weighed by weights (LANES, k)."""
         m = self.graph.graph.arcs
         priced, fixed = np.empty((m, LANES), np.int32), np.empty((m, LANES), np.int32)
         columns = np.ascontiguousarray(weights.T)
@@ -218,17 +218,17 @@ class TimedJointBounds:
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
-        """All that the tables hold."""
+        """Arrays of all tables."""
         return [array for sweep in self.sweeps for array in sweep if isinstance(array, np.ndarray)]
 
     def _memory(self, layout: Layout) -> int:
-        """Bytes of the tables with one more, and what is needed while it is made."""
+        """Return the bytes of the tables and of one more, including its scratch."""
         held = 8 * _power(self.tables.hold)
         one = LANES * (layout.size * 4 + self.graph.graph.arcs * PRICED + len(layout.order) * held)
         return one * (len(self.rows) + 1)
 
     def _swept(self, prices: Prices, layout: Layout, clock: Clock) -> JointSweep | None:
-        """A table, in slices; None where a limit was passed: the search that follows says so."""
+        """Compute a table in slices; None at a limit, which the search then reports."""
         if clock.exceeded(0, self._memory(layout), record=False) is not None:
             return None
         n, rows = self.graph.graph.nodes, np.empty((layout.size, LANES), np.int32)
@@ -255,7 +255,7 @@ class TimedJointBounds:
         return work
 
     def _seed(self, work: JointSweep | None, clock: Clock) -> None:
-        """Add the ways that are best for the weights of a table."""
+        """Add the best paths for the weights of a table to the solutions."""
         if work is not None:
             every = np.arange(LANES)
             nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.graph.graph.criteria), np.int64)
@@ -274,24 +274,24 @@ class TimedJointBounds:
     def completed(
         self, table: int, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
-        """Best ways for weights (w,), from nodes (w,) reached at a tick at costs (w, k); None if one leads nowhere."""
+        """Return best paths for lanes (w,) from nodes (w,) reached at a tick with costs (w, k); None where none exists."""
         return self._followed(self.sweeps[table], lanes, nodes, tick, costs, clock)
 
     def _followed(
         self, work: JointSweep, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
         arcs, leaves = self.room
-        ways: list[Seed | None] = []
-        while (done := len(ways)) < len(lanes):
+        paths: list[Seed | None] = []
+        while (done := len(paths)) < len(lanes):
             totals, sizes = costs[done:].copy(), np.zeros(len(lanes) - done, np.int64)
             arguments = (self.tables, self.ahead, work, lanes[done:], nodes[done:], tick, arcs, leaves, totals, sizes)
             count = clock.call(follow_all, *arguments)
             for total, size, end in zip(totals[:count], sizes, np.cumsum(sizes), strict=False):
-                way = slice(end - size, end)
-                ways.append(Seed(total, arcs[way].copy(), leaves[way].copy()) if size else None)
-        return ways
+                own = slice(end - size, end)
+                paths.append(Seed(total, arcs[own].copy(), leaves[own].copy()) if size else None)
+        return paths
 
 
 def _power(ticks: int) -> int:
-    """A power of two that is larger."""
+    """Return the next larger power of two."""
     return 1 << ticks.bit_length()

@@ -1,4 +1,4 @@
-"""What is known before a search on a clock: remaining costs, uses of holds, and when nothing changes any more."""
+"""Bounds before a search on a clock: remaining costs, useful holds, and ticks from which on costs do not change."""
 
 from __future__ import annotations
 
@@ -26,18 +26,17 @@ from hpop.search.timed.tables import (
     worst_rate,
 )
 
-# L(v) is the latest tick at which v may be left so that an arc on some way on still differs from what it is from H on.
-# Whoever leaves v later, at whatever tick, has the same ways on at the same costs, and has no use for holds: it is
+# L(v) is the latest tick of a departure from v such that an arc on some path onward still differs from its state at H.
+# A path that leaves v after L(v) has the same continuations at the same costs at any tick, and no use for holds: v is
 # calm. L(v) = max(last change of an arc that leaves v, max over arcs (v, u) of L(u) - d).
 #
-# Proof: let a way leave v at t > L(v). Its first arc is left for later than that arc's last change; its head u is
-# reached at t + d > L(u). So by induction each arc of it is as at H, at any shift; and to leave out its holds, which
-# cost no less than nothing, makes all that follows only earlier, yet still later than its L.
+# Proof: let a path leave v at t > L(v). Its first arc departs after that arc's last change, and reaches its head u at
+# t + d > L(u). By induction, each arc of the path is as at H, for any shift. Leaving out its holds, which have no
+# negative costs, only makes all later departures earlier, but still later than L of their tails.
 #
-# Waiting for an arc (v, u) has a use only if the arc gets better: if at some tick it opens, or costs less than it did a
-# tick before (in what has to be paid until it would have been reached by waiting at u instead: its cost, plus what
-# standing at v costs, less what standing at u costs), or nobody may stand at u. Where the last such tick is past,
-# whoever waits at v does no better than whoever goes and waits at u.
+# Waiting for an arc (v, u) is useful only if the arc improves: if it opens at some tick, or costs less than a tick
+# before, or the robot must not stand at u. Its cost here includes standing at v before it, less standing at u after
+# it. After the last such tick, waiting at v is no better than going on and waiting at u.
 
 
 NOTHING = -1  # calm from tick 0 on
@@ -45,7 +44,7 @@ NOTHING = -1  # calm from tick 0 on
 
 @lean
 def settle(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) -> None:
-    """The first tick (P,) from which on standing at a place is as from H on; whole (P,), whether rates are then."""
+    """Write the first tick (P,) from which on standing at a place is as at H, and whether its rates are whole (P,)."""
     last = tables.since.shape[1] - 1
     for p in range(len(settled)):
         whole[p] = True
@@ -71,9 +70,9 @@ def settle(tables: TimedTables, whole: BoolArray, settled: NDArray[np.int32]) ->
 def last_changes(
     tables: TimedTables, leads: NDArray[np.uint8], settled: NDArray[np.int32], out: NDArray[np.int32]
 ) -> None:
-    """The last tick (n,) at which an arc that leaves a node differs from what it is at H; NOTHING if none does.
+    """Write the last tick (n,) at which an arc that leaves a node differs from its state at H; NOTHING if none does.
 
-    leads (n,) says from where a target may be reached. An arc that stays may differ until its place is settled.
+    leads (n,) marks nodes from which a target can be reached. An arc that stays may differ until its place is settled.
     """
     last = tables.since.shape[1] - 1
     k = len(tables.is_max)
@@ -110,9 +109,9 @@ def spread_back(
     above: NDArray[np.int32],
     below: NDArray[np.int32],
 ) -> None:
-    """Make L (n,) of the last changes: backward over arcs by head, the latest nodes first.
+    """Compute L (n,) from the last changes, backward over arcs by head, the latest nodes first.
 
-    tops (H + 1,) is -1 before; above and below (n,) are scratch.
+    tops (H + 1,) is -1 before the call; above and below (n,) are scratch.
     """
     for v in range(len(calm)):
         if calm[v] >= 0:
@@ -141,10 +140,10 @@ def last_gains(
     v: int,
     out: NDArray[np.int32],
 ) -> int:
-    """The last ticks (m,) at which waiting at a node for its arcs gained anything, 0 if none, and the last of these.
+    """Write the last ticks (m,) at which waiting at a node for its arcs is useful, 0 for none; return the last of all.
 
-    That is for whoever may be there to wait. Where both places of a plain arc are settled all the time, or an arc stays
-    where nobody is ever cut off, and parts of counts play no role, all ticks are alike.
+    All ticks are alike where both places of a plain arc are always settled, or an arc stays at a place that is never
+    cut, and rates are whole.
     """
     last = tables.since.shape[1] - 1
     p = np.int64(tables.place[v])
@@ -174,7 +173,7 @@ def last_gains(
 
 @lean
 def gains(tables: TimedTables, a: int, p: int, early: int, late: int) -> bool:
-    """Whether leaving later may be of use: whether waiting behind the arc instead would cost more, or not be allowed.
+    """Return whether a later departure may be useful: waiting behind the arc costs more, or is not allowed.
 
     p is the place of the arc's tail.
     """
@@ -197,25 +196,26 @@ def gains(tables: TimedTables, a: int, p: int, early: int, late: int) -> bool:
     return False
 
 
-# The latter is found out of a node, or a place, when a label first comes to it: to most of them none ever does.
+# Useful holds of a node or place are computed when a label first reaches it; most nodes are never reached.
 
 
-UNKNOWN = -2  # nobody has asked yet
+UNKNOWN = -2  # not computed yet
 NEVER_OF_USE = -1
 
 
 class RemainingBounds(NamedTuple):
-    """What is known of the way that is left from each node.
+    """Bounds on the remaining path from each node.
 
-    least   (k, n)  least costs, at whatever tick
-    ticks   (n,)    fewest ticks
-    earliest (n,)   the tick at which a node may be reached
-    calm    (n,)    L of :mod:`.calm`
-    leads, whole, settled   as that takes them
-    gain    (m,)    the last tick at which waiting for an arc gains anything, if it is known of its tail
-    until   (n,)    the last tick at which waiting at a node may have a use, or UNKNOWN
-    one_stay (P,)   whether no use is in arcs that stay one after another (:mod:`.stays`), or UNKNOWN
-    nodes, first    nodes that anybody has to come to, by their place: those of place p from first[p] to first[p + 1]
+    least   (k, n)  least remaining costs, at any tick
+    ticks   (n,)    fewest remaining ticks
+    earliest (n,)   earliest tick at a node
+    calm    (n,)    L, see above
+    leads   (n,)    whether a target can be reached
+    whole, settled  of :func:`settle`
+    gain    (m,)    last tick at which waiting for an arc is useful, where `until` of its tail is computed
+    until   (n,)    last tick at which waiting at a node is useful, or UNKNOWN
+    one_stay (P,)   whether two arcs that stay never need to follow each other (:mod:`.tables`), or UNKNOWN
+    nodes, first    needed nodes by place: those of place p from first[p] to first[p + 1]
     """
 
     least: IntArray
@@ -234,7 +234,7 @@ class RemainingBounds(NamedTuple):
 
 @lean
 def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
-    """The last tick at which waiting at a node may have a use; NEVER_OF_USE where it never has."""
+    """Return the last tick at which waiting at a node is useful, or NEVER_OF_USE."""
     if rest.until[v] == UNKNOWN:
         latest = last_gains(tables, rest.leads, rest.calm, rest.earliest, rest.whole, rest.settled, v, rest.gain)
         hold = np.int64(tables.hold)
@@ -244,17 +244,17 @@ def wait_until(tables: TimedTables, rest: RemainingBounds, v: int) -> int:
 
 @lean
 def needs_one_stay(tables: TimedTables, rest: RemainingBounds, p: int) -> bool:
-    """Whether at a place no use is in arcs that stay one after another."""
+    """Return whether two arcs that stay at a place never need to follow each other."""
     if rest.one_stay[p] == UNKNOWN:
         rest.one_stay[p] = one_stay_suffices(tables, rest.nodes[rest.first[p] : rest.first[p + 1]])
     return bool(rest.one_stay[p] != 0)
 
 
 class PathBounds(NamedTuple):
-    """What is known of the ways through each node, before any search; see :class:`.RemainingBounds`.
+    """Bounds on the paths through each node, before any search; see :class:`.RemainingBounds`.
 
-    through  (k, n)  least costs of a way from the source to a target, at whatever tick
-    leads    (n,)    whether a target may be reached
+    through  (k, n)  least costs of a path through the node from the source to a target, at any tick
+    leads    (n,)    whether a target can be reached
     whole, settled   of :func:`.settle`
     """
 
@@ -271,7 +271,7 @@ class PathBounds(NamedTuple):
 def path_bounds(
     graph: TimedGraph, tables: TimedTables, source: int, targets: IntArray, clock: Clock
 ) -> tuple[PathBounds | None, Status | None]:
-    """What is known of the ways, or the limit that was passed."""
+    """Return bounds on the paths through each node, or the limit that was passed."""
     static, n, m = graph.graph, graph.graph.nodes, graph.graph.arcs
     cheapest = _cheapest(graph)
     least, _, status = lower_bounds(cheapest, source, targets, clock)
@@ -303,26 +303,26 @@ def path_bounds(
     return PathBounds(least, through, needed[0], earliest[0], calm, leads, whole, settled), None
 
 
-def remaining_bounds(graph: TimedGraph, ways: PathBounds, needed: BoolArray) -> RemainingBounds:
-    """What is known of the rest of the way from the nodes (n,) that anybody has to come to."""
+def remaining_bounds(graph: TimedGraph, bounds: PathBounds, needed: BoolArray) -> RemainingBounds:
+    """Return bounds on the remaining paths from the needed nodes (n,)."""
     n, nodes = graph.graph.nodes, np.flatnonzero(needed)
     nodes = nodes[np.argsort(graph.place[nodes], kind="stable")]
     return RemainingBounds(
-        ways.least, ways.ticks, ways.earliest, np.where(needed, ways.calm, np.int32(NOTHING)),
-        ways.leads, ways.whole, ways.settled,
+        bounds.least, bounds.ticks, bounds.earliest, np.where(needed, bounds.calm, np.int32(NOTHING)),
+        bounds.leads, bounds.whole, bounds.settled,
         np.zeros(graph.graph.arcs, np.int32), np.full(n, UNKNOWN), np.full(graph.places, UNKNOWN, np.int8),
         nodes, np.searchsorted(graph.place[nodes], np.arange(graph.places + 1)),
     )  # fmt: skip
 
 
 def reversed_graph(graph: Graph) -> Graph:
-    """The graph with all arcs the other way round."""
+    """Return the graph with all arcs reversed."""
     tails = np.repeat(np.arange(graph.nodes, dtype=np.int32), np.diff(graph.indptr))
     return Graph.from_arcs(graph.nodes, graph.heads, tails, graph.costs, aggregates=graph.aggregates)
 
 
 def _cheapest(graph: TimedGraph) -> Graph:
-    """The graph of what arcs cost when they cost least; those that are never open are left out."""
+    """Return the graph with the least cost of each arc at any tick, without arcs that are never open."""
     costs = graph.graph.costs.copy()
     for j, table in graph.costs.items():
         costs[graph.timed, j] = table.min(axis=1)

@@ -1,16 +1,16 @@
-"""A graph on a clock: what arcs cost, and whether they are open, depends on the tick at which they are left for.
+"""A graph on a clock: costs of arcs, and whether they are open, depend on the tick of departure.
 
-Time is counted in ticks from 0, when the source may be left. The horizon H is the tick from which on nothing changes:
-the last column of every table, column H, stands for leaving at H and at any later tick.
+Time is counted in ticks from 0, the earliest departure from the source. From the horizon H on nothing changes: the last
+column of every table, column H, is for departures at H and at any later tick.
 
-**An arc** a = (u, v) left for at tick t arrives at t + d_a. Its cost j is the entry of its table, if it has one, else
-its static cost; an arc that `stays` adds, in the columns that are in `standing`, what standing at its place costs
-meanwhile, W(t', t' + d_a), where t' = min(t, H) (the larger one where the cost is a maximum). So from H on an arc
-costs what it costs at H, to the last count.
+**An arc** a = (u, v) with departure at tick t arrives at t + d_a. Its cost j is the entry of its table, if it has one,
+otherwise its static cost. An arc that `stays` adds, in the columns of `standing`, the cost of standing at its place
+meanwhile, W(t', t' + d_a), where t' = min(t, H) (for a maximum, the larger one counts). So from H on an arc has exactly
+its cost at H.
 
-**A hold** at a node, from t1 to t2, costs W(t1, t2) at its place: for a sum Omega(t2) - Omega(t1), where Omega is its
-table up to H and after it Omega(H) + floor((t - H) rate / 2^20), or floor(t rate / 2^20) if it has no table; for a
-maximum the largest rate of the ticks t1 to t2 - 1. It lasts at least `hold` ticks.
+**A hold** at a node, from t1 to t2, costs W(t1, t2) at its place. For a sum that is Omega(t2) - Omega(t1), where Omega
+is its table up to H and then Omega(H) + floor((t - H) rate / 2^20), or floor(t rate / 2^20) if it has no table. For a
+maximum it is the largest rate of the ticks t1 to t2 - 1. A hold lasts at least `hold` ticks.
 """
 
 from __future__ import annotations
@@ -42,32 +42,31 @@ LEFT_OUT: Any = None
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedGraph:
-    """A graph whose arcs take time, and cost what depends on the tick at which they are left for.
+    """A graph with arcs that take time, and with costs that depend on the tick of departure.
 
-    graph       n nodes, m arcs by their tails, static costs (m, k); places of arcs below are those in its tables
+    graph       n nodes, m arcs by their tails, static costs (m, k); indices of arcs below are those in its tables
     durations   (m,) int32        ticks, at least 1
-    horizon     H                 tables have H + 1 columns, the last for H and whatever is later
+    horizon     H                 tables have H + 1 columns, the last for H and later ticks
     timed       (q,) int32        arcs with tables of their own, rising
-    costs       {j: (q, H + 1)}   int64 or int32, cost j of each timed arc by the tick; a column not given is static
-    blocked     (q, H + 1) bool   ticks at which a timed arc cannot be left for
-    place       (n,) int32        where a node is; nodes of one place share what standing there costs
-    stays       (m,) bool         arcs in place, whose cost is their static one and what standing costs meanwhile
-    standing    {j: (P, H + 1)}   int64: of a sum, Omega, rising from tick 0; of a maximum, the rate during [t, t + 1)
-    rate        (P, k) int64      of a sum, 2^-20 counts a tick: all the time if j has no Omega, else from H on; of a
+    costs       {j: (q, H + 1)}   int64 or int32, cost j of each timed arc by tick; columns left out are static
+    blocked     (q, H + 1) bool   ticks at which a timed arc is closed for departures
+    place       (n,) int32        place of each node; nodes of one place share the costs of standing there
+    stays       (m,) bool         arcs in place, which cost their static cost and the cost of standing meanwhile
+    standing    {j: (P, H + 1)}   int64: for a sum, Omega, rising from tick 0; for a maximum, the rate during [t, t + 1)
+    rate        (P, k) int64      for a sum, 2^-20 counts a tick: at all ticks if j has no Omega, else from H on; for a
                                   maximum without a table, its counts at any tick
-    cut         (P, H + 1) bool   ticks during which, [t, t + 1), nobody may stand at the place: they end holds, and
-                                  block arcs that stay; timed arcs have `blocked` instead
-    hold        ticks a hold lasts at least; None: nobody holds
-    arrive_by   the latest tick of an arrival; None: any
+    cut         (P, H + 1) bool   ticks, [t, t + 1), during which the robot must not stand at the place: they end holds
+                                  and block arcs that stay; timed arcs have `blocked` instead
+    hold        least duration of a hold, ticks; None: no holds
+    arrive_by   latest tick of an arrival; None: any
 
-    Arrays of these types that are read-only already are taken as they are, others are copied. What is left out is
-    empty: nothing timed, every node a place of its own, standing free of charge, no cuts.
+    Read-only arrays of these types are used without a copy. Defaults: no timed arcs, every node a place of its own,
+    standing free of charge, no cuts.
 
-    Raises GraphError for what does not fit.
+    Raises GraphError for tables that do not fit together.
 
     >>> graph = Graph.from_arcs(2, [0], [1], [[3, 1]])
-    >>> somebody_passes = TimedGraph(graph, [4], 2, timed=[0], costs={1: [[9, 9, 0]]}, hold=1)
-    >>> somebody_passes
+    >>> TimedGraph(graph, [4], 2, timed=[0], costs={1: [[9, 9, 0]]}, hold=1)
     <TimedGraph: 2 nodes, 1 arcs, 2 costs (sum, sum), 1 arcs timed up to tick 2>
     """
 
@@ -146,7 +145,7 @@ class TimedGraph:
 
     @cached_property
     def largest(self) -> IntArray:
-        """Largest cost (k,) of any arc at any tick, what standing meanwhile costs included."""
+        """Largest cost (k,) of any arc at any tick, with the cost of standing meanwhile."""
         most = self.graph.largest.copy()
         longest = int(self.durations.max(initial=0))
         for j, table in self.costs.items():
@@ -161,11 +160,11 @@ class TimedGraph:
         return most
 
     def _longest(self) -> int:
-        """Ticks of the longest arc or shortest hold: what may reach beyond the horizon."""
+        """Return the ticks of the longest arc or shortest hold, which may reach beyond the horizon."""
         return max(int(self.durations.max(initial=1)), self.hold or 0)
 
     def _check_sums(self) -> None:
-        """Refuse costs whose sums could overflow: until H a path takes an arc a tick, after it no node twice."""
+        """Refuse costs with sums that could overflow: a path takes at most an arc a tick until H, then no node twice."""
         for j, aggregate in enumerate(self.graph.aggregates):
             worst = int(self.largest[j])
             held = 2 * int(self.rate[:, j].max(initial=0)) * (self.horizon + (self.hold or 0)) >> RATE_BITS
@@ -189,7 +188,7 @@ class TimedGraph:
 
 
 def _columns(tables: Any, k: int) -> list[tuple[int, Any]]:
-    """Tables by the column of their cost, checked to be columns of the graph."""
+    """Return tables by the column of their cost, checked to be columns of the graph."""
     if not isinstance(tables, Mapping):
         raise GraphError(f"tables are given by the column of their cost, {{j: table}}; got {shown(tables)}")
     return [
@@ -200,7 +199,7 @@ def _columns(tables: Any, k: int) -> list[tuple[int, Any]]:
 def _table(
     values: ArrayLike, name: str, dtype: Any, shape: tuple[int | None, ...], least: int = 0, most: int = 2**31 - 1
 ) -> NDArray[Any]:
-    """A read-only array of whole numbers within bounds; of int32 or int64 as it comes where no type is given."""
+    """Return a read-only array of integers within bounds; without a type, it stays int32 or becomes int64."""
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths
@@ -220,7 +219,7 @@ def _table(
 
 
 def _flags(values: Any, name: str, shape: tuple[int, ...]) -> BoolArray:
-    """A read-only array of booleans of that shape; none are all False."""
+    """Return a read-only array of booleans of a shape; all False for None."""
     if values is None:
         return _read_only(np.zeros(shape, np.bool_))
     array = np.asarray(values)
@@ -246,10 +245,10 @@ HOLD = -1
 
 
 class PathSteps(NamedTuple):
-    """A path, arcs and holds one after the other.
+    """The steps of a path: arcs and holds in order.
 
-    nodes       (s + 1,)  source and target included; a hold has its node twice
-    arcs        (s,)      of each, as the caller gave them (`graph.arc`), -1 for a hold
+    nodes       (s + 1,)  source and target included; a hold repeats its node
+    arcs        (s,)      in the caller's numbers (`graph.arc`), -1 for a hold
     departures  (s + 1,)  ticks at which each step begins; the last is the arrival
     """
 
@@ -261,14 +260,14 @@ class PathSteps(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class TimedPaths:
-    """A front and its paths.
+    """A front on a clock and its paths.
 
     costs   (n, k)  int64  rows in lexicographic order
-    status  COMPLETE, NO_PATH, or what stopped the search
-    stats   what the search did
-    gap     every missing vector is covered by one of these within the factor 1 + gap, beside the tolerance asked for
-    asked   what is claimed beside completeness, in words: tolerance and bounds, if there were any
-    begin   tick at which the source is left, or held at
+    status  COMPLETE, NO_PATH, or the limit that stopped the search
+    stats   counts of the search
+    gap     every missing vector is covered by one of these within the factor 1 + gap, besides the tolerance
+    asked   tolerance and bounds of the query in words, if there were any
+    begin   tick at which paths leave the source, or begin to hold there
     """
 
     costs: IntArray
@@ -286,12 +285,12 @@ class TimedPaths:
 
     @property
     def places(self) -> tuple[tuple[IntArray, IntArray], ...]:
-        """Of each path the places of its arcs in the graph, and the ticks at which they are left for."""
+        """Indices of the arcs of each path in the graph, and the ticks of their departures."""
         return self._paths
 
     def steps(self, i: int) -> PathSteps:
-        """The arcs and holds of path i."""
-        arcs, leaves = self._paths[i]  # the arcs without holds, and when each is left for
+        """Return the arcs and holds of path i."""
+        arcs, leaves = self._paths[i]  # arcs without holds, and their departures
         source = np.array([self._source], np.int64)
         ends = leaves + self._graph.durations[arcs]
         ready = np.append(self.begin, ends[:-1])[: len(arcs)]
@@ -305,7 +304,7 @@ class TimedPaths:
         )
 
     def arrival(self, i: int) -> int:
-        """The tick at which path i arrives."""
+        """Return the tick at which path i arrives."""
         return int(self.steps(i).departures[-1])
 
     def __repr__(self) -> str:

@@ -1,15 +1,15 @@
-"""Joint lower bounds of what is left of the way, exact on the clock: the least weighted rest, for several weights.
+"""Joint lower bounds on the remaining costs, exact on the clock: least weighted remaining costs for several weights.
 
-What a label still becomes lies above its supporting lines: w.g + H_w(v, t), with H_w(v, t) the least weighted cost of a
-way from v at tick t. The state (v, t) leads to later ones only, so one sweep over ticks, the last first, gives H_w for
-all of them: over the arcs that are open at t, or a hold until s >= t + hold and then an arc,
+Solutions from a label lie above its supporting lines: w.g + H_w(v, t), with H_w(v, t) the least weighted cost of a path
+from v at tick t. A state (v, t) leads only to later states, so one sweep over ticks, the last first, gives H_w for all
+states: over the arcs open at t, or a hold until s >= t + hold and then an arc,
     dep(v, t) = min over arcs (v, u) of w.c(t) + H(u, t + d),
     H(v, t) = min(dep(v, t), min over s of w.W(t, s) + dep(v, s)).
-From L(v) + 1 on (:mod:`.calm`) nothing changes: these values come from one Dijkstra a weight. And v cannot be reached
-before its earliest tick. So there are few states in between, one row each, after the n rows of those that are calm.
+From L(v) + 1 on (:mod:`.calm`) values do not change; they come from one Dijkstra search a weight. No state precedes the
+earliest tick of its node. So there are few states in between, with a row each after the n rows of calm nodes.
 
-LANES weights are swept at once. Weighted costs are whole numbers of 31 bits, rounded down, and sums stop at FAR: all
-this makes less of the truth, which is still a lower bound.
+LANES weights are swept at once. Weighted costs are integers of 31 bits, rounded down, and sums stop at FAR; both only
+decrease values, so they remain lower bounds.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from hpop.runtime.compiled import inlined, lean, wide
 from hpop.search.timed.tables import NEVER, STAYS, TimedTables, arc_cost, free_since, is_open, omega_at
 
 LANES = 8  # 32 bytes: one vector register
-UNIT = 2.0**27  # what a whole way costs, about; so FAR is eight times as much
+UNIT = 2.0**27  # approximate cost of a whole path; FAR is eight times as much
 FAR = 2**30
-HALF = FAR / 2 - 1  # of an arc: what of it is always the same, and the rest
+HALF = FAR / 2 - 1  # limit of the constant part of an arc's cost, and of its other part
 CUT = -1
-DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding of a product and sums of floats
+DOWN, UP = 1 - 2.0**-40, 1 + 2.0**-40  # more than the rounding errors of a product and sums
 
 IntLanes = NDArray[np.int32]
 Lanes = tuple[np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int32, np.int32]  # LANES of them
 
 
 class JointTables(NamedTuple):
-    """Bounds for some tables of LANES weights each.
+    """Tables of joint bounds, each for LANES weights.
 
-    weights  (b, LANES, k)  0 of what is a maximum
-    rows     (b, r, LANES)  of calm nodes first
-    offset   (n,)           of node v at tick t is the row offset[v] + t, until L(v)
+    weights  (b, LANES, k)  0 for maxima
+    rows     (b, r, LANES)  calm nodes first
+    offset   (n,)           the row of node v at tick t is offset[v] + t, until L(v)
     calm     (n,)           L
-    alone    (k,)           the lane of the first table that has this cost alone, -1 if none
-    shift    (k,)           bits of that cost which the lane leaves out
+    alone    (k,)           lane of the first table that weighs only this cost, -1 for none
+    shift    (k,)           bits of that cost that the lane drops
     """
 
     weights: FloatArray
@@ -54,12 +54,12 @@ class JointTables(NamedTuple):
 
 
 class TimeWindows(NamedTuple):
-    """What a sweep reads beside.
+    """Ticks between which each node can be on a path.
 
-    ticks       (n,)  fewest to a target
-    earliest    (n,)  tick at which a node may be reached
-    arrive_by   the latest tick of an arrival
-    is_target   (n,)
+    ticks       (n,)  fewest ticks to a target
+    earliest    (n,)  earliest tick at a node
+    arrive_by   latest tick of an arrival
+    is_target   (n,)  mask
     """
 
     ticks: IntArray
@@ -70,16 +70,16 @@ class TimeWindows(NamedTuple):
 
 @inlined
 def row_of(offset: IntArray, calm: NDArray[np.int32], v: int, t: int) -> int:
-    """The row of a node at a tick."""
+    """Return the row of a node at a tick."""
     return v if t > calm[v] else int(offset[v] + t)
 
 
 @lean
 def price_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed: IntLanes) -> None:
-    """Weigh what arcs cost for good, from H on, into `priced` (m, LANES), FAR where they are then closed.
+    """Write the weighted costs of arcs from H on into `priced` (m, LANES), FAR where they are then closed.
 
     weights  (k, LANES)
-    fixed    (m, LANES)  what of their costs is the same at all ticks
+    fixed    (m, LANES)  the part of their costs that is the same at all ticks
     """
     last = tables.since.shape[1] - 1
     for u in range(len(tables.place)):
@@ -106,9 +106,9 @@ def price_arcs(tables: TimedTables, weights: FloatArray, priced: IntLanes, fixed
 def weigh_arc(
     tables: TimedTables, weights: FloatArray, most: FloatArray, fixed: IntLanes, a: int, t: int, out: IntLanes
 ) -> None:
-    """Weigh what a timed arc costs at a tick into `out` (1, LANES), less of it where that passes HALF.
+    """Write the weighted cost of a timed arc at a tick into `out` (1, LANES), less where it would pass HALF.
 
-    weights  (k, LANES); most (k,) of a cost that all lanes can weigh
+    weights  (k, LANES); most (k,) largest cost that all lanes can weigh
     """
     for lane in range(LANES):
         out[0, lane] = fixed[a, lane]
@@ -126,9 +126,9 @@ def weigh_arc(
 def weigh_stay(
     tables: TimedTables, weights: FloatArray, most: FloatArray, p: int, t: int, ticks: int, out: IntLanes
 ) -> None:
-    """Weigh what standing at a place costs for so many ticks from tick t on into `out[ticks]`, as :func:`weigh_arc`.
+    """Write the weighted cost of standing at a place for some ticks from tick t on into `out[ticks]`.
 
-    CUT in its first lane says that one may not stand there so long.
+    CUT in its first lane marks that the robot must not stand there so long.
     """
     t = min(t, tables.since.shape[1] - 1)
     for lane in range(LANES):
@@ -145,7 +145,7 @@ def weigh_stay(
 
 @inlined
 def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out: IntArray) -> None:
-    """Weigh what standing at a place has cost until tick t into `out` (LANES,); weights (k, LANES)."""
+    """Write the weighted cost of standing at a place from tick 0 to t into `out` (LANES,); weights (k, LANES)."""
     for lane in range(LANES):
         out[lane] = 0
     for j in range(len(weights)):
@@ -157,18 +157,18 @@ def weigh_standing(tables: TimedTables, weights: FloatArray, p: int, t: int, out
 
 
 class JointSweep(NamedTuple):
-    """What a sweep for LANES weights works on.
+    """Working arrays of a sweep for LANES weights.
 
-    weights   (k, LANES); most (k,) of a cost that all lanes can weigh
-    fixed     (m, LANES)  what of the arcs' costs is the same at all ticks
-    rows      (r, LANES)  the table, its calm rows filled
-    order     (w,)        nodes that have other rows, those of a place together
-    first     (p + 1,)    where in `order` those of each such place begin
-    together  ticks that every arc lasts at least
-    held      (w, power of two, LANES)  the least w.Omega(s) + dep(v, s) of s from t on, for the last ticks
-    rounded   (LANES,)    weights that are no whole numbers: what they weigh is rounded
-    stay      (ticks, LANES)  what standing costs for so many, as of the state of a place that is in `stay_of` (ticks,)
-    cost (1, LANES), dep, now, then, later  (LANES,)  room
+    weights   (k, LANES); most (k,) largest cost that all lanes can weigh
+    fixed     (m, LANES)  part of the arcs' costs that is the same at all ticks
+    rows      (r, LANES)  the table, with calm rows filled
+    order     (w,)        nodes with other rows, grouped by place
+    first     (p + 1,)    begin of each such place in `order`
+    together  least duration of an arc, ticks
+    held      (w, power of two, LANES)  least w.Omega(s) + dep(v, s) over s from t on, for the last ticks
+    rounded   (LANES,)    number of weights that are not whole, which round their products
+    stay      (ticks, LANES)  cost of standing by duration, for the place and tick in `stay_of` (ticks,)
+    cost (1, LANES), dep, now, then, later  (LANES,)  scratch
     """
 
     weights: FloatArray
@@ -193,7 +193,7 @@ class JointSweep(NamedTuple):
 
 @inlined
 def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> Lanes:
-    """The lesser of what is least and the sum of two rows. Spelled out: in memory, each lane would be one by itself."""
+    """Return the minimum of `least` and the sum of two rows, lane by lane; written out so that it is vectorised."""
     return (
         min(least[0], np.int32(rows[row, 0] + costs[of, 0])),
         min(least[1], np.int32(rows[row, 1] + costs[of, 1])),
@@ -208,7 +208,7 @@ def lower(least: Lanes, rows: IntLanes, row: int, costs: IntLanes, of: int) -> L
 
 @inlined
 def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: int, stay: IntLanes, ticks: int) -> Lanes:
-    """The same of three rows."""
+    """Return the minimum of `least` and the sum of three rows, lane by lane."""
     return (
         min(least[0], np.int32(rows[row, 0] + fixed[a, 0] + stay[ticks, 0])),
         min(least[1], np.int32(rows[row, 1] + fixed[a, 1] + stay[ticks, 1])),
@@ -223,7 +223,7 @@ def lower_by_stay(least: Lanes, rows: IntLanes, row: int, fixed: IntLanes, a: in
 
 @inlined
 def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t: int) -> None:
-    """Write the least weighted rests of whoever leaves a node at tick t into `dep`; later rows are filled."""
+    """Write the least weighted remaining costs of leaving a node at tick t into `dep`; later rows are filled."""
     far = np.int32(FAR)
     least = (far, far, far, far, far, far, far, far)
     p = np.int64(tables.place[v])
@@ -236,7 +236,7 @@ def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t:
             continue
         r = tables.row[a]
         if r == STAYS:
-            if work.stay_of[ticks] != state:  # nodes of a place follow each other, and their arcs last equally long
+            if work.stay_of[ticks] != state:  # nodes of a place are consecutive, and their arcs last equally long
                 work.stay_of[ticks] = state
                 weigh_stay(tables, work.weights, work.most, p, t, ticks, work.stay)
             if work.stay[ticks, 0] == CUT:
@@ -258,11 +258,11 @@ def depart(tables: TimedTables, ahead: TimeWindows, work: JointSweep, v: int, t:
 
 @wide
 def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntArray, steps: int) -> bool:
-    """Fill the rows of so many states in between, or a few more, or of all that are left; whether all are filled.
+    """Fill the rows of about ``steps`` states in between; return whether all are filled.
 
-    state (2,) is where it is: the latest tick of those that are filled together, and the place; at first the latest of
-    all and 0. As every arc lasts longer, these states read none of each other but of the same node: so each place has
-    all these ticks in its turn, and what it reads and writes lies near in memory.
+    state (2,) is the progress: latest tick of the present block of ticks, and place; at first the latest tick of all
+    and 0. As every arc is longer than a block, states of a block depend only on states of the same node. So places are
+    processed one after another, each for the whole block, with local memory access.
     """
     dep, now, then, later = work.dep, work.now, work.then, work.later
     hold, order, calm, rows = np.int64(tables.hold), work.order, work.calm, work.rows
@@ -272,7 +272,7 @@ def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntA
         begin, end = work.first[state[1]], work.first[state[1] + 1]
         p = np.int64(tables.place[order[begin]])
         for t in range(state[0], max(np.int64(-1), state[0] - work.together), -1):
-            is_weighed = False  # what standing here costs
+            is_weighed = False  # the cost of standing here
             for at in range(begin, end):
                 v = order[at]
                 last = np.int64(calm[v])
@@ -288,7 +288,7 @@ def sweep(tables: TimedTables, ahead: TimeWindows, work: JointSweep, state: IntA
                         may_hold = free_since(tables, p, t + hold) <= t
                     if stands and t == last:
                         weigh_standing(tables, work.weights, p, t + 1, then)
-                    for lane in range(LANES):  # of leaving at t or later
+                    for lane in range(LANES):  # cost of leaving at t or later
                         later[lane] = dep[lane] + now[lane]
                         if stands:
                             after = rows[v, lane] + then[lane] if t == last else work.held[at, (t + 1) & ring, lane]

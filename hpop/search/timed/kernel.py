@@ -1,13 +1,13 @@
-"""The inner loop of the search on a clock: tick after tick, labels that arrive, leave at once, or have held.
+"""The inner loop of the search on a clock: tick after tick, labels arrive, leave at once, or leave after a hold.
 
-At each tick, first those who arrive are told apart from those whom others make superfluous (:mod:`.sets`); then each of
-them leaves by every arc that is open; then, at the nodes where waiting may gain something, those who have held there
-long enough leave by the arcs for which it has a use. Who arrives at a target is a solution, and nothing more.
+At each tick, arriving labels that others make superfluous are dropped first (:mod:`.sets`). Then each of the others
+leaves by every open arc. Then, at nodes where waiting may be useful, labels that have held long enough leave by the
+arcs for which it is useful. A label that arrives at a target is a solution and ends there.
 
-**Which holds have a use.** Let a label that arrived at v at tick b leave by arc a = (v, u) at t >= b + hold. If it
-could also have left at an earlier s, s = b or b + hold <= s <= t - hold, and then held behind the arc until t + d at no
-larger costs (:func:`.calm.gains` is false of s and t), then that one's arrival makes this one's superfluous. Asked of
-s = t - hold and of s = b. And nobody waits longer than until max(L(v) + 1, b + hold), when v is left for good.
+**Useful holds.** Let a label that arrived at v at tick b leave by arc a = (v, u) at t >= b + hold. If it could also
+have left at an earlier s, s = b or b + hold <= s <= t - hold, and then held behind the arc until t + d at no larger
+costs (:func:`.calm.gains` is false for s and t), then that earlier arrival makes this one superfluous. This is checked
+for s = t - hold and s = b. No label waits longer than until max(L(v) + 1, b + hold), when v is left for good.
 """
 
 from __future__ import annotations
@@ -53,18 +53,18 @@ from hpop.search.timed.sets import (
 from hpop.search.timed.solutions import SolutionSet, is_covered, may_improve, solve
 from hpop.search.timed.tables import STAYS, TimedTables, arc_cost, is_open, omega_at
 
-# Where the search is: the tick, what is done at it, the first label closed at it, which label or node comes next, how
-# many nodes wait, the first free row of the queue and how many rows were ever used, and solutions ever found.
+# State of the search: tick, stage, first label closed at the tick, next label or node, number of waiting nodes, first
+# free row of the queue, rows used so far, and solutions found so far.
 NOW, STAGE, FIRST, NEXT, WAITING, FREE, USED, SOLVED, STATE = range(9)
 ARRIVE, LEAVE, HOLD_ON, STAGES = range(4)
 
 
 class Queue(NamedTuple):
-    """Labels that are under way, by the tick of their arrival.
+    """Labels under way, by the tick of their arrival.
 
-    tops   (power of two,)  first row of each tick, -1 for none; more ticks than any arc takes
-    below  (o,)             next row of the same tick, or of the free ones
-    values (o,)             1 + closed parent and 1 + arc, as of all labels
+    tops   (power of two,)  first row of each tick, -1 for none; more ticks than the longest arc
+    below  (o,)             next row of the same tick, or next free row
+    values (o,)             1 + closed parent and 1 + arc, as for all labels
     costs  (o, k)
     """
 
@@ -77,9 +77,9 @@ class Queue(NamedTuple):
 class ClosedLabels(NamedTuple):
     """Labels that have arrived.
 
-    values, ticks  (c,)    closed labels, and when they arrived
-    costs, kept    (f, k)  of those of this tick; whether none of the same tick makes it superfluous
-    nodes, waits   (n,)    nodes where labels wait, in no order; whether a node is among them
+    values, ticks  (c,)    of closed labels, and their ticks of arrival
+    costs, kept    (f, k)  costs of the labels of this tick; whether no other label of the tick makes it superfluous
+    nodes, waits   (n,)    nodes where labels wait, in any order; whether each node is among them
     """
 
     values: IntArray
@@ -91,12 +91,12 @@ class ClosedLabels(NamedTuple):
 
 
 class PruningBounds(NamedTuple):
-    """What labels are compared with beside the solutions.
+    """Bounds that prune labels, besides the solutions.
 
     joint    joint bounds
-    corners  (c, k)         what solutions leave uncovered; lanes (c, b, LANES) weighed
-    hint     (1,)           the corner that a label got into last
-    weighed  (b, LANES)     room
+    corners  (c, k)         of the region that solutions leave uncovered; lanes (c, b, LANES) weighed
+    hint     (1,)           corner that contained the last label
+    weighed  (b, LANES)     scratch
     """
 
     joint: JointTables
@@ -118,7 +118,7 @@ def is_hopeless(
     g: IntArray,
     f: IntArray,
 ) -> bool:
-    """Whether all that becomes of a label at node v and tick t, with costs g (k,), is covered; f (k,) is room."""
+    """Return whether a label at node v and tick t, with costs g (k,), only reaches covered vectors; f (k,): scratch."""
     joint = bounds.joint
     row = row_of(joint.offset, joint.calm, v, t)
     for j in range(len(g)):
@@ -147,7 +147,7 @@ def offer(
     parent: int,
     scratch: IntArray,
 ) -> None:
-    """Let a label with costs g (k,) leave by an open arc at tick t; p is the place of the arc's tail."""
+    """Send a label with costs g (k,) along an open arc at tick t; p is the place of the arc's tail."""
     x = np.int64(tables.heads[a])
     end = t + np.int64(tables.durations[a])
     if rest.ticks[x] > goal.arrive_by - end:
@@ -195,7 +195,7 @@ def advance(
     source: int,
     scratch: IntArray,
 ) -> int:
-    """Go on until the work is done or an array is full; return why. scratch (4, k) is room for costs."""
+    """Run the search until the work is done or an array is full; return why. scratch (4, k) is for costs."""
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
     g, vector = scratch[2], scratch[3]
@@ -303,9 +303,9 @@ def under_way(
     rows: NDArray[np.int32],
     ticks: IntArray,
 ) -> int:
-    """List rows of labels that are under way, and when they arrive, as many as there is room for; return how many.
+    """List rows of labels under way and their arrivals, as many as fit; return how many.
 
-    place  (2,)  how far the list has got, both -1 at first: ticks from now, and the next row of that tick
+    place  (2,)  progress of the list, both -1 at first: ticks from now, and the next row of that tick
     """
     count = 0
     while count < len(rows):
@@ -322,7 +322,7 @@ def under_way(
 
 @lean
 def lacking(goal: SolutionSet, queue: Queue, counters: IntArray, state: IntArray, more: int) -> int:
-    """What has no room for so many labels."""
+    """Return the code of the array that has no room for ``more`` labels, or SLICE."""
     if counters[N_FRONT] + more > len(goal.values):
         return FRONT
     if state[USED] + more > len(queue.values):
@@ -345,7 +345,7 @@ def leave_after_hold(
     t: int,
     scratch: IntArray,
 ) -> int:
-    """Let those who have held at a node leave at tick t by the arcs for which it has a use; the work of it."""
+    """Send labels that have held at a node along arcs for which that is useful, at tick t; return the work done."""
     k = len(tables.is_max)
     hold = np.int64(tables.hold)
     p = np.int64(tables.place[v])

@@ -1,8 +1,8 @@
-"""A graph on a clock made ready for one set of targets, to be searched from node after node, tick after tick.
+"""A graph on a clock prepared for one set of targets, for searches from many nodes and ticks.
 
-A drive asks the same question again and again while people do as predicted. What takes most of the time of a small
-question does not change then: bounds of the rest of the way, the sweeps of joint ones among them, belong to nodes and
-ticks, whoever asks. So they are made once, for all nodes and ticks that come after a first one.
+A drive repeats one query while people move as predicted. Most of the time of a small query goes into bounds on the
+remaining costs, which depend on node and tick but not on the source. So they are computed once, for all nodes and ticks
+after a first one.
 """
 
 from __future__ import annotations
@@ -33,28 +33,27 @@ from hpop.search.timed.search import TimedSearch
 from hpop.search.timed.tables import TimedTables
 
 METHOD = "timed"
-FIRST, SECOND = 0.35, 0.95  # of all limits: in between comes a search within a precision
+FIRST, SECOND = 0.35, 0.95  # shares of the limits at which the approximate search begins and ends
 GAP = 0.1  # its precision, relative
 
 
 class TimedPath(NamedTuple):
-    """A path that is known: the places (s,) of its arcs in the graph, and the ticks (s,) at which they are left for."""
+    """A known path: the indices (s,) of its arcs in the graph, and the ticks (s,) of their departures."""
 
     arcs: IntArray
     leaves: IntArray
 
 
 class PreparedTimed:
-    """A graph on a clock, ready to be searched from any node and tick that come after a first one.
+    """A graph on a clock, prepared for searches from any node and tick that can follow a first one.
 
-    earliest  (n,)  tick from which on each node may be asked about; UNREACHABLE for those that nobody comes to
+    earliest  (n,)  earliest tick of a query from each node; UNREACHABLE for nodes that cannot be reached
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.
 
-    Guarantees: :meth:`paths` is what :func:`.timed_paths` finds on the graph whose tables begin at that tick.
+    Guarantees: :meth:`paths` returns the result of :func:`.timed_paths` on a graph with tables from that tick on.
 
-    Cost: bounds and sweeps once, for all states on a clock behind the first one; a search then takes the time of its
-    labels alone.
+    Cost: bounds once, for all nodes and ticks after the first one; a search then takes the time of its labels alone.
 
     >>> from hpop.search import Graph
     >>> static = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 0], [1, 0], [9, 0]])
@@ -74,23 +73,23 @@ class PreparedTimed:
         begin = whole("begin", begin, 0, MOST_COUNTED, "a tick")
         clock = Clock(UNLIMITED, None)
         self.tables = TimedTables.of(graph)
-        ways, _ = path_bounds(graph, self.tables, first, self.targets, clock)
-        assert ways is not None  # nothing limits it
-        comes = ways.earliest < UNREACHABLE
-        self.earliest = np.where(comes, ways.earliest + begin, UNREACHABLE)
-        # No solution is known of all queries to come, so every node may be needed.
-        through = np.where(comes & (ways.ticks < UNREACHABLE), ways.through * 0, UNREACHABLE)
-        ways = ways._replace(earliest=self.earliest, through=through)
-        self.bounds = TimedJointBounds(graph, self.tables, ways, first, self.targets, begin=begin)
+        bounds, _ = path_bounds(graph, self.tables, first, self.targets, clock)
+        assert bounds is not None  # there is no limit
+        is_reached = bounds.earliest < UNREACHABLE
+        self.earliest = np.where(is_reached, bounds.earliest + begin, UNREACHABLE)
+        # No solution is known for later queries, so every node may be needed.
+        through = np.where(is_reached & (bounds.ticks < UNREACHABLE), bounds.through * 0, UNREACHABLE)
+        bounds = bounds._replace(earliest=self.earliest, through=through)
+        self.bounds = TimedJointBounds(graph, self.tables, bounds, first, self.targets, begin=begin)
         self.bounds.make_for_all(clock)
-        self.rest = remaining_bounds(graph, ways, self.bounds.layout.needed)
+        self.rest = remaining_bounds(graph, bounds, self.bounds.layout.needed)
         self.joint = self.bounds.joint()
 
     @property
     def memory(self) -> int:
-        """Bytes of what is kept beside the graph."""
-        kept = [*self.tables, *self.rest, *self.joint, *(array for sweep in self.bounds.sweeps for array in sweep)]
-        own = {id(array): array.nbytes for array in kept if isinstance(array, np.ndarray)}
+        """Bytes of all arrays beside the graph."""
+        arrays = [*self.tables, *self.rest, *self.joint, *(array for sweep in self.bounds.sweeps for array in sweep)]
+        own = {id(array): array.nbytes for array in arrays if isinstance(array, np.ndarray)}
         return sum(own.values())
 
     def paths(
@@ -102,20 +101,20 @@ class PreparedTimed:
         budget: Budget = UNLIMITED,
         known: Sequence[TimedPath] = (),
     ) -> TimedPaths:
-        """Find every non-dominated cost vector of the paths that leave a node at a tick, or hold there, each with one.
+        """Find every non-dominated cost vector of the paths that leave a node at a tick or hold there, with a path each.
 
-        With a `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C it may end before:
-        what is returned is what was found until then, and `gap` says how much better others may be.
+        A `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C may end the search.
+        Then the paths found so far are returned, and `gap` bounds how much better missing ones may be.
 
-        `known` are paths from there. Those that the graph allows, at the ticks that they say, are there even after a
-        deadline of 0; others are left out.
+        `known` are paths from the node. Those that the graph allows at their ticks are returned even after a deadline
+        of 0; others are ignored.
 
-        Raises QueryError for a source that is no node, or that cannot be reached by then.
+        Raises QueryError for a source that is no node, or that cannot be reached by that tick.
         """
         start = checked_node(self.graph.graph, source, "source")
         tick = whole("tick", tick, 0, MOST_COUNTED, "a tick", error=QueryError)
         if tick < self.earliest[start]:
-            raise QueryError(f"node {source!r} cannot be reached by tick {tick}: prepare the graph from there")
+            raise QueryError(f"node {source!r} cannot be reached by tick {tick}: prepare the graph from that node")
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
         run = _TimedPreparedRun(self, start, tick, Deadline(deadline, budget, None))
@@ -128,30 +127,30 @@ class PreparedTimed:
 
 
 class _TimedPreparedRun:
-    """One question: from a node at a tick, with some paths known."""
+    """One query: from a node at a tick, with some known paths."""
 
     def __init__(self, prepared: PreparedTimed, source: int, tick: int, clock: Deadline) -> None:
         self.prepared, self.source, self.tick, self.clock = prepared, source, tick, clock
         self.seeds = list[Seed]()
         self.exact: TimedSearch | None = None
         self.near: TimedSearch | None = None
-        self.is_near = False  # whether the search within a precision is complete
+        self.is_near = False  # whether the approximate search is complete
 
     def know(self, known: Sequence[TimedPath]) -> None:
-        """Begin with those of some paths that the graph allows."""
+        """Begin with the known paths that the graph allows."""
         prepared, k = self.prepared, self.prepared.graph.graph.criteria
         latest = prepared.graph.arrive_by
-        for walk in known:
-            arcs, leaves = (np.ascontiguousarray(part, np.int64) for part in walk)
+        for path in known:
+            arcs, leaves = (np.ascontiguousarray(part, np.int64) for part in path)
             total = np.zeros(k, np.int64)
-            asked = prepared.tables, self.source, self.tick, arcs, leaves, total
-            if not arcs.size or self.clock.call(path_cost, *asked) not in prepared.targets:
+            arguments = prepared.tables, self.source, self.tick, arcs, leaves, total
+            if not arcs.size or self.clock.call(path_cost, *arguments) not in prepared.targets:
                 continue
             if latest is None or leaves[-1] + prepared.graph.durations[arcs[-1]] <= latest:
                 self.seeds.append(Seed(total, arcs, leaves))
 
     def go(self) -> Status:
-        """Search until all is found, or time is up."""
+        """Search to the end, or until a limit."""
         prepared, clock = self.prepared, self.clock
         if prepared.graph.arrive_by is not None and self.tick > prepared.graph.arrive_by:
             return Status.NO_PATH
@@ -176,24 +175,24 @@ class _TimedPreparedRun:
         self.seeds = self._solutions()
         self.near = near = self._search(Precision(GAP))
         self.is_near = self._ran(near) in (Status.COMPLETE, Status.NO_PATH)
-        for seed in near.known():
+        for seed in near.solutions_found():
             exact.plant(seed)
         clock.share, clock.labels, clock.memory = 1.0, near.spent[0], near.memory()
         return self._ran(exact)
 
     def _follow_best(self) -> None:
-        """Know the best ways for the weights of all sweeps, from here on."""
+        """Add the best paths from the source for the weights of all sweeps to the known solutions."""
         bounds = self.prepared.bounds
         nodes, costs = np.full(LANES, self.source), np.zeros((LANES, self.prepared.graph.graph.criteria), np.int64)
         for table in range(len(bounds.sweeps)):
-            ways = bounds.completed(table, np.arange(LANES), nodes, self.tick, costs, self.clock)
-            self.seeds += [seed for seed in ways if seed is not None]
+            paths = bounds.completed(table, np.arange(LANES), nodes, self.tick, costs, self.clock)
+            self.seeds += [seed for seed in paths if seed is not None]
 
     def _search(self, precision: Precision) -> TimedSearch:
         prepared = self.prepared
-        known = prepared.tables, prepared.rest, self.source, prepared.targets
+        query = prepared.tables, prepared.rest, self.source, prepared.targets
         return TimedSearch(
-            prepared.graph, *known, precision, (), prepared.bounds, prepared.joint, self.seeds, begin=self.tick
+            prepared.graph, *query, precision, (), prepared.bounds, prepared.joint, self.seeds, begin=self.tick
         )
 
     def _ran(self, search: TimedSearch) -> Status:
@@ -202,10 +201,10 @@ class _TimedPreparedRun:
         return status
 
     def _solutions(self) -> list[Seed]:
-        """All that is known, none of it dominated, in lexicographic order."""
+        """Return all known non-dominated solutions, in lexicographic order."""
         several = list(self.seeds)
         for search in (self.exact, self.near):
-            several += [] if search is None else search.known()
+            several += [] if search is None else search.solutions_found()
         if not several:
             return []
         costs = np.array([seed.costs for seed in several])
@@ -213,13 +212,12 @@ class _TimedPreparedRun:
         return [several[row] for row in rows[is_nondominated(costs[rows].astype(np.float64))]]
 
     def result(self, status: Status) -> TimedPaths:
-        """What was found and what was known, together, and how much better others may be."""
-        prepared, clock, known = self.prepared, self.clock, self._solutions()
+        """Return the found and known paths together, with the gap to missing ones."""
+        prepared, clock, seeds = self.prepared, self.clock, self._solutions()
         k = prepared.graph.graph.criteria
-        costs = np.array([seed.costs for seed in known], np.int64).reshape(-1, k)
-        for row, seed in zip(costs, known, strict=True):
-            asked = prepared.tables, self.source, self.tick, seed.arcs, seed.leaves, row
-            clock.call(gather_holds, *asked)
+        costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, k)
+        for row, seed in zip(costs, seeds, strict=True):
+            clock.call(gather_holds, prepared.tables, self.source, self.tick, seed.arcs, seed.leaves, row)
         costs.setflags(write=False)
         counts = {"labels_generated": 0, "labels_expanded": 0, "labels_open": 0}
         for search in (self.near, self.exact):
@@ -230,11 +228,11 @@ class _TimedPreparedRun:
             seconds_compiled=clock.compiled, **counts,
         )  # fmt: skip
         gap = 0.0 if status.is_final else self._gap(costs)
-        paths = tuple((seed.arcs, seed.leaves) for seed in known)
+        paths = tuple((seed.arcs, seed.leaves) for seed in seeds)
         return TimedPaths(costs, status, stats, prepared.graph, self.source, paths, gap=gap, begin=self.tick)
 
     def _least(self) -> IntArray:
-        """Least costs (k,) of what leads on from here, one by one."""
+        """Return the least remaining costs (k,) from the source, one by one."""
         least, joint = self.prepared.rest.least[:, self.source].copy(), self.prepared.joint
         row = row_of(joint.offset, joint.calm, self.source, self.tick)
         for j in np.flatnonzero(joint.alone >= 0):
@@ -242,10 +240,10 @@ class _TimedPreparedRun:
         return least
 
     def _gap(self, costs: IntArray) -> float:
-        """The least gap that any search proves of what is returned (n, k)."""
+        """Return the smallest gap that any search proves for the returned costs (n, k)."""
         if self.exact is None:
             return proven_gap(costs, self._least()[None], math.inf)
         gap = GAP if self.is_near else math.inf
         if self.near is not None and not self.is_near:
-            gap = max(GAP, *(proven_gap(costs, some, gap) for some in self.near.estimates()))
-        return min(gap, max(proven_gap(costs, some, gap) for some in self.exact.estimates()))
+            gap = max(GAP, *(proven_gap(costs, block, gap) for block in self.near.estimates()))
+        return min(gap, max(proven_gap(costs, block, gap) for block in self.exact.estimates()))

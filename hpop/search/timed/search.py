@@ -1,4 +1,4 @@
-"""The search on a clock for one query: its arrays, and its loop."""
+"""The search on a clock for one query: arrays of the kernels, and the loop of slices."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ from hpop.search.timed.sets import ROW_COLUMNS, SEEN, SET_COLUMNS, SIZE, LabelSe
 from hpop.search.timed.solutions import MOST_CORNERS, SolutionSet, cut_corners, is_covered, solve, weighed_corners
 from hpop.search.timed.tables import NEVER, TimedTables
 
-WAYS = 32  # that are followed after each slice of work
-BLOCK = 1 << 16  # labels whose estimates are made at once
+FOLLOWED = 32  # best paths that are followed after each slice of work
+BLOCK = 1 << 16  # labels with estimates computed at once
 Labels = tuple[IntArray, IntArray, IntArray]  # values, ticks of arrival, costs
 
 
 class TimedSearch:
-    """The search from one node; targets are nodes."""
+    """The search from one node to some target nodes."""
 
     def __init__(
         self,
@@ -75,9 +75,9 @@ class TimedSearch:
         before: tuple[int, int] = (0, 0),
         begin: int = 0,
     ) -> None:
-        """Begin at a tick with solutions known; `before` are labels generated and expanded to find them."""
+        """Begin at a tick with known solutions; `before`: labels generated and expanded by earlier searches."""
         self.bounds, self.joint = bounds, joint
-        self.lane = 0  # of the next way that is followed
+        self.lane = 0  # of the next best path that is followed
         self.graph, self.tables, self.rest, self.source = graph, tables, rest, source
         n, k = graph.graph.nodes, graph.graph.criteria
         self.eps, self.tolerance = float(precision.eps), precision.of(range(k))
@@ -112,7 +112,7 @@ class TimedSearch:
         self.counters[[N_GENERATED, N_EXPANDED]] = before
 
     def plant(self, seed: Seed) -> None:
-        """Enter a solution known before the search, if it is one, and nothing covers it yet."""
+        """Add a known solution, unless a solution covers it already."""
         if self.counters[N_FRONT] == len(self.solutions):
             self._room(FRONT)[1]()
         goal = self._goal()
@@ -122,13 +122,13 @@ class TimedSearch:
             self.state[SOLVED] += 1
 
     def _look_ahead(self, clock: Clock) -> None:
-        """Follow best ways from some labels of this tick to their ends: solutions, long before labels get there.
+        """Follow best paths from some labels of this tick to their ends, which gives solutions early.
 
-        The labels have not been told to be covered, so many of these ways end in what no solution covers yet.
+        As these labels are not pruned, many of their best paths end in solutions that no other covers.
         """
         tables, first = len(self.bounds.sweeps), int(self.state[FIRST])
         fresh = np.flatnonzero(self.kept[: int(self.counters[N_CLOSED]) - first])
-        fresh = fresh[np.linspace(0, len(fresh) - 1, min(WAYS, len(fresh))).astype(np.int64)]
+        fresh = fresh[np.linspace(0, len(fresh) - 1, min(FOLLOWED, len(fresh))).astype(np.int64)]
         if not tables or not len(fresh):
             return
         turns = (self.lane + 1 + np.arange(len(fresh))) % (tables * LANES)
@@ -138,15 +138,15 @@ class TimedSearch:
         nodes = np.where(arcs >= 0, self.graph.graph.heads[arcs], self.source)
         for table in range(tables):
             of = np.flatnonzero(turns // LANES == table)
-            asked = turns[of] % LANES, nodes[of], int(self.state[NOW]), self.fresh[fresh[of]]
-            for i, rest in zip(of, self.bounds.completed(table, *asked, clock), strict=True):
-                if rest is not None and not is_covered(self._goal(), int(self.counters[N_FRONT]), rest.costs):
-                    way, leaves = self._way(int(values[i]), int(self.state[NOW]) - int(self.graph.durations[arcs[i]]))
-                    way, leaves = np.concatenate([way, rest.arcs]), np.concatenate([leaves, rest.leaves])
-                    self.plant(Seed(rest.costs, way, leaves))
+            starts = turns[of] % LANES, nodes[of], int(self.state[NOW]), self.fresh[fresh[of]]
+            for i, end in zip(of, self.bounds.completed(table, *starts, clock), strict=True):
+                if end is not None and not is_covered(self._goal(), int(self.counters[N_FRONT]), end.costs):
+                    path, leaves = self._arcs(int(values[i]), int(self.state[NOW]) - int(self.graph.durations[arcs[i]]))
+                    path, leaves = np.concatenate([path, end.arcs]), np.concatenate([leaves, end.leaves])
+                    self.plant(Seed(end.costs, path, leaves))
 
     def _take_corners(self) -> None:
-        """Cut the corners that new solutions cover."""
+        """Update the uncovered corners with new solutions."""
         self.cornered = int(self.state[SOLVED])
         reach = self.reach[: int(self.counters[N_FRONT])]
         for row in reach[np.argsort(reach.sum(axis=1))]:
@@ -162,7 +162,7 @@ class TimedSearch:
         )  # fmt: skip
 
     def advance(self, clock: Clock, work: int) -> int:
-        """Run the kernel."""
+        """Run a slice of the kernel, and return why it ended."""
         if self.cornered < self.state[SOLVED]:
             self._take_corners()
         goal, bounds = self._goal(), PruningBounds(self.joint, self.corners, self.lanes, self.hint, self.weighed)
@@ -173,7 +173,7 @@ class TimedSearch:
         return int(clock.call(advance, self.counters, self.state, work, *arguments))
 
     def run(self, clock: Clock, keep: Callable[[], None], enough: int | None = None) -> Status | None:
-        """Search to the end, or to a limit, or until `enough` labels were generated, then None; keep between slices."""
+        """Search to the end, a limit, or `enough` labels (then None); call `keep` between slices."""
         status = clock.exceeded(0, self.memory())
         while status is None:
             generated = int(self.counters[N_GENERATED])
@@ -196,11 +196,11 @@ class TimedSearch:
         return status
 
     def arrays(self) -> list[NDArray[Any]]:
-        """All that was allocated for it, and what is kept beside the graph."""
+        """Return all arrays of the search and its bounds, without the graph."""
         own: list[NDArray[Any]] = [self.below, self.values, self.costs, self.closed, self.ticks, self.fresh, self.kept]
         own += [self.vectors, self.rows, self.heads, self.nodes, self.waits, self.corners, self.lanes, *self._solved]
         rest: list[NDArray[Any]] = [self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
-        joint = [self.joint.rows] if len(self.joint.rows) > 1 else []  # a single table is that of its sweep
+        joint = [self.joint.rows] if len(self.joint.rows) > 1 else []  # a single table belongs to its sweep
         return [*own, *rest, *self.tables.own, *joint, *self.bounds.arrays]
 
     @property
@@ -208,7 +208,7 @@ class TimedSearch:
         return [self.front, self.reach, self.solutions, self.leaves]
 
     def memory(self) -> int:
-        """Bytes of all arrays, each counted once."""
+        """Return the bytes of all arrays, each counted once."""
         return sum({id(array): array.nbytes for array in self.arrays()}.values())
 
     def _room(self, code: int) -> tuple[int, Callable[[], None]]:
@@ -227,7 +227,7 @@ class TimedSearch:
         return sum(getattr(self, name).nbytes for name in names), grow
 
     def counts(self) -> dict[str, int]:
-        """Labels generated, expanded and open, for :class:`.SearchStats`."""
+        """Return the labels generated, expanded and open, for :class:`.SearchStats`."""
         names = {"labels_generated": N_GENERATED, "labels_expanded": N_EXPANDED, "labels_open": N_OPEN}
         return {name: int(self.counters[column]) for name, column in names.items()}
 
@@ -236,13 +236,13 @@ class TimedSearch:
         """Labels generated and expanded."""
         return int(self.counters[N_GENERATED]), int(self.counters[N_EXPANDED])
 
-    def known(self) -> list[Seed]:
-        """The solutions so far, for another search to begin with."""
-        costs, paths = self.found()
+    def solutions_found(self) -> list[Seed]:
+        """Return the solutions so far, for another search to begin with."""
+        costs, paths = self.costs_and_paths()
         return [Seed(row.copy(), *path) for row, path in zip(costs, paths, strict=True)]
 
-    def found(self) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
-        """Costs (s, k) of the solutions so far, in lexicographic order; of each path its arcs and their departures."""
+    def costs_and_paths(self) -> tuple[IntArray, list[tuple[IntArray, IntArray]]]:
+        """Return the solutions so far: costs (s, k) in lexicographic order, and arcs and departures of each path."""
         count = int(self.counters[N_FRONT])
         order = np.lexsort(self.front[:count].T[::-1])
         return self.front[:count][order], [self._path(i) for i in order.tolist()]
@@ -252,10 +252,10 @@ class TimedSearch:
         if value < 0:
             seed = self.seeds[-1 - value]
             return seed.arcs, seed.leaves
-        return self._way(value, leaves)
+        return self._arcs(value, leaves)
 
-    def _way(self, value: int, leaves: int) -> tuple[IntArray, IntArray]:
-        """Arcs of a label, and when they are left for, the last one at tick `leaves`."""
+    def _arcs(self, value: int, leaves: int) -> tuple[IntArray, IntArray]:
+        """Return the arcs of a label and their departures, the last one at tick `leaves`."""
         arcs, departures = [], []
         while value > 0:
             arc = (value & 0xFFFFFFFF) - 1
@@ -267,15 +267,15 @@ class TimedSearch:
         return np.array(arcs[::-1], np.int64), np.array(departures[::-1], np.int64)
 
     def estimates(self) -> Iterator[IntArray]:
-        """Least costs (m, k) of what may become of labels that are under way, or have not left, or may yet, in blocks.
+        """Yield least costs (m, k) of solutions from labels under way, arrived, or waiting, in blocks.
 
-        All at once they would take more memory than the labels do.
+        All at once would take more memory than the labels.
         """
         for values, ticks, g in chain(self._under_way(), self._fresh(), self._waiting()):
             yield self._least(values, ticks, g)
 
     def _least(self, values: IntArray, ticks: IntArray, g: IntArray) -> IntArray:
-        """Least costs (m, k) of what may become of some labels that cost g (m, k)."""
+        """Return least costs (m, k) of solutions from labels with costs g (m, k)."""
         arcs = (values & 0xFFFFFFFF) - 1
         nodes = np.full(len(arcs), self.source)
         nodes[arcs >= 0] = self.graph.graph.heads[arcs[arcs >= 0]]
@@ -304,7 +304,7 @@ class TimedSearch:
             yield self.closed[first + rows], np.full(len(rows), self.state[NOW]), self.fresh[rows]
 
     def _waiting(self) -> Iterator[Labels]:
-        """Those who may leave after a hold, by what they cost when they arrived."""
+        """Yield the labels that may leave after a hold, with their costs at arrival."""
         nodes = self.nodes[: int(self.state[WAITING])]
         sizes = self.heads[nodes, SIZE]
         block = np.cumsum(sizes) // BLOCK

@@ -1,19 +1,19 @@
-"""What is known at a node, in the search on a clock: labels that make others superfluous.
+"""Sets of labels at the nodes, in the search on a clock, which make other labels superfluous.
 
-A label at node v, arrived at tick t with costs g, is kept by gamma = g - Omega(t) in its sums: who waits at v keeps its
-gamma, and costs gamma + Omega(t') when it leaves at t'. In its maxima it is kept by what they are by now. So, among
-labels at v, a makes b superfluous if no number of a is larger, and
+A label at node v that arrived at tick t with costs g is stored by gamma = g - Omega(t) in its sums: a waiting label
+keeps its gamma, and costs gamma + Omega(t') when it leaves at t'. Its maxima are stored as they are now. Label a makes
+label b at v superfluous if no stored number of a is larger, and
 
 - they arrived at the same tick, or
-- a arrived at least a hold earlier, and v was not cut off since (a waits, then does as b; whoever b would have made
-  wait longer still waits as long with a: Omega adds up, and two holds are one), or
-- v is left for good, t_a and t_b > L(v) (:mod:`.calm`): then costs g themselves are compared, whatever the ticks.
+- a arrived at least a hold earlier, and v was not cut since (a waits, then does as b; a longer wait of b is a wait of
+  the same length for a, since Omega adds up and two holds are one), or
+- v is left for good, t_a and t_b > L(v) (:mod:`.calm`): then costs g are compared, at any ticks.
 
-From L(v) + 1 on a node compares costs g. Labels that waited until then, and have waited a hold, are kept by what they
-cost at that moment, which is the last one at which they may leave.
+From L(v) + 1 on, a node compares costs g. Labels that have waited a hold by then are stored with their costs at that
+tick, the last at which they may leave.
 
-The rows of a node lie in one block of a pool: first the ripe ones, which may make others superfluous, then the green
-ones, which arrived less than a hold ago and compare with the same tick only.
+The rows of a node form one block of a pool: first ripe rows, which can make any label superfluous, then green rows,
+which arrived less than a hold ago and are compared with the same tick only.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.search.timed.tables import NEVER, TimedTables, free_since, omega_at, worst_rate
 
-# Columns of a node: where its block begins and how long it is, ripe rows, all rows, when it was last seen, and whether
-# it is left for good.
+# Columns of a node: begin and length of its block, ripe rows, all rows, tick of the last update, and whether it is left
+# for good.
 BEGIN, ROOM, RIPE, SIZE, SEEN, CALM, SET_COLUMNS = range(7)
 TICK, OWNER, ROW_COLUMNS = range(3)
 LEAST_ROOM = 4
@@ -39,7 +39,7 @@ class LabelSets(NamedTuple):
 
     heads   (n, SET_COLUMNS)
     vectors (r, k)            gamma, or costs where the node is left for good
-    rows    (r, ROW_COLUMNS)  when the label arrived, so that it is ripe a hold later; the closed label
+    rows    (r, ROW_COLUMNS)  tick of arrival, ripe a hold later; number of the closed label
     """
 
     heads: IntArray
@@ -58,7 +58,7 @@ def move_row(sets: LabelSets, source: int, target: int) -> None:
 
 @lean
 def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
-    """Take out row i of the block, a ripe one."""
+    """Remove ripe row i of the block."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, RIPE] -= 1
     sets.heads[v, SIZE] -= 1
@@ -68,7 +68,7 @@ def drop_ripe(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def drop_green(sets: LabelSets, v: int, i: int) -> None:
-    """Take out row i of the block, a green one."""
+    """Remove green row i of the block."""
     begin = sets.heads[v, BEGIN]
     sets.heads[v, SIZE] -= 1
     move_row(sets, begin + sets.heads[v, SIZE], begin + i)
@@ -76,9 +76,9 @@ def drop_green(sets: LabelSets, v: int, i: int) -> None:
 
 @lean
 def ripen(sets: LabelSets, v: int, i: int) -> int:
-    """Let row i of the block, a green one, be ripe, unless a ripe one makes it superfluous; drop those it makes so.
+    """Make green row i of the block ripe, unless a ripe row makes it superfluous; drop ripe rows that it makes so.
 
-    Returns which green row to look at next, if those before i have been looked at.
+    Returns the green row to process next, if those before i are done.
     """
     begin = sets.heads[v, BEGIN]
     k = sets.vectors.shape[1]
@@ -110,7 +110,7 @@ def ripen(sets: LabelSets, v: int, i: int) -> int:
 
 @lean
 def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
-    """Whether no number of a row is larger than that of another."""
+    """Return whether no number of a row is larger than that of another row."""
     below = True
     for c in range(k):
         below &= one[i, c] <= other[j, c]
@@ -119,7 +119,7 @@ def is_at_most(one: IntArray, i: int, other: IntArray, j: int, k: int) -> bool:
 
 @lean
 def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
-    """Whether a label that arrives at a node at tick t need not be kept."""
+    """Return whether a label that arrives at a node at tick t is superfluous."""
     head = sets.heads[v]
     begin = head[BEGIN]
     for i in range(begin, begin + head[SIZE]):
@@ -137,15 +137,15 @@ def is_superfluous(sets: LabelSets, v: int, t: int, vector: IntArray) -> bool:
 def enter_label(
     sets: LabelSets, v: int, t: int, vector: IntArray, owner: int, first: int, kept: NDArray[np.uint8]
 ) -> None:
-    """Enter a label that is not superfluous; those of the same tick that it makes so are marked in `kept`.
+    """Add a label that is not superfluous; labels of the same tick that it makes superfluous are cleared in `kept`.
 
-    first  the first closed label of the tick; `kept` tells of it and its followers
+    first  first closed label of the tick; `kept` begins with it
     """
     head = sets.heads[v]
     begin = head[BEGIN]
     k = len(vector)
     if head[SIZE] == head[ROOM]:
-        raise IndexError  # the block was to be made larger first
+        raise IndexError  # make_room comes first
     i = head[SIZE] - 1
     while i >= 0:
         mine = sets.rows[begin + i, OWNER]
@@ -177,7 +177,7 @@ def enter_label(
 
 @lean
 def make_room(sets: LabelSets, v: int, used: int) -> int:
-    """Give a node a block twice as long, at the end of the pool, if its own is full; how many rows are used then."""
+    """Move a node's full block to one twice as long at the end of the pool; return the rows used then."""
     head = sets.heads[v]
     if head[SIZE] < head[ROOM]:
         return used
@@ -190,7 +190,7 @@ def make_room(sets: LabelSets, v: int, used: int) -> int:
 
 @lean
 def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: int, t: int) -> None:
-    """Bring the set of a node to tick t: drop those who could not wait, let others ripen, raise what waiting raised."""
+    """Update the set of a node for tick t: drop labels that could not wait, ripen others, raise their maxima."""
     head = sets.heads[v]
     seen, begin = head[SEEN], head[BEGIN]
     if seen == t:
@@ -246,7 +246,7 @@ def refresh(tables: TimedTables, calm: NDArray[np.int32], sets: LabelSets, v: in
 
 @lean
 def waiting(tables: TimedTables, sets: LabelSets, nodes: NDArray[np.int32], owners: IntArray, costs: IntArray) -> None:
-    """The labels (r,) in the sets of nodes, and what they cost (r, k) when they arrived, or have to pay at least."""
+    """Write the labels (r,) in the sets of nodes, and lower bounds (r, k) on their costs: those at arrival, or more."""
     at = 0
     for v in nodes:
         head = sets.heads[v]

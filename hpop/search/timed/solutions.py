@@ -1,4 +1,4 @@
-"""Solutions of a search on a clock: what they cover, the corners that they leave, and the file that keeps them."""
+"""Solutions of a search on a clock: coverage, corners of the uncovered region, and the checkpoint file."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ if TYPE_CHECKING:
 
 
 class SolutionSet(NamedTuple):
-    """Solutions, and what counts as one.
+    """The solutions so far, with the limits of new ones.
 
-    costs, reach  (s, k)  of solutions; the least estimates that they cover
-    values        (s,)    as of labels; leaves (s,) the tick at which the last arc is left for
-    most          (k,)    what no solution may exceed
-    arrive_by     the latest tick of an arrival
-    is_target     (n,)
+    costs, reach  (s, k)  costs of solutions, and the least estimates that they cover
+    values        (s,)    parent and arc, as of labels; leaves (s,) departure of the last arc
+    most          (k,)    upper bounds on the costs of solutions
+    arrive_by     latest tick of an arrival
+    is_target     (n,)    mask
     """
 
     costs: IntArray
@@ -47,7 +47,7 @@ class SolutionSet(NamedTuple):
 
 @lean
 def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
-    """Whether a solution covers an estimate, or it exceeds what it may."""
+    """Return whether a solution covers an estimate, or the estimate exceeds the bounds."""
     k = len(f)
     for j in range(k):
         if f[j] > goal.most[j]:
@@ -63,7 +63,7 @@ def is_covered(goal: SolutionSet, count: int, f: IntArray) -> bool:
 
 @lean
 def solve(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves: int) -> None:
-    """Enter a solution, and leave out those that it dominates."""
+    """Add a solution, and remove those that it dominates."""
     k = len(g)
     kept = 0
     for i in range(counters[N_FRONT]):
@@ -87,20 +87,20 @@ def solve(goal: SolutionSet, counters: IntArray, g: IntArray, value: int, leaves
     counters[N_FRONT] = kept + 1
 
 
-# What they cost follows from the graph: it is reckoned anew, arc by arc and hold by hold, and what is no path of this
-# graph on its clock is refused. So whatever the numbers of a file are, what a search returns is true; and as solutions
-# only spare it labels that they cover, nothing can be missing because of a file.
+# Costs of stored solutions are computed again from the graph, arc by arc and hold by hold, and entries that are no path
+# of the graph on its clock are refused. So results are correct whatever the file contains, and complete as well, since
+# solutions only prune labels that they cover.
 
 
 METHOD = "timed"
 SIZES, ARCS, LEAVES = "sizes", "arcs", "leaves"
 
 
-class KeptSolutions:
-    """The checkpoint of one question, or none."""
+class StoredSolutions:
+    """The checkpoint file of one query, if any."""
 
     def __init__(self, graph: TimedGraph, checkpoint: CheckpointSpec | None, *question: Any) -> None:
-        """Read the file, if it is there; raises CheckpointError where it is not of this question, or not writable."""
+        """Read the file if it exists; raise CheckpointError where it is of another query, or not writable."""
         self.graph = graph
         self.keeper = None
         if checkpoint is not None:
@@ -111,17 +111,17 @@ class KeptSolutions:
             self.keeper = Keeper.of(checkpoint, graph.graph, METHOD, *clock, *rest, *question)
 
     def seeds(self, tables: TimedTables, source: int, targets: IntArray, clock: Clock) -> list[Seed]:
-        """The solutions in the file; raises CheckpointError where they are none."""
+        """Return the solutions in the file; raise CheckpointError for invalid ones."""
         if self.keeper is None or self.keeper.saved is None:
             return []
         path, arrays = self.keeper.path, self.keeper.saved.arrays
         self.keeper.saved = None
         if sorted(arrays) != sorted((SIZES, ARCS, LEAVES)) or any(a.ndim != 1 for a in arrays.values()):
-            raise not_kept(path, "its arrays are other ones")
+            raise not_kept(path, "its arrays have other names")
         sizes, arcs, leaves = arrays[SIZES], arrays[ARCS], arrays[LEAVES]
         count, most = len(arcs), self.graph.graph.nodes + self.graph.horizon  # arcs of a path, as costs allow for
         if len(leaves) != count or ((sizes < 1) | (sizes > min(count, most))).any() or int(sizes.sum()) != count:
-            raise not_kept(path, "its paths are none")
+            raise not_kept(path, "its paths are invalid")
         ends = np.cumsum(sizes)
         return [
             self._replayed(tables, source, targets, arcs[end - size : end], leaves[end - size : end], clock, path)
@@ -142,17 +142,17 @@ class KeptSolutions:
         end = clock.call(path_cost, tables, source, 0, arcs, leaves, total)
         late = self.graph.arrive_by is not None and leaves[-1] + self.graph.durations[arcs[-1]] > self.graph.arrive_by
         if end not in targets or late:
-            raise not_kept(path, "a solution is none")
+            raise not_kept(path, "a solution is invalid")
         return Seed(total, arcs.copy(), leaves.copy())
 
     def keep(self, solutions: Callable[[], Sequence[Seed]]) -> None:
-        """Save, if it is time."""
+        """Write the solutions if the last writing is long enough ago."""
         if self.keeper is not None:
             self.keeper.snapshot = lambda: self._saved(solutions())
             self.keeper.keep()
 
     def save(self, solutions: Callable[[], Sequence[Seed]]) -> None:
-        """Write what there is."""
+        """Write the solutions now."""
         if self.keeper is not None:
             self.keeper.snapshot = lambda: self._saved(solutions())
             self.keeper.save()
@@ -168,20 +168,20 @@ class KeptSolutions:
         return Saved(METHOD, self.keeper.question, arrays)
 
 
-# What no solution covers is nowhere larger than one of finitely many corners, the local upper bounds of the solutions:
-# with each new solution z, a corner u > z makes way for u with u_j = z_j - 1, one for each j, and those that lie within
-# others are left out (Klamroth, Lacour and Vanderpooten, "On the representation of the search region in multi-objective
-# optimization", EJOR 2015). A label with estimate f and costs g may become something uncovered only if for one corner c
-# f <= c, and w.g + H_w <= w.c for all weights of the joint bounds (:mod:`.joint`), where w.c is infinite if c is in any
-# cost that w weighs. Labels are weighed rounded down and corners rounded up, so rounding never prunes.
+# Every uncovered vector lies below one of finitely many corners, the local upper bounds of the solutions. With each new
+# solution z, a corner u > z is replaced by u with u_j = z_j - 1, for each j, and corners within others are removed
+# (Klamroth, Lacour and Vanderpooten, "On the representation of the search region in multi-objective optimization", EJOR
+# 2015). A label with estimate f and costs g can become uncovered only if f <= c for a corner c, and w.g + H_w <= w.c
+# for all weights of the joint bounds (:mod:`.joint`); w.c is infinite if c is in any cost that w weighs. Labels are
+# rounded down and corners up, so rounding never prunes.
 
 
 NEVER = 2**31 - 1  # more than any weighed label
-MOST_CORNERS = 4096  # of more, one would have to look at too many
+MOST_CORNERS = 4096  # more corners would take too long to compare
 
 
 def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
-    """The corners (c, k) that are left when a solution covers all from `covered` (k,) on.
+    """Return the corners (c, k) that remain when a solution covers all vectors from `covered` (k,) on.
 
     >>> cut_corners(np.array([[9, 9]]), np.array([4, 6])).tolist()
     [[3, 9], [9, 5]]
@@ -189,17 +189,19 @@ def cut_corners(corners: IntArray, covered: IntArray) -> IntArray:
     hit = (covered <= corners).all(axis=1)
     if not hit.any():
         return corners
-    old, kept = corners[hit], corners[~hit]
+    old, others = corners[hit], corners[~hit]
     k = corners.shape[1]
     new = np.repeat(old, k, axis=0)
     new[np.arange(len(new)), np.tile(np.arange(k), len(old))] = np.tile(covered - 1, len(old))
     new = np.unique(new[(new >= 0).all(axis=1)], axis=0)
-    within = np.array([(one <= kept).all(axis=1).any() or (one <= new).all(axis=1).sum() > 1 for one in new], np.bool_)
-    return np.concatenate([kept, new[~within]])
+    within = np.array(
+        [(row <= others).all(axis=1).any() or (row <= new).all(axis=1).sum() > 1 for row in new], np.bool_
+    )
+    return np.concatenate([others, new[~within]])
 
 
 def weighed_corners(corners: IntArray, weights: FloatArray) -> NDArray[np.int32]:
-    """Weigh corners (c, k) by the weights (b, LANES, k) of joint bounds: (c, b, LANES)."""
+    """Return corners (c, k) weighed by the weights (b, LANES, k) of joint bounds: (c, b, LANES)."""
     weighed = np.zeros((len(corners), *weights.shape[:2]))
     for j in range(corners.shape[1]):
         limit = corners[:, j, None, None]
@@ -218,9 +220,10 @@ def may_improve(
     hint: IntArray,
     weighed: NDArray[np.int32],
 ) -> bool:
-    """Whether a label in a state, of that row, with costs g and estimate f (k,) may become what no solution covers.
+    """Return whether a label with costs g and estimate f (k,) can become a solution that no other covers.
 
-    hint (1,) is the corner that the last one got into; weighed (b, LANES) is room.
+    row   of its state in the joint bounds
+    hint  (1,) corner that contained the last label; weighed (b, LANES) scratch
     """
     k = len(g)
     tables = len(joint.rows)

@@ -1,4 +1,4 @@
-"""The tables of a graph on a clock as kernels read them: what an arc costs at a tick, and what standing costs."""
+"""Tables of a graph on a clock for kernels: costs of arcs by tick, and costs of standing."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ NEVER = 2**40  # a tick later than any
 
 
 class TimedTables(NamedTuple):
-    """What is known of arcs and places.
+    """Tables of arcs and places.
 
     start, heads, durations, costs   of the graph
-    row      (m,) int32         of the arc in the tables of timed arcs, PLAIN or STAYS
+    row      (m,) int32         row of the arc in the tables of timed arcs, or PLAIN, or STAYS
     timed    (c, q, H + 1)      costs of timed arcs; table_of (k,) the table of a column, -1 for none
-    blocked  (q, H + 1)
+    blocked  (q, H + 1)         mask of timed arcs
     place    (n,)
-    omega    (s, P, H + 1)      what standing costs; omega_of (k,) the table of a column, -1 for none
+    omega    (s, P, H + 1)      costs of standing; omega_of (k,) the table of a column, -1 for none
     rate     (P, k)
-    since    (P, H + 1) int32   the first tick from which one may have stood until t
-    cut_on   (P,)               whether the place is cut for ever from H on
+    since    (P, H + 1) int32   first tick from which on the robot may stand until t
+    cut_on   (P,)               whether the robot must not stand at the place from H on
     is_max   (k,)
     hold     ticks, 0 for none
     """
@@ -51,7 +51,7 @@ class TimedTables(NamedTuple):
 
     @classmethod
     def of(cls, graph: TimedGraph) -> TimedTables:
-        """The tables of a graph."""
+        """Return the tables of a graph."""
         static, k, width = graph.graph, graph.graph.criteria, graph.horizon + 1
         row = np.full(static.arcs, PLAIN, np.int32)
         row[graph.stays] = STAYS
@@ -83,22 +83,22 @@ class TimedTables(NamedTuple):
 
     @property
     def own(self) -> list[NDArray[Any]]:
-        """The arrays that are not the graph's; tables of one column are taken as they are."""
+        """The arrays that are not shared with the graph; tables of a single column are shared."""
         stacked: list[NDArray[Any]] = [table for table in (self.timed, self.omega) if len(table) > 1]
         return [self.row, self.since, *stacked]
 
 
 def own_bytes(graph: TimedGraph) -> int:
-    """Bytes of the arrays that tables of a graph have of their own, scratch included."""
+    """Return the bytes of the arrays that are not shared with the graph, scratch included."""
     columns = [table for table in (graph.costs, graph.standing) if len(table) > 1]
-    stacked = sum(table.nbytes for some in columns for table in some.values())
+    stacked = sum(table.nbytes for tables in columns for table in tables.values())
     return stacked + 4 * graph.graph.arcs + 2 * 4 * graph.cut.size
 
 
 def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[NDArray[Any], IntArray]:
-    """Tables one over another, and which is that of each column; a single one is not copied.
+    """Stack tables, and return the index of the table of each column; a single table is not copied.
 
-    They are read-only however they came: kernels would be compiled anew, half a minute, for tables that can be written.
+    The result is read-only, as kernels would be compiled again, for half a minute, for writable tables.
     """
     places = np.full(k, -1)
     places[list(tables)] = np.arange(len(tables))
@@ -115,7 +115,7 @@ def _stacked(tables: Any, k: int, shape: tuple[int, int], dtype: Any) -> tuple[N
 
 @inlined
 def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
-    """What standing at a place has cost until tick t, of a sum."""
+    """Return a summed cost of standing at a place from tick 0 to t."""
     rate = tables.rate[p, j]
     s = tables.omega_of[j]
     if s < 0:
@@ -128,7 +128,7 @@ def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
 
 @lean
 def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int:
-    """The worst of standing at a place from a tick to another, of a maximum; 0 of no time."""
+    """Return a maximal cost of standing at a place from a tick to another; 0 for no time."""
     if end <= begin:
         return 0
     s = tables.omega_of[j]
@@ -143,7 +143,7 @@ def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int
 
 @inlined
 def free_since(tables: TimedTables, p: int, t: int) -> int:
-    """The first tick from which one may have stood at a place until tick t."""
+    """Return the first tick from which on the robot may stand at a place until tick t."""
     last = tables.since.shape[1] - 1
     if t > last:
         return t if tables.cut_on[p] else int(tables.since[p, last])
@@ -152,7 +152,7 @@ def free_since(tables: TimedTables, p: int, t: int) -> int:
 
 @inlined
 def is_open(tables: TimedTables, a: int, p: int, t: int) -> bool:
-    """Whether an arc whose tail is at place p can be left for at a tick."""
+    """Return whether an arc with its tail at place p is open for a departure at a tick."""
     r = tables.row[a]
     if r == PLAIN:
         return True
@@ -164,7 +164,7 @@ def is_open(tables: TimedTables, a: int, p: int, t: int) -> bool:
 
 @lean
 def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
-    """Cost j of an arc whose tail is at place p, left for at a tick."""
+    """Return cost j of an arc with its tail at place p and departure at a tick."""
     r = tables.row[a]
     base = tables.costs[a, j]
     if r == PLAIN:
@@ -181,20 +181,20 @@ def arc_cost(tables: TimedTables, a: int, p: int, j: int, t: int) -> int:
     return int(base + omega_at(tables, p, j, end) - omega_at(tables, p, j, t))
 
 
-# Let arcs that stay lead from u to v and from v to w, with static costs c1, c2 and durations d1, d2, at one place. They
-# may be left out, one after the other and with a hold between, if an arc that stays leads from u to w, c3 and d3, with
-# d1 + d2 - d3 = 0 or at least a hold, and nowhere dearer when it is followed by that hold (from u back to u: by the
-# hold alone). For then the hold takes whatever time is left until the second arc would have ended: at the same place,
-# so with the same cuts and the same standing costs in the columns that have a table. In the other columns two arcs pay
-# their static costs only, so what the hold costs there must be in c1 + c2 - c3.
+# Let arcs that stay lead from u to v and from v to w, with static costs c1, c2 and durations d1, d2, at one place. A
+# path need not take both, with or without a hold between, if an arc that stays leads from u to w, with c3 and d3, where
+# d1 + d2 - d3 is 0 or at least a hold, and the arc with that hold costs no more (from u back to u: the hold alone). The
+# hold then lasts until the second arc would have ended. It is at the same place, so it has the same cuts and, in
+# columns with a table, the same costs of standing. In other columns the two arcs cost only their static costs, so the
+# cost of the hold must not exceed c1 + c2 - c3.
 #
-# The same holds where the label at v was made superfluous by another: its head start is no time or at least a hold too.
-# From the horizon on parts of counts are cut off arc by arc, not once for all: so rates there must be whole.
+# This also holds where another label made the label at v superfluous, as its lead is 0 or at least a hold. From the
+# horizon on, fractions of counts are dropped arc by arc rather than once, so rates there must be whole.
 
 
 @lean
 def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
-    """Whether no two arcs that stay need follow each other at a place; nodes are those of it that anybody comes to."""
+    """Return whether two arcs that stay never need to follow each other at a place; nodes: its needed ones."""
     for u in nodes:
         p = np.int64(tables.place[u])
         for first in range(tables.start[u], tables.start[u + 1]):
@@ -209,7 +209,7 @@ def one_stay_suffices(tables: TimedTables, nodes: IntArray) -> bool:
 
 @lean
 def is_needless(tables: TimedTables, u: int, p: int, first: int, second: int) -> bool:
-    """Whether two arcs that stay, from u on, have no use."""
+    """Return whether a path needs no two consecutive arcs that stay, from u on."""
     w = np.int64(tables.heads[second])
     d = np.int64(tables.durations[first]) + np.int64(tables.durations[second])
     if w == u:
@@ -223,7 +223,7 @@ def is_needless(tables: TimedTables, u: int, p: int, first: int, second: int) ->
 
 @lean
 def is_no_dearer(tables: TimedTables, p: int, first: int, second: int, third: int, spare: Any) -> bool:
-    """Whether an arc, or none (-1), and a hold of the spare ticks cost no more than two arcs."""
+    """Return whether an arc, or none (-1), with a hold of the spare ticks costs no more than two arcs."""
     if spare < 0 or (spare > 0 and (tables.hold == 0 or spare < tables.hold)):
         return False
     for j in range(len(tables.is_max)):

@@ -1,4 +1,4 @@
-"""All non-dominated cost vectors on a clock, one path each: the way in."""
+"""Search on a clock for all non-dominated cost vectors, each with a path: the entry point."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ if TYPE_CHECKING:
     from hpop.search.timed.bounds import Seed
     from hpop.search.timed.calm import PathBounds
     from hpop.search.timed.search import TimedSearch
-    from hpop.search.timed.solutions import KeptSolutions
+    from hpop.search.timed.solutions import StoredSolutions
     from hpop.search.timed.tables import TimedTables
 
 METHOD = "timed"
-SOON = 100_000  # labels: a search that does not end with them begins again with solutions that coarser ones have found
-COARSE = (0.1, 0.02)  # how near their solutions are to all others
+SOON = 100_000  # labels after which a search is repeated with the solutions of coarser ones
+COARSE = (0.1, 0.02)  # relative precisions of the coarser searches
 
 
 @checked_arguments
@@ -55,27 +55,27 @@ def timed_paths(
 ) -> TimedPaths:
     """Find every non-dominated cost vector of the paths that leave the source at tick 0, each with one path.
 
-    A path is made of arcs, which are left for when they are open, and of holds; the source may be held at first. What
-    arcs and holds cost, and when they are allowed, is told in :mod:`.timed.graph`. Nobody holds at the end.
-    With several targets, a path may end at any of them and all compete in one front.
+    A path consists of arcs, each with a departure while it is open, and of holds; it may begin with a hold, but does
+    not end with one. :mod:`.timed.graph` defines the costs of arcs and holds, and when they are allowed. With several
+    targets, a path may end at any of them and all compete in one front.
 
     Accepts: any :class:`TimedGraph`, 1 to 6 costs, each a sum or a maximum.
 
     Guarantees: exact in integers, on the graph's ticks. With `eps` or `tolerance` (counts, one a cost) every
     non-dominated vector p is covered by a returned one, r <= (1 + eps) p + tolerance. If a limit of `budget` or Ctrl-C
-    stops it, what is returned are the solutions known by then, and `gap` says how much better others may be. With
-    `at_most` (one bound a cost, None for none) all this holds for the paths within it.
+    ends the search, the solutions known by then are returned, and `gap` bounds how much better missing ones may be.
+    With `at_most` (one bound a cost, None for none) all this holds for the paths within the bounds.
 
-    Cost: grows with the labels that no bound tells to be covered (:mod:`.timed.joint`), so with the solutions known; a
-    search that takes long is therefore begun again, coarsely at first, then more and more precisely.
+    Cost: grows with the number of labels that bounds do not prune (:mod:`.timed.joint`). Known solutions prune more, so
+    a long search is repeated, coarsely at first, then more and more precisely.
 
-    `checkpoint` is a file, or a :class:`.Checkpoint`, in which the solutions known are kept. The same question with the
-    same file begins with them, after a limit, Ctrl-C or kill -9: it finds the same vectors, and soon comes to where it
-    was. Raises CheckpointError for a file that is damaged, of another question or of another version of hpop.
+    `checkpoint` is a file, or a :class:`.Checkpoint`, that stores the known solutions. The same query with the same
+    file begins with them, after a limit, Ctrl-C or kill -9, and finds the same vectors. Raises CheckpointError for a
+    file that is damaged, of another query or of another version of hpop.
 
     >>> from hpop.search import Graph
     >>> static = Graph.from_arcs(3, [0, 1, 0], [1, 2, 2], [[1, 0], [1, 0], [9, 0]])
-    >>> passage = [[8, 8, 8, 0]]  # somebody stands in it until tick 3
+    >>> passage = [[8, 8, 8, 0]]  # a person stands in it until tick 3
     >>> graph = TimedGraph(static, [1, 1, 1], 3, timed=[2], costs={0: passage}, hold=1)
     >>> paths = timed_paths(graph, 0, 2)
     >>> paths.costs.tolist(), paths.steps(0).arcs.tolist(), paths.steps(0).departures.tolist()
@@ -86,23 +86,23 @@ def timed_paths(
     static = graph.graph
     start, targets = checked_node(static, source, "source"), checked_targets(static, target)
     from hpop.search.machinery.slices import Clock  # numba: on first use
-    from hpop.search.timed.solutions import KeptSolutions
+    from hpop.search.timed.solutions import StoredSolutions
 
     precision, bounds = precision_of(static, eps, tolerance), bounds_of(static, at_most)
-    asked = (start, targets, float(precision.eps), precision.of(range(static.criteria)), np.array(bounds, np.int64))
-    kept = KeptSolutions(graph, checkpoint, *asked)
+    query = (start, targets, float(precision.eps), precision.of(range(static.criteria)), np.array(bounds, np.int64))
+    stored = StoredSolutions(graph, checkpoint, *query)
     clock = Clock(budget, progress)
-    run = _TimedRun(graph, start, targets, precision, bounds, kept)
+    run = _TimedRun(graph, start, targets, precision, bounds, stored)
     try:
         status = run.go(clock)
     except KeyboardInterrupt:
         status = Status.INTERRUPTED
-        run.keep()
+        run.save()
     return run.result(clock, status)
 
 
 class _TimedRun:
-    """One query: bounds, then one search, or several that are more and more precise."""
+    """One query: bounds, then one search, or several of increasing precision."""
 
     def __init__(
         self,
@@ -111,20 +111,20 @@ class _TimedRun:
         targets: IntArray,
         precision: Precision,
         at_most: tuple[int, ...],
-        kept: KeptSolutions,
+        stored: StoredSolutions,
     ) -> None:
-        self.graph, self.source, self.targets, self.kept = graph, source, targets, kept
+        self.graph, self.source, self.targets, self.stored = graph, source, targets, stored
         self.precision, self.at_most = precision, at_most
         self.search: TimedSearch | None = None
         self.tables: TimedTables | None = None
-        self.ways: PathBounds | None = None
+        self.bounds: PathBounds | None = None
         self.seeds: list[Seed] = []
         self.after_bounds = 0.0
-        self.proven = math.inf  # gap of the last search that ended
+        self.proven = math.inf  # gap of the last completed search
         self.at_goal = source in targets
 
     def go(self, clock: Clock) -> Status:
-        """Run the query; what it found is in `search`, or `seeds`."""
+        """Run the query; its solutions are in `search`, or in `seeds`."""
         if self.at_goal:
             return Status.COMPLETE
         from hpop.search.machinery.bounds import UNREACHABLE
@@ -136,20 +136,20 @@ class _TimedRun:
         if (limit := clock.exceeded(0, own_bytes(self.graph), record=False)) is not None:
             return limit
         self.tables = tables = TimedTables.of(self.graph)
-        self.ways, status = path_bounds(self.graph, tables, self.source, self.targets, clock)
-        if self.ways is None:
+        self.bounds, status = path_bounds(self.graph, tables, self.source, self.targets, clock)
+        if self.bounds is None:
             assert status is not None
             return status
-        if self.ways.ticks[self.source] >= UNREACHABLE:
+        if self.bounds.ticks[self.source] >= UNREACHABLE:
             return Status.NO_PATH
-        kept = self.kept.seeds(tables, self.source, self.targets, clock)
-        bounds = TimedJointBounds(self.graph, tables, self.ways, self.source, self.targets, kept)
+        seeds = self.stored.seeds(tables, self.source, self.targets, clock)
+        bounds = TimedJointBounds(self.graph, tables, self.bounds, self.source, self.targets, seeds)
         self.seeds = bounds.seeds
         bounds.make(clock)
         if (status := clock.exceeded(0, 0, record=False)) is not None:
-            self.keep()
+            self.save()
             return status
-        rest = remaining_bounds(self.graph, self.ways, bounds.layout.needed)
+        rest = remaining_bounds(self.graph, self.bounds, bounds.layout.needed)
         self.after_bounds = clock.seconds()
         joint = bounds.joint()
         for precision, enough in self._stages():
@@ -157,9 +157,9 @@ class _TimedRun:
             self.seeds = self._solutions()
             query = (self.source, self.targets, precision, self.at_most, bounds, joint, self.seeds, before)
             self.search = TimedSearch(self.graph, tables, rest, *query)
-            status = self.search.run(clock, lambda: self.kept.keep(self._solutions), enough)
+            status = self.search.run(clock, lambda: self.stored.keep(self._solutions), enough)
             if status is not None and not status.is_final:
-                self.keep()
+                self.save()
                 return status
             if status is not None:
                 self.proven = precision.eps
@@ -168,12 +168,12 @@ class _TimedRun:
         assert status is not None
         return status
 
-    def keep(self) -> None:
-        """Keep what is known."""
-        self.kept.save(self._solutions)
+    def save(self) -> None:
+        """Write the known solutions to the checkpoint."""
+        self.stored.save(self._solutions)
 
     def _stages(self) -> Iterator[tuple[Precision, int | None]]:
-        """How precise each search is, and after how many labels it is given up for one that is less so."""
+        """Yield the precision of each search, and the labels after which the next one takes over, None for no limit."""
         yield self.precision, SOON
         for eps in COARSE:
             if eps > self.precision.eps:
@@ -181,40 +181,40 @@ class _TimedRun:
         yield self.precision, None
 
     def _solutions(self) -> list[Seed]:
-        """All that is known, also what a coarser search leaves out because another solution covers it."""
-        found = self.seeds + (self.search.known() if self.search is not None else [])
-        costs = np.array([seed.costs for seed in found], np.int64).reshape(-1, self.graph.graph.criteria)
+        """Return all known non-dominated solutions, with those that a coarser search left out as covered."""
+        seeds = self.seeds + (self.search.solutions_found() if self.search is not None else [])
+        costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, self.graph.graph.criteria)
         within = np.all(costs <= np.array(self.at_most or [ANYTHING] * costs.shape[1]), axis=1)
         rows = np.lexsort(costs.T[::-1])
         rows = rows[within[rows]]
-        return [found[row] for row in rows[is_nondominated(costs[rows])]] if rows.size else []
+        return [seeds[row] for row in rows[is_nondominated(costs[rows])]] if rows.size else []
 
     def result(self, clock: Clock, status: Status) -> TimedPaths:
-        """What was found."""
+        """Return the paths found, with the gap to missing ones."""
         k = self.graph.graph.criteria
         costs = np.zeros((int(self.at_goal), k), np.int64)
         paths = [(np.zeros(0, np.int64), np.zeros(0, np.int64))] * len(costs)
         counts: dict[str, Any] = {}
         end = clock.seconds()
         gap = self.precision.eps if status.is_final else self.proven
-        if self.tables is not None and self.ways is not None:
+        if self.tables is not None and self.bounds is not None:
             from hpop.search.machinery.kernels import proven_gap  # numba: on first use
             from hpop.search.timed.best_paths import gather_holds
 
             if self.search is not None:
-                costs, paths = self.search.found()
+                costs, paths = self.search.costs_and_paths()
                 counts = self.search.counts()
             if not status.is_final:
-                known = self._solutions()
-                costs = np.array([seed.costs for seed in known], np.int64).reshape(-1, k)
-                paths = [(seed.arcs, seed.leaves) for seed in known]
+                seeds = self._solutions()
+                costs = np.array([seed.costs for seed in seeds], np.int64).reshape(-1, k)
+                paths = [(seed.arcs, seed.leaves) for seed in seeds]
             for row, (arcs, leaves) in zip(costs, paths, strict=True):
                 clock.call(gather_holds, self.tables, self.source, 0, arcs, leaves, row)
             if not status.is_final and self.search is not None:
-                missing = max(proven_gap(costs, some, gap) for some in self.search.estimates())
+                missing = max(proven_gap(costs, block, gap) for block in self.search.estimates())
                 gap = min(gap, max(self.search.eps, missing))
             elif not status.is_final:
-                gap = min(gap, proven_gap(costs, self.ways.least[:, self.source][None], gap))
+                gap = min(gap, proven_gap(costs, self.bounds.least[:, self.source][None], gap))
         costs.setflags(write=False)
         stats = SearchStats(
             METHOD,
@@ -225,5 +225,5 @@ class _TimedRun:
             seconds_compiled=clock.compiled,
             **counts,
         )
-        asked = asked_in_words(self.graph.graph, self.precision, self.at_most)
-        return TimedPaths(costs, status, stats, self.graph, self.source, tuple(paths), gap=gap, asked=asked)
+        words = asked_in_words(self.graph.graph, self.precision, self.at_most)
+        return TimedPaths(costs, status, stats, self.graph, self.source, tuple(paths), gap=gap, asked=words)
