@@ -102,7 +102,7 @@ def test_what_makes_no_sense_is_told_and_changes_nothing(told: dict[str, object]
 
 def test_what_is_no_problem_and_no_options_is_told() -> None:
     problem, front = planned()
-    with pytest.raises(DriveError, match=r"answer to an .*Problem, got None"):
+    with pytest.raises(DriveError, match=r"problem must be an hpop.Problem, got None"):
         hpop.follow(None, front, "knee")  # type: ignore[arg-type]
     with pytest.raises(DriveError, match=r"call options\(now\) first"):
         hpop.follow(problem, front, "knee").adapt(None)  # type: ignore[arg-type]

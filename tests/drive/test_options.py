@@ -175,7 +175,7 @@ def test_what_becomes_of_a_wish_is_told_without_costs_that_rounding_tells_apart(
 )
 def test_a_wish_for_what_is_not_there_is_an_error(words: str | None, shares: dict[str, float], said: str) -> None:
     drive = drive_of()
-    with pytest.raises(DriveError, match="ask options"):
+    with pytest.raises(DriveError, match="call options"):
         drive.wish("fewer turns")
     drive.options(1.0)
     with pytest.raises(HpopError, match=said):

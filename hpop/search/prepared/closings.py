@@ -183,8 +183,8 @@ def least_path(
 
 # Bounds by turns (:func:`.staircase.tables.costs_by_turns`) serve the exact search, joint bounds (:mod:`.turn_hull`)
 # the approximate one. Both take longer than a small search, and neither depends on the source. They are computed while
-# all arcs are open, and stay valid when arcs are closed, as fewer paths are no better. Joint bounds are stored as excess
-# over the least costs, so they belong to the bounds with which they were computed.
+# all arcs are open, and stay valid when arcs are closed, as fewer paths are no better. Joint bounds are stored as
+# excess over the least costs, so they belong to the bounds with which they were computed.
 
 
 ROOM = 200 * 2**20  # bytes for joint bounds, scratch included

@@ -65,7 +65,7 @@ class HullRepair:
         least: IntArray,
         is_target: BoolArray,
     ) -> None:
-        """Prepare for a graph with costs (m, k); ``columns``: first and third cost; ``least`` (k, n) remaining costs."""
+        """Prepare for a graph with costs (m, k); ``columns``: first and third cost; ``least``: (k, n) bounds."""
         self.hull, self.columns = hull, columns
         there = np.flatnonzero(least[columns[0], groups.nodes[groups.heads]] < UNREACHABLE)  # as a search lists them
         places = np.empty_like(there)  # of plain arcs, in the order of the chains

@@ -327,7 +327,7 @@ class Prepared:
         return run.result(clock, status)
 
     def least_paths(self, source: int) -> list[IntArray]:
-        """Return a least path from a node for each cost, by the indices of its arcs; none without a reachable target."""
+        """Return a least path from a node for each cost, by the indices of its arcs; none if no target is reached."""
         if self.bounds[0, source] >= UNREACHABLE:
             return []
         graph, clock, paths = self.graph, Clock(UNLIMITED, None), []

@@ -193,7 +193,7 @@ class TimedJointBounds:
         return calm.without(closed) if closed.any() else calm
 
     def _typical(self) -> FloatArray:
-        """Return the approximate cost (k,) of a path: at least the least from the farthest node, and that of some arcs."""
+        """Return the approximate cost (k,) of a path: at least the least from the farthest node, and of some arcs."""
         least = self.bounds.least.astype(np.float64)
         far = np.array([row[row < NEVER].max(initial=0.0) for row in least])
         return np.asarray(np.maximum(far, 4.0 * self.graph.largest))
@@ -274,7 +274,7 @@ class TimedJointBounds:
     def completed(
         self, table: int, lanes: IntArray, nodes: IntArray, tick: int, costs: IntArray, clock: Clock
     ) -> list[Seed | None]:
-        """Return best paths for lanes (w,) from nodes (w,) reached at a tick with costs (w, k); None where none exists."""
+        """Return best paths for lanes (w,) from nodes (w,) reached at a tick with costs (w, k), None for no path."""
         return self._followed(self.sweeps[table], lanes, nodes, tick, costs, clock)
 
     def _followed(

@@ -164,7 +164,7 @@ class TimedGraph:
         return max(int(self.durations.max(initial=1)), self.hold or 0)
 
     def _check_sums(self) -> None:
-        """Refuse costs with sums that could overflow: a path takes at most an arc a tick until H, then no node twice."""
+        """Refuse costs with sums that could overflow: a path takes an arc a tick until H, then no node twice."""
         for j, aggregate in enumerate(self.graph.aggregates):
             worst = int(self.largest[j])
             held = 2 * int(self.rate[:, j].max(initial=0)) * (self.horizon + (self.hold or 0)) >> RATE_BITS

@@ -101,7 +101,7 @@ class PreparedTimed:
         budget: Budget = UNLIMITED,
         known: Sequence[TimedPath] = (),
     ) -> TimedPaths:
-        """Find every non-dominated cost vector of the paths that leave a node at a tick or hold there, with a path each.
+        """Find every non-dominated cost vector of the paths that leave a node at a tick or hold there, each with one.
 
         A `deadline`, in seconds of this thread's processor time, a limit of `budget`, or Ctrl-C may end the search.
         Then the paths found so far are returned, and `gap` bounds how much better missing ones may be.
