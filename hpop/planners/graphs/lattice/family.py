@@ -167,8 +167,8 @@ class LatticeGraph(GraphFamily):
     step            m      between neighbouring positions
     headings        4, 8 or 16
     corner_cutting  whether a diagonal may pass between two blocked positions
-    anchor          "start": the start is one of the positions; "world": the corner of the map with the least x and y
-                    is one, so that queries with other starts reuse the lattice
+    anchor          position of the grid: the start ("start"), or the corner of the map with the least x and y
+                    ("world"), so that queries with other starts reuse the lattice
 
     A start or goal beside its states is joined to all positions within 1.5 steps to which the robot can turn, go
     straight and turn (:mod:`hpop.planners.graphs.joined_ends`). Of a lattice of more than 10,000 positions a part is
