@@ -228,7 +228,7 @@ def _standing(person: Person) -> Person:
 
 def _has_gone(person: Person) -> bool:
     """Return whether a person has left by every prediction."""
-    return all(person.until == 0.0 and person.afterwards == "gone" for _, person in person.hypotheses)
+    return all(likely.until == 0.0 and likely.afterwards == "gone" for _, likely in person.hypotheses)
 
 
 def _gone(person: Person) -> Person:
