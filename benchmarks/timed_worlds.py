@@ -25,7 +25,7 @@ from hpop.planners import Lattice
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
-from hpop.search.timed import Steps, TimedGraph, TimedPaths
+from hpop.search.timed import PathSteps, TimedGraph, TimedPaths
 from hpop.view.ground import outline
 from hpop.world import Person
 
@@ -82,7 +82,7 @@ class Museum:
         timed = timed_graph(space, criteria, start, goals, options)
         return Query(timed.graph, timed.start, goals)
 
-    def way(self, steps: Steps, tick: float) -> tuple[FloatArray, FloatArray]:
+    def way(self, steps: PathSteps, tick: float) -> tuple[FloatArray, FloatArray]:
         """Places (N, 2), m, that a path comes through, and those at which it holds, each with the seconds (h, 3)."""
         start = Lattice(step=STEP).ends(self.lattice, self.problem).start
         states = self.lattice.states(np.where(steps.nodes < self.lattice.size, steps.nodes, start))  # begins beside it

@@ -125,7 +125,7 @@ def test_from_its_file_it_comes_to_the_same_front(monkeypatch, tmp_path, seed):
 def test_what_one_search_has_found_the_next_and_coarser_one_does_not_lose(monkeypatch, seed):
     """Without looks ahead from where a slice ends, a search with more labels goes on from one with fewer."""
     monkeypatch.setattr(stages, "SOON", 60)
-    monkeypatch.setattr(search, "WAYS", 0)
+    monkeypatch.setattr(search, "FOLLOWED", 0)
     query = timed_lattice(seed, 5 + seed % 4, duration=True)
     exact, labels = front_by_expansion(query), 40
     sooner: list[Vector] = []
