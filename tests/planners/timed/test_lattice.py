@@ -135,7 +135,7 @@ def test_a_margin_is_kept_and_one_that_leaves_no_way_says_so():
     blocked = [Person(3.0, y, velocity=(0.0, 0.05), until=2.0, afterwards="stays") for y in (2.0, 5.0)]
     none = Lattice(step=0.25, margin=0.5).solve(through_the_doors(*blocked))
     assert none.status is Status.NO_PATH
-    assert "people who move are in them" in none.notes[-1]
+    assert "people who move are in their way" in none.notes[-1]
 
 
 def test_one_who_starts_in_a_margin_may_leave_but_not_stay():
@@ -177,7 +177,7 @@ def test_somebody_slow_who_is_outside_the_margin_and_leaves_no_time_to_go_is_nam
     none = Lattice(step=0.25, margin=0.2).solve(problem)
     assert none.status is Status.NO_PATH
     # 1.6 m between their middles, 0.7 m in which they may not be and 0.125 m of ramps: 0.775 m at 0.3 m/s.
-    assert "Ada may be too near to the start, after 2.6 s, for the robot to be away" in none.notes[-1]
+    assert "Ada may be too near to the start, after 2.6 s, for the robot to leave" in none.notes[-1]
     assert "give a smaller margin, or ask for another start or goal, or later" in none.notes[-1]
 
 
@@ -200,8 +200,8 @@ def test_time_is_kept():
     ("options", "says"),
     [
         ({"clock": 0.001}, "clock must be the tick of a clock"),
-        ({"hold": 0.0}, "hold must be how long the robot stands"),
-        ({"hold": True}, "hold must be how long the robot stands"),
+        ({"hold": 0.0}, "hold must be the least duration of a wait"),
+        ({"hold": True}, "hold must be the least duration of a wait"),
         ({"arrive_by": -1.0}, "arrive_by must be a time in s"),
         ({"hold": 4000.0}, "hold must be .* to 3,600, got 4000.0; None"),
         ({"arrive_by": 1e6}, "arrive_by must be a time in s .* to 52428.8, got 1000000.0; leave it out"),
