@@ -310,7 +310,7 @@ END, LABEL = 1.5e-3, 16e-9  # s for a result, and in addition per label, for its
 ROOM = 1.2e-9  # s per byte of an array that grows, for the copy
 
 
-class Deadline(Clock):
+class DeadlineClock(Clock):
     """Clock that ends a search early enough for its result, with gap and paths, to be ready at a deadline.
 
     Compiling is not charged.
@@ -348,10 +348,10 @@ class Deadline(Clock):
             return super().work
         return int(min(SHORT_SLICE, max(LEAST, (self.left - self._answer) * STEPS)))
 
-    def silent(self, labels: int, memory: int) -> Deadline:
+    def silent(self, labels: int, memory: int) -> DeadlineClock:
         """Return a clock without reports for a part of the search, with the same deadline."""
         plain = super().silent(self.labels + labels, self.memory + memory)
-        clock = Deadline(self.deadline, plain.budget, None)
+        clock = DeadlineClock(self.deadline, plain.budget, None)
         clock.begin, clock.started, clock.share = plain.begin, self.started, self.share
         return clock
 

@@ -220,7 +220,7 @@ def number_groups(
     size: IntArray,
     last_tail: IntArray,
 ) -> tuple[int, Any, int]:
-    """Number the groups (n,); return their number, the index cost of a turn, and the number of turns.
+    """Write the group of each node (n,); return the number of groups, the index cost of a turn, and that of turns.
 
     entered (n,) marks nodes that arcs enter; size (n,) of the groups must be 0, group and last_tail (n,) -1.
     """

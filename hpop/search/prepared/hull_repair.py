@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.runtime.compiled import lean
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.slices import Deadline
+from hpop.search.machinery.slices import DeadlineClock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 from hpop.search.staircase.turn_hull import DOWN, FAR, LANES, MOST_STEPS, STEP_BITS, UP, IntLanes, Steps, TurnHull
 
@@ -107,7 +107,7 @@ class HullRepair:
         same = (self.closed == closed[self.arcs]).all() and not (self.still & ~still).any()
         return self.marks is None and bool(same)
 
-    def close(self, closed: BoolArray, still: BoolArray, clock: Deadline) -> bool:
+    def close(self, closed: BoolArray, still: BoolArray, clock: DeadlineClock) -> bool:
         """Repair the hull for the graph without some arcs (m,), layer after layer; return False if time runs out.
 
         All turns of some groups (g,) are closed as well; repaired values may depend on that, and are restored when the
@@ -144,7 +144,7 @@ class HullRepair:
         self.kept, self.bits, self.marks = [], [], None
         self.closed, self.still = np.zeros_like(self.closed), np.zeros_like(self.still)
 
-    def _remake(self, m: int, before: NDArray[np.uint8], clock: Deadline) -> bool:
+    def _remake(self, m: int, before: NDArray[np.uint8], clock: DeadlineClock) -> bool:
         """Repair a layer where the layer `before` is marked or a path takes a newly closed arc; False without time."""
         layers, tables = self.hull.layers, self.tables
         last = m == len(layers) - 1

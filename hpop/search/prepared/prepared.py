@@ -28,7 +28,7 @@ from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import PILES, UNREACHABLE, costs_of_least, costs_to_go
 from hpop.search.machinery.kernels import proven_gap
-from hpop.search.machinery.slices import N_GENERATED, Clock, Deadline, Search
+from hpop.search.machinery.slices import N_GENERATED, Clock, DeadlineClock, Search
 from hpop.search.machinery.turns import Groups
 from hpop.search.pareto_paths import Question, chosen_method, chosen_order
 from hpop.search.prepared.closings import Closings, KnownPaths, Outlook, known_paths, least_path
@@ -61,7 +61,7 @@ class PreparedRun:
         self.is_near = False  # whether the approximate search is complete
         self.method, self.order = prepared.plans[0]
 
-    def go(self, clock: Deadline) -> Status:
+    def go(self, clock: DeadlineClock) -> Status:
         """Search to the end, or until a limit."""
         if self.prepared.bounds[0, self.source] >= UNREACHABLE:
             return Status.NO_PATH
@@ -74,7 +74,7 @@ class PreparedRun:
             self.exact, (self.method, self.order) = None, self.prepared.plans[1]
             return self._go(clock)
 
-    def _go(self, clock: Deadline) -> Status:
+    def _go(self, clock: DeadlineClock) -> Status:
         prepared = self.prepared
         question = Question(prepared.graph, self.source, prepared.targets)
         groups = prepared.closings.groups
@@ -94,7 +94,7 @@ class PreparedRun:
             clock.share = 1.0
         return search.run(clock)
 
-    def _go_near(self, exact: Staircase, clock: Deadline) -> None:
+    def _go_near(self, exact: Staircase, clock: DeadlineClock) -> None:
         """Run the approximate search, with joint bounds, beginning with all paths that are known or found."""
         prepared, outlook = self.prepared, self.prepared.outlook
         graph, groups, hull = prepared.graph, prepared.closings.whole, outlook.hull
@@ -127,7 +127,7 @@ class PreparedRun:
         clock.labels = 0 if self.near is None else int(self.near.counters[N_GENERATED])
         clock.memory = 0 if self.near is None else self.near.memory()
 
-    def result(self, clock: Deadline, status: Status) -> ParetoPaths:
+    def result(self, clock: DeadlineClock, status: Status) -> ParetoPaths:
         """Return the found and known paths together, with the gap to missing ones."""
         graph = self.prepared.graph
         costs, paths = self.known
@@ -316,7 +316,7 @@ class Prepared:
         start = checked_node(self.graph, source, "source")
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
-        clock = Deadline(deadline, budget, progress)
+        clock = DeadlineClock(deadline, budget, progress)
         paths = [*known, *self.least_paths(start)]
         open_paths = known_paths(self.graph, start, self.is_target, paths, self.closings.closed)
         run = PreparedRun(self, start, open_paths)

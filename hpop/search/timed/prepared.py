@@ -22,7 +22,7 @@ from hpop.runtime.status import Budget, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.kernels import proven_gap
-from hpop.search.machinery.slices import Clock, Deadline
+from hpop.search.machinery.slices import Clock, DeadlineClock
 from hpop.search.queries import UNLIMITED, SearchStats, checked_node, checked_targets
 from hpop.search.timed.best_paths import gather_holds, path_cost
 from hpop.search.timed.bounds import Seed, TimedJointBounds
@@ -117,7 +117,7 @@ class PreparedTimed:
             raise QueryError(f"node {source!r} cannot be reached by tick {tick}: prepare the graph from that node")
         if deadline is not None:
             deadline = real("deadline", deadline, 0, MOST, "a number of seconds, 0 or more,")
-        run = _TimedPreparedRun(self, start, tick, Deadline(deadline, budget, None))
+        run = _TimedPreparedRun(self, start, tick, DeadlineClock(deadline, budget, None))
         run.know(known)
         try:
             status = run.go()
@@ -129,7 +129,7 @@ class PreparedTimed:
 class _TimedPreparedRun:
     """One query: from a node at a tick, with some known paths."""
 
-    def __init__(self, prepared: PreparedTimed, source: int, tick: int, clock: Deadline) -> None:
+    def __init__(self, prepared: PreparedTimed, source: int, tick: int, clock: DeadlineClock) -> None:
         self.prepared, self.source, self.tick, self.clock = prepared, source, tick, clock
         self.seeds = list[Seed]()
         self.exact: TimedSearch | None = None

@@ -10,7 +10,7 @@ import pytest
 from hpop.runtime.status import Budget, Status
 from hpop.search import Graph, Prepared, pareto_paths
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.slices import Deadline
+from hpop.search.machinery.slices import DeadlineClock
 from hpop.search.prepared import prepared as prepared_graph
 from hpop.search.staircase.turn_hull import STEP_BITS
 from tests.search.prepared.test_prepared import an_event, any_graph
@@ -19,7 +19,7 @@ EVENTS = 4
 ROUNDED = 8  # of 2^27, what a whole way weighs
 
 
-class Layers(Deadline):
+class Layers(DeadlineClock):
     """A deadline that is there after so many layers."""
 
     def __init__(self, layers: int) -> None:
