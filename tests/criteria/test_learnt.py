@@ -146,7 +146,7 @@ PART = {"criterion": {"rotation": {}}, "weight": 1.0}
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[", "expected what hpop.study.fit_criterion"),
+        ("[", "expected a file from hpop.study.fit_criterion"),
         ("[" * 100_000, "nested too deeply"),
         (changed(schema="hpop-front"), "not hpop-learnt 1"),
         (changed(more=1), "unknown keys"),
@@ -157,7 +157,7 @@ PART = {"criterion": {"rotation": {}}, "weight": 1.0}
         (changed(parts=[{"criterion": {"rotat": {}}, "weight": 1.0}]), "Did you mean 'rotation'"),
         (changed(parts=[{"criterion": {"obstruction": {}}, "weight": 1.0}]), "take 'exposure'"),
         (changed(parts=[{"criterion": {"jerk": {}}, "weight": 1.0}]), "does not add up"),
-        (changed(parts=[{"criterion": {"learnt": {"file": str(LEARNT)}}, "weight": 1.0}]), "not of one that is learnt"),
+        (changed(parts=[{"criterion": {"learnt": {"file": str(LEARNT)}}, "weight": 1.0}]), "may not be learnt itself"),
         (changed(learnt={}), "missing keys"),
     ],
 )  # fmt: skip
@@ -167,7 +167,7 @@ def test_what_is_no_learnt_criterion_is_refused(tmp_path: Path, text: str, said:
         Learnt(str(tmp_path / "c.json"))
     assert "Traceback" not in str(caught.value)
     for wrong in (3, None, ""):
-        with pytest.raises(CriterionError, match="file is the path"):
+        with pytest.raises(CriterionError, match="file must be the path"):
             Learnt(wrong)
 
 
