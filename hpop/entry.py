@@ -1,7 +1,7 @@
-"""The command ``hpop`` as a process: what surrounds :func:`hpop.cli.main` from the first import to the last line.
+"""The command ``hpop`` as a process: everything around :func:`hpop.cli.main`, from the first import to the last line.
 
-Ctrl-C is answered without a traceback while modules are still imported; a reader that leaves (``hpop plan ... | head
--1``), or a terminal that is closed, ends no search; and nothing is run that lies in the current folder.
+Ctrl-C is answered without a traceback while modules are still imported. A search goes on if the reader of its output
+leaves (``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import IO, Any
 INTERRUPTED = 130
 BAD_FILE = 4
 NUMBA_SETTINGS = ".numba_config.yaml"
-LEFT = (errno.EPIPE, errno.EIO)  # a pipe without a reader, a terminal that was closed
+LEFT = (errno.EPIPE, errno.EIO)  # a pipe without a reader, a closed terminal
 
 
 def main() -> None:
@@ -35,39 +35,41 @@ def main() -> None:
 
 
 def _distrust_current_folder() -> None:
-    """Import no module from the current folder, in this process and those that it starts: it may be a stranger's.
+    """Import no module from the current folder, in this process and its children: a stranger may have written it.
 
     Numba reads settings from the current folder, which can name a folder of compiled code, and has no switch for that:
-    where there are any, the command ends. Matplotlib's are undone once it is imported (:mod:`hpop.view`), and IPOPT's
-    are turned off where its options are set.
+    if there are any, the command ends. Matplotlib's are undone once it is imported (:mod:`hpop.view`), and IPOPT's are
+    turned off where its options are set.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if os.path.exists(NUMBA_SETTINGS):
         sys.stderr.write(
-            f"error: the current folder has a file {NUMBA_SETTINGS}, from which numba would take settings, such as a "
+            f"error: the current folder has a file {NUMBA_SETTINGS}, from which numba would read settings, such as a "
             "folder of compiled code to run; remove it, or run hpop from another folder\n"
         )
         sys.exit(BAD_FILE)
 
 
 def _refuse_epoch() -> None:
-    """Leave out a SOURCE_DATE_EPOCH that is no whole number, with a note: NumPy and Matplotlib end with a traceback."""
+    """Drop a SOURCE_DATE_EPOCH that is no whole number, with a note: NumPy and Matplotlib would raise an error."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     if epoch is not None and not (epoch.isascii() and epoch.isdigit()):
         del os.environ["SOURCE_DATE_EPOCH"]
-        sys.stderr.write(f"note: SOURCE_DATE_EPOCH is a whole number of seconds, got {epoch!a:.40}; it is left out\n")
+        sys.stderr.write(
+            f"note: SOURCE_DATE_EPOCH must be a whole number of seconds, got {epoch!a:.40}; it is left out\n"
+        )
 
 
 def _open_streams() -> None:
-    """Open the standard streams that are closed (``hpop plan ... >&-``) on the null device.
+    """Open standard streams that are closed (``hpop plan ... >&-``) on the null device.
 
-    Otherwise the next files that are opened take their numbers, and what any library prints is written into these.
+    Otherwise the next files that are opened take their numbers, and prints of any library are written into these files.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
             os.fstat(number)
         except OSError:
-            os.open(os.devnull, os.O_RDWR)  # the lowest number that is free, which is this one
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is the stream's
             os.set_inheritable(number, True)
         if getattr(sys, name) is None:
             raw: Any = io.FileIO(number, mode, closefd=False)
@@ -76,7 +78,7 @@ def _open_streams() -> None:
 
 
 class _Patient(io.FileIO):
-    """A file that takes what nobody reads any more, and forgets it; any other fault is told once."""
+    """Stream that goes on without a reader and discards the output; any other fault raises OutputError once."""
 
     failed = False
 
@@ -88,16 +90,16 @@ class _Patient(io.FileIO):
             if error.errno not in LEFT:
                 from hpop.errors import OutputError
 
-                self.failed = True  # what is still to be said goes nowhere
+                self.failed = True  # further output is discarded
                 raise OutputError(f"cannot print: {error.strerror or error}; send the output elsewhere") from None
         return len(memoryview(data).cast("B"))
 
 
 def _patient(stream: Any) -> IO[str]:
-    """The same stream; what its encoding has no character for, as in a file's name that is no UTF-8, is escaped."""
+    """Return the stream as a :class:`_Patient` one; characters that its encoding lacks are escaped."""
     try:
         raw = _Patient(stream.fileno(), "w", closefd=False)
-    except (AttributeError, OSError):  # closed from the beginning, or no file
+    except (AttributeError, OSError):  # closed, or no file
         return stream  # type: ignore[no-any-return]
     return io.TextIOWrapper(
         io.BufferedWriter(raw),

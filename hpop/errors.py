@@ -1,7 +1,7 @@
-"""What hpop raises for a user's mistake: one class an outcome, each with the exit code of the command line.
+"""Errors for users' mistakes: one class for each outcome, with its exit code on the command line.
 
-A message says what was expected, what came, and what to do. "No path" and "time ran out" are results, not
-errors: they are a :class:`hpop.runtime.status.Status`.
+A message says what was expected, what came, and what to do. "No path" and "time ran out" are results, not errors: they
+are a :class:`hpop.runtime.status.Status`.
 """
 
 from __future__ import annotations
@@ -16,126 +16,126 @@ from typing import ClassVar
 from hpop.base.text import printable, shown
 
 NOTE = "note: "
-"""How a note of an exception begins that stands on a line of its own: one on the map, where an end cannot be used."""
+"""Prefix of an exception's note that is printed on a line of its own."""
 
 
 class HpopError(Exception):
-    """Base of every error that hpop raises on purpose."""
+    """Base class of all errors that hpop raises on purpose."""
 
     exit_code: ClassVar[int] = 1
 
     def __str__(self) -> str:
-        """The message, harmless to a terminal: it may quote what came from a file."""
+        """Return the message without control characters of a terminal, since it may quote a file."""
         return printable(self.args[0], newlines=True) if self.args else ""
 
 
 class HpopWarning(RuntimeWarning):
-    """Something that the user should know, though the answer stands."""
+    """Warning about something the user should know, although the result is valid."""
 
 
 class MapError(HpopError, ValueError):
-    """A map, mask or blueprint cannot be read, or makes no sense."""
+    """Error in a map, mask or blueprint: it cannot be read, or makes no sense."""
 
     exit_code = 3
 
 
 class ScenarioError(HpopError, ValueError):
-    """A scenario file is wrong; the message names the key and the line."""
+    """Error in a scenario file; the message names the key and the line."""
 
     exit_code = 4
 
 
 class QueryError(HpopError, ValueError):
-    """The start or the goal cannot be used: in an obstacle, off the map, off the headings."""
+    """Error in a start or goal: it is in an obstacle, off the map, or off the headings."""
 
     exit_code = 5
 
 
 class UnknownName(HpopError, LookupError):
-    """No criterion, planner or model has this name."""
+    """Error for a name that no criterion, planner or model has."""
 
     exit_code = 7
 
 
 class CriterionError(HpopError, ValueError):
-    """A criterion is declared wrongly, or its cost is not a finite non-negative number a motion."""
+    """Error in a criterion: a wrong declaration, or a cost that is not one finite number >= 0 for each motion."""
 
     exit_code = 8
 
 
 class UnsupportedCriterion(CriterionError):
-    """A planner cannot treat this criterion; the message names one that can."""
+    """Error for a criterion that a planner cannot treat; the message names one that can."""
 
 
 class ModelError(HpopError, ValueError):
-    """A robot model's parameters make no sense."""
+    """Error in the parameters of a robot model."""
 
     exit_code = 9
 
 
 class UnsupportedModel(ModelError):
-    """A planner cannot plan for this model; the message names planners that can."""
+    """Error for a model that a planner cannot plan for; the message names planners that can."""
 
 
 class OptionError(HpopError, ValueError):
-    """A planner or a search was given an option that makes no sense."""
+    """Error in an option of a planner or a search."""
 
     exit_code = 10
 
 
 class GraphError(HpopError, ValueError):
-    """A graph is malformed: wrong shapes, negative costs, nodes out of range, costs that would overflow."""
+    """Error in a graph: wrong shapes, negative costs, nodes out of range, costs that would overflow."""
 
     exit_code = 11
 
 
 class OutputError(HpopError, OSError):
-    """A result cannot be written, or a saved one cannot be read."""
+    """Error in writing a result or reading a saved one."""
 
     exit_code = 12
 
 
 class LimitError(HpopError):
-    """The limits of all planners were passed while the map was read: there is nothing yet to return a status with."""
+    """Error for limits of all planners passed while the map is read, when no front can have a status yet."""
 
     exit_code = 13
 
 
 class RosError(HpopError, ValueError):
-    """A message of ROS is not what its type says, or what is asked of a bridge to ROS makes no sense."""
+    """Error in a ROS message that does not fit its type, or in a request to a bridge to ROS."""
 
     exit_code = 15
 
 
 class OwnCodeError(HpopError, ImportError):
-    """Python of the user's own, named on the command line, cannot be imported, registers nothing, or fails."""
+    """Error in Python code named on the command line: it cannot be imported, registers nothing, or fails."""
 
     exit_code = 14
 
 
 class DriveError(HpopError, ValueError):
-    """What a drive is told or asked makes no sense: a door that is not there, a wish for no cost, a time gone by."""
+    """Error in the input of a drive: an unknown door, weights on no cost, a time in the past."""
 
     exit_code = 16
 
 
 class CoversRobot(DriveError):
-    """What is closed on a drive covers the robot, from where nothing could be planned then."""
+    """Error for a closed area that covers the robot, from where nothing could be planned then."""
 
 
 class StudyError(HpopError, ValueError):
-    """A study's design, its answers or a questionnaire are not what they should be, or contradict one another."""
+    """Error in a study: its design, answers or questionnaire are invalid or contradict one another."""
 
     exit_code = 17
 
 
 MOST_LETTERS = 100
-"""Of a name that is compared with others."""
+"""Longest name for which near names are suggested."""
 OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Build the error that suggests the nearest of the known names, lists them, and says how one's own gets known.
+    """Return the error that suggests the nearest known name, lists all, and says how to register one's own.
 
     >>> print(unknown_name("criterion", "turn", ["turns", "length"]))  # doctest: +NORMALIZE_WHITESPACE
     unknown criterion 'turn'. Did you mean 'turns'? Known: length, turns.
@@ -149,7 +149,7 @@ def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """Ask whether the nearest known name was meant; nothing where none is near.
+    """Return a question with the nearest known name; "" if none is near.
 
     >>> did_you_mean("lenght", ["turns", "length"]), did_you_mean("mood", ["turns", "length"])
     (" Did you mean 'length'?", '')
@@ -160,8 +160,8 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
     return f" Did you mean {near[0]!r}?" if near else ""
 
 
-def own_place(error: BaseException) -> str:
-    """File and line of an error in the innermost of the user's code; "" where none of it is known to be involved."""
+def own_location(error: BaseException) -> str:
+    """Return the file and line of an error in the innermost of the user's code; "" if none of it is involved."""
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
     libraries = [Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib"))]
@@ -172,12 +172,12 @@ def own_place(error: BaseException) -> str:
     return ""
 
 
-def own_failure(what: str, error: BaseException) -> str:
-    """What is said of the user's code that raised an error: where, and which.
+def own_failure(subject: str, error: BaseException) -> str:
+    """Return where the user's code raised an error, and which error.
 
     >>> own_failure("criterion 'mine'", ZeroDivisionError("division by zero"))
     "criterion 'mine' failed: ZeroDivisionError: division by zero"
     """
-    place = own_place(error)
-    said = ": ".join(filter(None, (type(error).__name__, str(error))))
-    return f"{what} failed{f' ({place})' if place else ''}: {said}"
+    location = own_location(error)
+    cause = ": ".join(filter(None, (type(error).__name__, str(error))))
+    return f"{subject} failed{f' ({location})' if location else ''}: {cause}"

@@ -244,7 +244,7 @@ def no_semaphores(*given: Any) -> Any:
 def test_where_processes_share_no_locks_a_pool_is_refused_with_what_it_needs(monkeypatch: pytest.MonkeyPatch) -> None:
     """As in a container whose /dev/shm cannot be written."""
     monkeypatch.setattr("multiprocessing.synchronize._multiprocessing.SemLock", no_semaphores)
-    with pytest.raises(OptionError, match=r"\(Read-only file system\); they need a /dev/shm that can be written"):
+    with pytest.raises(OptionError, match=r"\(Read-only file system\); they need a writable /dev/shm"):
         processes(2)
 
 

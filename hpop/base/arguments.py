@@ -1,9 +1,10 @@
-"""Wrong arguments, told at the public border by the name of the argument.
+"""Errors for wrong arguments of public functions, which name the argument.
 
-A value of a type that a signature does not know fails somewhere inside, with an AttributeError about something that the
-caller never saw. :func:`checked_arguments` marks public functions and classes: once a call of theirs has failed, its
-arguments are compared with the signature, and a TypeError or ValueError says which one is wrong, what was expected and
-what came. A call that succeeds costs one frame, and nothing that works is refused. What hpop raises on purpose stays.
+A value of an unexpected type fails somewhere inside, with an AttributeError about an object that the caller never saw.
+:func:`checked_arguments` marks public functions and classes: once a call of theirs has failed, its arguments are
+compared with the signature, and a TypeError or ValueError says which one is wrong, what was expected and what came. A
+call that succeeds costs one frame, and no call that works is refused. Errors that hpop raises on purpose pass
+unchanged.
 """
 
 from __future__ import annotations
@@ -29,18 +30,18 @@ from hpop.base.text import article, shown
 T = TypeVar("T", bound=Callable[..., Any])
 
 GUARDED = "_names_arguments"
-"""Attribute of functions that are guarded already, and of the errors raised for them."""
+"""Attribute of guarded functions, and of errors raised for them."""
 OF_EXTREMES = re.compile(
     r"empty|zero-size|shape|dimension|at least one|shorter|'list'|\bnan\b|\binf|finite|out of (range|bounds)|too large|"
     r"convert|overflow|maxsize|division|sequence",
     re.IGNORECASE,
 )
-"""What errors say that come of values which are empty, huge, or no numbers."""
+"""Words in messages of errors that empty, huge or non-finite values cause."""
 LARGEST = 2**63
-"""Numbers of at least this size overflow what is computed with."""
+"""Numbers of at least this size overflow in computations."""
 EMPTY = "not empty"
-"""What is expected in the place of an empty collection or text."""
-LOOKED_AT = 20
+"""Expectation for an empty collection or text."""
+CHECKED_ENTRIES = 20
 """Entries of a collection that are compared with a type."""
 WORDS: dict[Any, str] = {
     float: "a number",
@@ -57,16 +58,16 @@ BUILDERS = re.compile(r"of|load|read|build|fit|through|from_\w+")
 
 
 class AnyColumn:
-    """Stands for ``Column``: an array, a number or CasADi's symbols."""
+    """Stand-in for the type ``Column``: an array, a number or CasADi's symbols."""
 
 
 class AnyArray:
-    """Stands for ``ArrayLike``: an array, or nested sequences of numbers."""
+    """Stand-in for the type ``ArrayLike``: an array, or nested sequences of numbers."""
 
 
 WORDS |= {AnyColumn: "an array of numbers", AnyArray: "an array of numbers"}
 ALIASES = {"Column": AnyColumn, "ArrayLike": AnyArray}
-"""Types that are wider than what is meant by them, by the name of their alias."""
+"""Stand-ins for aliases of types that are wider than their meaning."""
 
 
 def checked_arguments(target: T) -> T:
@@ -96,7 +97,7 @@ def checked_arguments(target: T) -> T:
 
 
 def _guarded(function: Callable[..., Any], owner: type | None) -> Callable[..., Any]:
-    """Yield a function whose errors are explained by its arguments, where these are wrong."""
+    """Return a function that explains its errors by wrong arguments."""
     if inspect.isgeneratorfunction(function):
 
         @wraps(function)
@@ -125,57 +126,57 @@ def _guarded(function: Callable[..., Any], owner: type | None) -> Callable[..., 
 def _explain(
     function: Callable[..., Any], owner: type | None, args: Sequence[Any], kwargs: Mapping[str, Any], error: Exception
 ) -> None:
-    """Raise an error that names the argument at fault; return where none is, or where the error itself names it."""
+    """Raise an error that names the argument at fault; return if no argument is wrong or the error names it already."""
     if _is_deliberate(error) and not hasattr(error, GUARDED):
         return
     hints, signature = _hints(function, owner), inspect.signature(function)
     try:
         bound = signature.bind(*args, **kwargs)
-    except TypeError:  # Python's own error names what lacks or is too much
+    except TypeError:  # Python's own error names missing and surplus arguments
         return
-    given: list[tuple[str, Any]] = []
+    arguments: list[tuple[str, Any]] = []
     needed = {name for name, each in signature.parameters.items() if each.default is each.empty}
     for name, value in bound.arguments.items():
         kind = signature.parameters[name].kind
         if kind is inspect.Parameter.VAR_KEYWORD:
-            given += [(key, each) for key, each in value.items()]
+            arguments += [(key, each) for key, each in value.items()]
             hints |= dict.fromkeys(value, hints.get(name, Any))
         elif kind is inspect.Parameter.VAR_POSITIONAL:
-            given += [(name, each) for each in value]
+            arguments += [(name, each) for each in value]
         elif name not in ("self", "cls"):
-            given.append((name, value))
+            arguments.append((name, value))
     title = f"{owner.__name__}.{function.__name__}".removesuffix(".__init__") if owner else function.__name__
-    said, ours = str(error), hasattr(error, GUARDED)
+    message, ours = str(error), hasattr(error, GUARDED)
     cause = error.__cause__ if ours else error
-    misfits = [(TypeError, name, value, misfit(value, hints.get(name, Any))) for name, value in given]
+    misfits = [(TypeError, name, value, misfit(value, hints.get(name, Any))) for name, value in arguments]
     extremes = [
         (ValueError, name, value, extreme(value))
-        for name, value in given
+        for name, value in arguments
         if (name in needed or isinstance(value, Real | list | np.ndarray))
-        and (isinstance(error, OverflowError | MemoryError) or OF_EXTREMES.search(said))
+        and (isinstance(error, OverflowError | MemoryError) or OF_EXTREMES.search(message))
     ]
     for raised, name, value, wrong in (*misfits, *extremes):
         if wrong == EMPTY and isinstance(error, OverflowError | MemoryError):
-            continue  # what is empty neither overflows nor fills memory
+            continue  # empty values neither overflow nor fill memory
         if wrong:
-            if not ours and isinstance(error, TypeError | ValueError) and re.search(rf"\b{re.escape(name)}\b", said):
+            if not ours and isinstance(error, TypeError | ValueError) and re.search(rf"\b{re.escape(name)}\b", message):
                 return
             raise _named(raised(f"{title}: {name} must be {wrong}, got {shown(value)}")) from cause
-    for name, value in given:
-        if isinstance(value, str) and isinstance(error, LookupError | AttributeError) and repr(value) in said:
+    for name, value in arguments:
+        if isinstance(value, str) and isinstance(error, LookupError | AttributeError) and repr(value) in message:
             raise _named(ValueError(f"{title}: there is no {name} {shown(value)}")) from cause
     numbers: list[tuple[str, Any]] = [
-        (name, value) for name, value in given if isinstance(value, int | float | np.number)
+        (name, value) for name, value in arguments if isinstance(value, int | float | np.number)
     ]
-    for name, value in sorted(numbers, key=lambda one: -abs(one[1])):
-        if value < 0 and "negative" in said:
+    for name, value in sorted(numbers, key=lambda item: -abs(item[1])):
+        if value < 0 and "negative" in message:
             raise _named(ValueError(f"{title}: {name} must not be negative, got {shown(value)}")) from cause
         if isinstance(error, IndexError):
             raise _named(ValueError(f"{title}: {name} is out of range, got {shown(value)}")) from cause
 
 
 def _is_deliberate(error: Exception) -> bool:
-    """Return whether hpop raised it on purpose, or a warning was made one: it says by itself what is wrong."""
+    """Return whether hpop raised an error on purpose, or a warning became one: then its message is clear."""
     if type(error).__module__.partition(".")[0] == "hpop" or isinstance(error, Warning):
         return True
     place = extract_tb(error.__traceback__)[-1]
@@ -184,18 +185,18 @@ def _is_deliberate(error: Exception) -> bool:
 
 
 def _named(error: Exception) -> Exception:
-    """Return an error that a function around may explain better, by an argument of its own."""
+    """Return an error, marked so that an outer function may explain it by an argument of its own."""
     setattr(error, GUARDED, True)
     return error
 
 
 def misfit(value: Any, hint: Any) -> str:
-    """Say what was expected, where a value is not of a type; "" where it is, or where nothing is known of the type."""
+    """Return what was expected if a value does not fit a type; "" if it fits, or nothing is known of the type."""
     return "" if fits(value, hint) else expected(hint)
 
 
 def extreme(value: Any) -> str:
-    """Say what was expected, where a value is of the right type, but empty or of a size that nothing computes with."""
+    """Return what was expected if a value has the right type but is empty, or too large to compute with."""
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         number: Any = value
         finite = isinstance(value, int) or bool(np.isfinite(number))
@@ -213,7 +214,7 @@ def extreme(value: Any) -> str:
 
 
 def fits(value: Any, hint: Any) -> bool:
-    """Return whether a value is of a type; of the entries of a collection the first few are looked at."""
+    """Return whether a value is of a type; only the first few entries of a collection are checked."""
     origin, parts = get_origin(hint), get_args(hint)
     if hint is Any:
         return True
@@ -256,7 +257,7 @@ COLLECTIONS = tuple(get_origin(kind) for kind in (Iterable[Any], Collection[Any]
 
 
 def expected(hint: Any) -> str:
-    """Describe a type in words, for people."""
+    """Return the description of a type in words."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return expected(parts[0])
@@ -275,21 +276,21 @@ def expected(hint: Any) -> str:
     if callable(hint) and cls is get_origin(Callable[..., Any]):
         return "a function"
     if issubclass(cls, Mapping):
-        known = len(parts) == 2 and Any not in parts
-        return f"a dict ({expected(parts[0])}: {expected(parts[1])})" if known else "a dict"
+        is_typed = len(parts) == 2 and Any not in parts
+        return f"a dict ({expected(parts[0])}: {expected(parts[1])})" if is_typed else "a dict"
     entries = [part for part in parts if part is not Ellipsis]
     if issubclass(cls, tuple) and parts and Ellipsis not in parts:
         return f"{len(parts)} values ({', '.join(map(expected, parts))})"
     if issubclass(cls, tuple | list | set | frozenset) or cls in COLLECTIONS:
-        known = len(entries) == 1 and isinstance(get_origin(entries[0]) or entries[0], type)
-        return f"a list (each {expected(entries[0])})" if known else "a list"
+        is_typed = len(entries) == 1 and isinstance(get_origin(entries[0]) or entries[0], type)
+        return f"a list (each {expected(entries[0])})" if is_typed else "a list"
     builders = [name for name in dir(cls) if BUILDERS.fullmatch(name) and inspect.ismethod(getattr(cls, name))]
     made = f" (made by {cls.__name__}, {', '.join(f'{cls.__name__}.{name}' for name in builders)})" if builders else ""
     return article(cls.__name__) + made
 
 
 def _is_array(value: Any, hint: Any) -> bool:
-    """Return whether it is an array of numbers, or becomes one; a single number is none where an array has axes."""
+    """Return whether a value is, or converts to, an array of numbers; a number does not if the array has axes."""
     if hint is AnyColumn and type(value).__module__.partition(".")[0] == "casadi":
         return True
     if isinstance(value, str | Mapping):
@@ -302,7 +303,7 @@ def _is_array(value: Any, hint: Any) -> bool:
 
 
 def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
-    """Return whether a value is a collection whose first entries fit; an iterator is not used up."""
+    """Return whether a value is a collection with fitting first entries; iterators are not consumed."""
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         return False
     if not isinstance(value, Collection) or (isinstance(value, Mapping) and cls not in (Iterable, Collection)):
@@ -310,14 +311,14 @@ def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
     if isinstance(value, np.ndarray) and value.ndim == 0:
         return False
     if issubclass(cls, tuple) and parts and Ellipsis not in parts:
-        return len(value) == len(parts) and all(fits(one, part) for one, part in zip(value, parts, strict=True))
+        return len(value) == len(parts) and all(fits(entry, part) for entry, part in zip(value, parts, strict=True))
     entries = [part for part in parts if part is not Ellipsis]
-    return len(entries) != 1 or all(fits(one, entries[0]) for one in _first(value))
+    return len(entries) != 1 or all(fits(entry, entries[0]) for entry in _first(value))
 
 
 def _first(values: Iterable[Any]) -> list[Any]:
-    """Return the first few."""
-    return [one for one, _ in zip(values, range(LOOKED_AT), strict=False)]
+    """Return the first few values."""
+    return [value for value, _ in zip(values, range(CHECKED_ENTRIES), strict=False)]
 
 
 def _is_path(hint: Any) -> bool:
@@ -327,7 +328,7 @@ def _is_path(hint: Any) -> bool:
 
 @lru_cache
 def _members(protocol: Any) -> tuple[str, ...]:
-    """Return names that a protocol asks for."""
+    """Return the names of a protocol's public members."""
     names: dict[str, None] = {}
     for cls in protocol.__mro__:
         if getattr(cls, "_is_protocol", False):
@@ -336,20 +337,20 @@ def _members(protocol: Any) -> tuple[str, ...]:
 
 
 def _hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
-    """Return types of the parameters, of those that can be told; names for type checkers alone are imported."""
+    """Return the types of those parameters that can be resolved; names for type checkers alone are imported."""
     names: dict[str, Any] = {}
     for module in [*(cls.__module__ for cls in reversed(owner.__mro__ if owner else ())), function.__module__]:
         if module in sys.modules and module.partition(".")[0] not in ("builtins", "typing", "abc"):
             names |= _for_type_checkers(module) | vars(sys.modules[module])
     names |= ALIASES
-    found = {}
+    hints = {}
     for name, annotation in inspect.get_annotations(function).items():
         annotation = getattr(annotation, "__forward_arg__", annotation)
         try:
-            found[name] = eval(annotation, names) if isinstance(annotation, str) else annotation
-        except Exception:  # a type that cannot be told is not compared
-            found[name] = Any
-    return found
+            hints[name] = eval(annotation, names) if isinstance(annotation, str) else annotation
+        except Exception:  # a type that cannot be resolved is not compared
+            hints[name] = Any
+    return hints
 
 
 @lru_cache
@@ -359,11 +360,11 @@ def _for_type_checkers(module: str) -> dict[str, Any]:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, TypeError, SyntaxError):
         return {}
-    found: dict[str, Any] = {}
+    imported: dict[str, Any] = {}
     for block in tree.body:
         if isinstance(block, ast.If) and isinstance(block.test, ast.Name) and block.test.id == "TYPE_CHECKING":
             for line in block.body:
                 if isinstance(line, ast.ImportFrom) and line.module and not line.level:
                     source = import_module(line.module)
-                    found |= {one.asname or one.name: getattr(source, one.name, Any) for one in line.names}
-    return found
+                    imported |= {alias.asname or alias.name: getattr(source, alias.name, Any) for alias in line.names}
+    return imported

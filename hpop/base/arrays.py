@@ -1,4 +1,4 @@
-"""The array types of signatures, small checks of arrays, and copies of frozen values."""
+"""Array types of signatures, and copies of frozen values."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ T = TypeVar("T")
 def distinct(values: NDArray[N]) -> NDArray[N]:
     """Return the distinct values, sorted.
 
-    `numpy.unique` gives the same, but where it is asked for nothing else it imports NumPy's masked arrays, a sixtieth
-    of a second, to make sure that there are none.
+    `numpy.unique` does the same, but without further arguments it imports NumPy's masked arrays (a sixtieth of a
+    second).
 
     >>> distinct(np.array([[3, 1], [1, 2]]))
     array([1, 2, 3])
     """
-    found: NDArray[N] = np.unique(values, return_counts=True)[0]
-    return found
+    unique: NDArray[N] = np.unique(values, return_counts=True)[0]
+    return unique
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only copy, so that a frozen value stays what it was."""
+    """Return a read-only copy."""
     copy = np.array(array)
     copy.setflags(write=False)
     return copy
 
 
 def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
-    """Return a copy of a frozen value with other fields; the value itself stays what it is.
+    """Return a copy of a frozen value with other fields.
 
-    Unlike `dataclasses.replace`, it checks nothing again, and cached properties are copied too: that saves time where
-    the caller knows that the new fields do not change them.
+    Unlike `dataclasses.replace`, it repeats no checks and copies cached properties too, which saves time where the new
+    fields do not change them.
 
     Parameters
     ----------
-    without : cached properties that depend on the new fields: the copy derives them anew
+    without : cached properties that depend on the new fields, and are computed again
     """
     copy = object.__new__(type(value))
     copy.__dict__.update({name: part for name, part in vars(value).items() if name not in without}, **fields)
@@ -67,7 +67,7 @@ def inserted(values: NDArray[N], before: IntArray, rows: NDArray[N]) -> NDArray[
 
 
 def numbered(counts: IntArray) -> tuple[IntArray, IntArray]:
-    """Return, for the elements of groups of some sizes one after another, the group of each and its number in that.
+    """Return the group of each element, and its number within the group, for groups of given sizes in a row.
 
     >>> [column.tolist() for column in numbered(np.array([2, 0, 3]))]
     [[0, 0, 2, 2, 2], [0, 1, 0, 1, 2]]

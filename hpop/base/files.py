@@ -1,6 +1,6 @@
-"""Files: replaced whole or not at all, also where the writer is killed, and read up to a bounded size.
+"""Files that are replaced completely or not at all, even if the writer is killed, and read up to a bounded size.
 
-A writer fills a hidden file beside the target. Once that file is whole and on the disk, it takes the target's place.
+A writer fills a hidden file beside the target. Once that file is complete and on the disk, it takes the target's place.
 The writer holds a lock on the hidden file, which the system releases when the writer dies. The next writer of the
 target removes the hidden files that have no lock.
 
@@ -22,31 +22,29 @@ from typing import BinaryIO
 
 try:
     import fcntl
-except ImportError:  # no such locks on this system: what dead writers left stays
+except ImportError:  # no such locks on this system: files of dead writers stay
     fcntl = None  # type: ignore[assignment]
 
 
 PARTIAL = re.compile(r"\..+\.[0-9a-f]{32}\.tmp", re.DOTALL)
-"""Names of files that are not whole yet."""
+"""Names of incomplete files."""
 
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a file that replaces ``path`` at the end of the block; after any error ``path`` is as it was.
 
-    A link stays one: what it leads to is replaced.
-
-    Several may write the same file at once: each is whole, and the last one stays.
+    If ``path`` is a link, its target is replaced. Several processes may write one file at once: each writes a complete
+    file, and the last one stays.
 
     Raises
     ------
     OSError
-        If it cannot be written, or something is there that is no file, such as a device or a pipe, whose place a file
-        must not take; the error names ``path``.
+        If it cannot be written, or ``path`` is something other than a file, such as a device or a pipe; the error names
+        ``path``.
     """
-    asked = Path(path)
     try:
-        target = _place(asked)
+        target = _target(Path(path))
         _sweep(target)
         with _locked(target) as file:
             partial = Path(file.name)
@@ -60,28 +58,28 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
                     partial.unlink(missing_ok=True)
                 raise
     except OSError as error:  # it may name the temporary file
-        raise OSError(error.errno, error.strerror or str(error), str(asked)) from None
+        raise OSError(error.errno, error.strerror or str(error), os.fspath(path)) from None
 
 
 def check_replaceable(path: str | os.PathLike[str]) -> None:
-    """Raise OSError where :func:`replacing` could not write; nothing is left behind, nor what dead writers left."""
-    target = _place(Path(path))
+    """Raise OSError if :func:`replacing` could not write; remove the hidden files of dead writers."""
+    target = _target(Path(path))
     _sweep(target)
     with _locked(target) as file:
         os.unlink(file.name)
 
 
-def _place(target: Path) -> Path:
-    """Return where a file is written, links followed; OSError where a folder, a device, a pipe or a socket is there."""
-    if not target.name or target.is_dir():
+def _target(path: Path) -> Path:
+    """Return the path that is written, links followed; OSError if it is a folder, a device, a pipe or a socket."""
+    if not path.name or path.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if target.exists() and not S_ISREG(target.stat().st_mode):
+    if path.exists() and not S_ISREG(path.stat().st_mode):
         raise OSError(errno.EEXIST, "A device, a pipe or a socket is there")
-    return Path(os.path.realpath(target))
+    return Path(os.path.realpath(path))
 
 
 def _locked(target: Path) -> BinaryIO:
-    """Return a new file beside another, held by this writer."""
+    """Return a new hidden file beside another, locked by this writer."""
     while True:
         file = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp").open("xb")
         _hold(file)
@@ -91,7 +89,7 @@ def _locked(target: Path) -> BinaryIO:
 
 
 def sweep(folder: Path, begins: str = ".") -> None:
-    """Remove what dead writers left in a folder of the files whose hidden names begin so."""
+    """Remove hidden files of dead writers in a folder; their names begin with ``begins``."""
     with suppress(OSError), os.scandir(folder) as entries:
         for entry in entries:
             is_partial = PARTIAL.fullmatch(entry.name) and entry.name.startswith(begins)
@@ -102,12 +100,12 @@ def sweep(folder: Path, begins: str = ".") -> None:
 
 
 def _sweep(target: Path) -> None:
-    """Remove what dead writers of a file left."""
+    """Remove hidden files of dead writers of a target."""
     sweep(target.parent, f".{target.name}.")
 
 
 def _hold(file: BinaryIO, *, wait: bool = True) -> bool:
-    """Hold a file until it is closed; False where another does and there is no waiting, or where none can be held."""
+    """Lock a file until it is closed; return False without locks, or if another process has it and ``wait`` is off."""
     if fcntl is None:
         return False
     try:
@@ -123,15 +121,15 @@ KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""What else may be opened."""
+"""Kinds of things that may be opened but are no regular files."""
 PIECE = 2**20
-"""Bytes that are read at once."""
+"""Bytes of one read."""
 
 
 def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
-    """Open a regular file of at most ``most`` bytes for reading; it is looked at when open, so nothing can change it.
+    """Open a regular file of at most ``most`` bytes for reading; checked once open, so it cannot be swapped.
 
-    Raises OSError, whose ``strerror`` says what lies there instead; also for what no path can be.
+    Raises OSError with a ``strerror`` that says what was found instead; also for an impossible path.
     """
     try:
         file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  # the caller's ``with``
@@ -153,7 +151,7 @@ def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
 
 
 def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
-    """Return the bytes of a regular file, at most ``most``, also of one that grows; raises as :func:`open_regular`."""
+    """Return the bytes of a regular file, at most ``most``, even if it grows; raises as :func:`open_regular`."""
     data = bytearray()
     with open_regular(path, most) as file:
         while len(data) <= most and (piece := file.read(PIECE)):  # read(most) would take that much memory

@@ -15,7 +15,7 @@ from typing import Any
 
 
 def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package: it imports each name from its home when the name is first used.
+    """Return the ``__getattr__`` of a package, which imports each name from its home module at the first use.
 
     ``homes`` are modules by the names of :func:`homes_of`; the home of a module of the package itself is "".
     """
@@ -29,7 +29,7 @@ def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]
 
 
 def homes_of(package: str) -> dict[str, str]:
-    """Return the home of each name that the source of a package imports for type checkers only.
+    """Return the home module of each name that the source of a package imports for type checkers only.
 
     So each name that is imported on first use stands once, where type checkers and editors read it too. The home of a
     module that the package imports from itself is "".
@@ -37,14 +37,14 @@ def homes_of(package: str) -> dict[str, str]:
     spec = sys.modules[package].__spec__
     source = spec.loader.get_source(package) if spec and isinstance(spec.loader, InspectLoader) else None
     if source is None:
-        raise ImportError(f"{package} is there without its source, which names what it imports on first use")
+        raise ImportError(f"the source of {package} is missing; its names are read from it. Install hpop again")
     guarded = (
         node
         for node in ast.parse(source).body
         if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
     )
-    imports = (one for node in guarded for one in node.body if isinstance(one, ast.ImportFrom))
-    homes = ((alias.asname or alias.name, str(one.module)) for one in imports for alias in one.names)
+    imports = (line for node in guarded for line in node.body if isinstance(line, ast.ImportFrom))
+    homes = ((alias.asname or alias.name, str(line.module)) for line in imports for alias in line.names)
     return {name: "" if home == package else home for name, home in homes}
 
 
@@ -83,22 +83,22 @@ MOVED = {
 
 
 class _FormerNames(MetaPathFinder, Loader):
-    """Finds a module by its former name, when no module has that name now."""
+    """Finder of modules by former names that no module has now."""
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return where a former name leads; None for other names."""
+        """Return the spec of a former name; None for other names."""
         return ModuleSpec(name, self) if name in MOVED else None
 
     def exec_module(self, module: ModuleType) -> None:
-        """Give a module the names of the one that replaced it."""
+        """Fill a module with the names of its replacement."""
         replacement = MOVED[module.__name__]
         warnings.warn(f"{module.__name__} is {replacement} now", DeprecationWarning, stacklevel=2)
         module.__getattr__ = partial(getattr, import_module(replacement))  # type: ignore[method-assign]
 
 
 def find_former_names() -> None:
-    """Let modules be imported by their former names, when nothing else has these."""
+    """Let modules be imported by former names that nothing else has."""
     if not any(isinstance(finder, _FormerNames) for finder in sys.meta_path):
         sys.meta_path.append(_FormerNames())

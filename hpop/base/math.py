@@ -1,7 +1,7 @@
-"""Functions with kinks, exact on NumPy arrays and usable on CasADi symbols.
+"""Functions with kinks, exact on NumPy arrays and smoothed on CasADi symbols.
 
-Criteria use these where a plain NumPy function has no gradient (a length at zero, an absolute angle at zero): on
-numbers they are exact, on symbols they are smoothed within the width stated, so fronts only ever hold exact values.
+Criteria use these where a plain NumPy function has no gradient (a length at zero, an absolute angle at zero). On
+numbers they are exact; on symbols they are smoothed within the width stated. So costs in fronts are always exact.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from hpop.base.arrays import Column
 from hpop.base.symbols import Symbols, lift
 
 instead_of_hinges: ContextVar[Callable[[Column], Column] | None] = ContextVar("instead_of_hinges", default=None)
-SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; measured: solvers converge with it, and not without
-ALIGNED = 1e-4  # rad: the same of angles between vectors, which pass through zero in the middle of a motion
+SMOOTHING = 0.02  # rad or m: half-width of the rounded kink; without it solvers do not converge
+ALIGNED = 1e-4  # rad: half-width for angles between vectors, which pass through zero in the middle of a motion
 CHEBYSHEV = (
     *(0.17087277, -0.82215223, 1.48851587, -1.13520398, 0.27886807),
     *(-0.18628806, 0.09678418, 0.37409196, 1.00002368, -1.26551223),
@@ -27,7 +27,7 @@ CHEBYSHEV = (
 
 
 def is_symbolic(column: object) -> bool:
-    """Tell CasADi symbols from numbers, without importing CasADi."""
+    """Return whether a column is CasADi symbols, without importing CasADi."""
     return isinstance(column, Symbols) or type(column).__module__.partition(".")[0] == "casadi"
 
 
@@ -44,14 +44,14 @@ def hypot(x: Column, y: Column) -> Column:
 
 
 def is_zero(column: Column) -> bool:
-    """Return whether a column is the number 0.0, which stands for what is known to be zero."""
+    """Return whether a column is the number 0.0, which stands for a value known to be zero."""
     return isinstance(column, float) and column == 0.0
 
 
 def norm(vector: Sequence[Column]) -> Column:
-    """Return length of vectors whose components are columns, or the number 0.0 where they are known to be zero.
+    """Return the length of vectors (one column per component), or the number 0.0 if all are known to be zero.
 
-    What is no column leaves the others their simpler form: of one alone this is `smooth_abs`, of two `hypot`.
+    Components known to be zero are left out: of one remaining column this is `smooth_abs`, of two `hypot`.
 
     >>> float(norm((2.0, 3.0, 6.0))), float(norm((0.0, 0.0, -1.5)))
     (7.0, 1.5)
@@ -65,47 +65,47 @@ def norm(vector: Sequence[Column]) -> Column:
 
 
 def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Column, Column]) -> Column:
-    """Return angle, rad in [0, pi], between unit vectors and others, 0 where these are zero.
+    """Return the angle, rad in [0, pi], between unit vectors and other vectors; 0 where these are zero.
 
-    On symbols its kink at 0 is rounded within ALIGNED where both lie in one plane of the axes, so that who is aligned
-    up to rounding has the gradient 0.
+    On symbols its kink at 0 is rounded within ALIGNED where both vectors lie in one plane of the axes, so that vectors
+    that are aligned up to rounding have the gradient 0.
 
     >>> round(float(angle_between((0.0, 1.0, 0.0), (2.0, 0.0, 0.0))), 9)
     1.570796327
     """
     length = norm(vector)
-    some = length > 0
-    scale = 1.0 / np.where(some, length, 1.0)
+    defined = length > 0
+    scale = 1.0 / np.where(defined, length, 1.0)
     normal = [column if is_zero(column) else column * scale for column in cross(unit, vector)]
     cosine = dot(unit, vector) * scale
-    return np.arctan2(np.where(some, sine_of(normal), 0.0), np.where(some, cosine, 1.0))
+    return np.arctan2(np.where(defined, sine_of(normal), 0.0), np.where(defined, cosine, 1.0))
 
 
 def sine_of(normal: Sequence[Column]) -> Column:
-    """Length of the normal of two unit vectors, whose kink at 0 is rounded within ALIGNED in a plane of the axes."""
-    alone = [column for column in normal if not is_zero(column)]
-    return smooth_abs(alone[0], ALIGNED) if len(alone) == 1 else norm(normal)
+    """Return the length of a normal of unit vectors; in a plane of the axes its kink is rounded within ALIGNED."""
+    columns = [column for column in normal if not is_zero(column)]
+    return smooth_abs(columns[0], ALIGNED) if len(columns) == 1 else norm(normal)
 
 
-def dot(one: Sequence[Column], other: Sequence[Column]) -> Column:
-    """Return sum of the products of columns; the number 0.0 stands for what is known to be zero, and so does the sum.
+def dot(a: Sequence[Column], b: Sequence[Column]) -> Column:
+    """Return the sum of products of columns; 0.0 stands for a value known to be zero, also as the sum.
 
     >>> dot((1.0, 2.0), (3.0, 0.0))
     3.0
     """
-    products = [a * b for a, b in zip(one, other, strict=True) if not (is_zero(a) or is_zero(b))]
+    products = [x * y for x, y in zip(a, b, strict=True) if not (is_zero(x) or is_zero(y))]
     return reduce(add, products) if products else 0.0
 
 
-def cross(one: Sequence[Column], other: Sequence[Column]) -> tuple[Column, Column, Column]:
-    """Return cross product of vectors in space; the number 0.0 stands for what is known to be zero.
+def cross(a: Sequence[Column], b: Sequence[Column]) -> tuple[Column, Column, Column]:
+    """Return the cross product of vectors in space; 0.0 stands for a component known to be zero.
 
     >>> cross((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     (0.0, 0.0, 1.0)
     """
 
     def component(i: int, j: int) -> Column:
-        gain, loss = dot(one[i : i + 1], other[j : j + 1]), dot(one[j : j + 1], other[i : i + 1])
+        gain, loss = dot(a[i : i + 1], b[j : j + 1]), dot(a[j : j + 1], b[i : i + 1])
         return 0.0 if is_zero(gain) and is_zero(loss) else gain - loss
 
     return component(1, 2), component(2, 0), component(0, 1)
@@ -127,9 +127,10 @@ def erf(x: Column) -> Column:
 
 
 def erfcx(x: Column) -> Column:
-    """Return the scaled complementary error function exp(x²) (1 - erf(x)), of x >= 0.
+    """Return the scaled complementary error function exp(x²) (1 - erf(x)), for x >= 0.
 
-    On symbols it is Chebyshev's fit of Press et al. (Numerical Recipes, section 6.2), within 1.2e-7 of itself.
+    On symbols it is Chebyshev's fit of Press et al. (Numerical Recipes, section 6.2), within a relative error of
+    1.2e-7.
 
     >>> round(float(erfcx(2.0)), 6)
     0.255396
@@ -159,11 +160,11 @@ def smooth_abs(x: Column, width: float = SMOOTHING) -> Column:
 
 
 def hinge(x: Column) -> Column:
-    """Return max(x, 0), of what a cost rises with; on symbols without a kink.
+    """Return max(x, 0) of a quantity that raises a cost; on symbols without a kink.
 
-    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.nlp`).
-    Elsewhere it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with
-    s = x/w it is w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
+    Programs of driven trajectories have a variable above x and 0 instead (:mod:`hpop.planners.programs.nlp`). Elsewhere
+    it is a convex polynomial within w, half of SMOOTHING, of zero, twice differentiable, exact outside: with s = x/w it
+    is w (3 + 8 s + 6 s² - s⁴)/16, which lies above the kink by 3/16 w.
 
     >>> float(hinge(-2.0)), float(hinge(0.5))
     (0.0, 0.5)
@@ -179,7 +180,7 @@ def hinge(x: Column) -> Column:
 
 
 def smooth_step(x: Column) -> Column:
-    """1 where x >= 0, else 0; on symbols a polynomial within SMOOTHING of zero, twice differentiable, exact outside.
+    """Return 1 where x >= 0, else 0; on symbols a polynomial within SMOOTHING of zero, twice differentiable.
 
     With s = x/w the polynomial is 1/2 + (15 s - 10 s³ + 3 s⁵)/16: it rises from 0 to 1 with no slope or curvature at
     its ends.
@@ -195,9 +196,7 @@ def smooth_step(x: Column) -> Column:
 
 
 def wrap(angle: Column) -> Column:
-    """Return the same angle in (-pi, pi], rad; a half turn is +pi, so its direction is always counter-clockwise.
-
-    What is no number stays none.
+    """Return an angle in (-pi, pi], rad, equal up to whole turns; a half turn is +pi, counter-clockwise. NaN stays NaN.
 
     >>> float(wrap(-np.pi)) == np.pi and float(wrap(2.5 * np.pi)) == 0.5 * np.pi
     True
@@ -207,7 +206,7 @@ def wrap(angle: Column) -> Column:
 
 
 def not_radians(angle: float) -> str:
-    """Return why a heading cannot be in radians, "" if it can: sums of two are within two turns.
+    """Return why a heading cannot be in radians; "" if it can. Sums of two headings are within two turns.
 
     >>> print(not_radians(90.0))
     is in radians, within two turns of 0; got 90: write math.radians(90), in a scenario '90 deg', if these are degrees

@@ -1,7 +1,7 @@
-"""Numbers that users give: checked once, where a value is made, against bounds that are stated here.
+"""Numbers from users, checked once against the bounds stated here.
 
-The bounds are wide: they refuse what no robot and no building has, so that nothing within them overflows, divides by
-zero, or goes on for ever.
+The bounds are wide: they refuse only what no robot and no building has, so that nothing within them overflows, divides
+by zero, or takes for ever.
 """
 
 from __future__ import annotations
@@ -20,39 +20,39 @@ from hpop.errors import HpopError, OptionError, did_you_mean
 T = TypeVar("T")
 
 LEAST = 1e-6
-"""Least length, time, speed, ..., SI units: costs are counted in quanta of that, so nothing smaller is told apart."""
+"""Least length, time, speed, ..., SI units: the default quantum of costs, below which nothing differs."""
 MOST = 1e6
-"""Greatest length, time, speed, factor, ..., SI units: the longest map that is read is 1,000 km long."""
+"""Greatest length, time, speed, factor, ..., SI units: maps are at most 1,000 km long."""
 FARTHEST = 1e8
-"""Greatest coordinate, m: projected ones of the earth are below 5e7, and a double is still exact to 15 nm there."""
+"""Greatest coordinate, m: map projections of the earth stay below 5e7, where a double is exact to 15 nm."""
 MOST_SEED = 2**63 - 1
 """Greatest seed of random numbers."""
 MOST_WORKERS = 1024
-"""Processes, more than the cores of any machine."""
+"""Greatest number of processes, above the cores of any machine."""
 EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?e[-+]?\d+", re.IGNORECASE)
-"""What looks like a number, and YAML 1.1 reads as text."""
+"""Numbers that YAML 1.1 reads as text."""
 MOST_COUNTED = 2**60
-"""Greatest count: no cost of a path is larger, and sums of a few fit 64 bits."""
+"""Greatest count: no cost of a path is larger, and sums of a few counts fit 64 bits."""
 
 
 class Degrees:
-    """Marks the type of an angle in rad that scenario files may also give as text, such as "90 deg"."""
+    """Marker of an angle in rad that scenario files may also give as text, such as "90 deg"."""
 
     TEXT = re.compile(r"\s*([-+]?\d+(?:\.\d*)?)\s*deg\s*")
 
     @classmethod
-    def in_radians(cls, given: Any) -> Any:
-        """Return the angle that such text says, rad; anything else as it is.
+    def in_radians(cls, value: Any) -> Any:
+        """Return the angle, rad, of a text in degrees; other values unchanged.
 
         >>> Degrees.in_radians("180 deg"), Degrees.in_radians("half a turn"), Degrees.in_radians(0.5)
         (3.141592653589793, 'half a turn', 0.5)
         """
-        match = cls.TEXT.fullmatch(given) if isinstance(given, str) else None
-        return radians(float(match.group(1))) if match else given
+        match = cls.TEXT.fullmatch(value) if isinstance(value, str) else None
+        return radians(float(match.group(1))) if match else value
 
     @classmethod
     def json_schema(cls) -> dict[str, Any]:
-        """Return the form of such text, as editors know it."""
+        """Return the JSON schema of such a text, for editors."""
         return {"type": "string", "pattern": f"^{cls.TEXT.pattern}$"}
 
     @classmethod
@@ -70,17 +70,17 @@ Angle = Annotated[float, Degrees]
 
 
 class BesideScenario:
-    """Marks the type of a path that scenario files give relative to their own folder."""
+    """Marker of a path that scenario files give relative to their own folder."""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        def placed(given: Any, info: Any) -> Any:
+        def joined(path: Any, info: Any) -> Any:
             folder = (info.context or {}).get("folder", "")
-            return os.path.join(folder, given) if isinstance(given, str) and given else given
+            return os.path.join(folder, path) if isinstance(path, str) and path else path
 
-        return core_schema.with_info_before_validator_function(placed, handler(source))
+        return core_schema.with_info_before_validator_function(joined, handler(source))
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Any:
@@ -100,9 +100,9 @@ def real(
     hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> float:
-    """Return a finite number within bounds, or an error that says what was expected; NumPy's numbers become Python's.
+    """Return a finite number within bounds; otherwise raise an error that says what was expected.
 
-    ``hint``: what else to do.
+    NumPy's numbers become Python's. ``hint`` is added to the message.
 
     >>> real("step", 0.25, LEAST, MOST, "a length in m")
     0.25
@@ -113,9 +113,9 @@ def real(
     number: Any = python_value(value) if is_number(value) else nan
     if not least <= number <= most:
         text = isinstance(value, str) and EXPONENT.fullmatch(value)
-        hints = [hint, "YAML reads 1e-3 as text: write 0.001 or 1.0e-3" * bool(text)]
-        said = "".join(f"; {one}" for one in hints if one)
-        raise error(f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{said}")
+        hints = [hint, "YAML reads 1e-3 as text: write 0.001 or 1.0e-3" if text else ""]
+        ending = "".join(f"; {advice}" for advice in hints if advice)
+        raise error(f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{ending}")
     return number if isinstance(number, int) else float(number)
 
 
@@ -129,9 +129,9 @@ def whole(
     hint: str = "",
     error: type[HpopError] = OptionError,
 ) -> int:
-    """Return a whole number within bounds, or an error that says what was expected.
+    """Return a whole number within bounds; otherwise raise an error that says what was expected.
 
-    ``hint``: what else to do.
+    ``hint`` is added to the message.
 
     >>> whole("samples", 2**63, 1, 1000)
     Traceback (most recent call last):
@@ -139,14 +139,13 @@ def whole(
     """
     number: Any = python_value(value) if is_whole(value) else nan
     if not least <= number <= most:
-        raise error(
-            f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{f'; {hint}' * bool(hint)}"
-        )
+        ending = f"; {hint}" if hint else ""
+        raise error(f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{ending}")
     return int(number)
 
 
 def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError] = OptionError) -> T:
-    """Return one of some words or whole numbers, or an error that lists them.
+    """Return one of some words or whole numbers; otherwise raise an error that lists them.
 
     >>> one_of("headings", 5, (4, 8, 16))
     Traceback (most recent call last):
@@ -163,7 +162,7 @@ def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError
 
 
 def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> bool:
-    """Return a truth value of Python or NumPy as one of Python, or raise an error that says what was expected.
+    """Return a truth value of Python or NumPy as one of Python; otherwise raise an error that says what was expected.
 
     >>> truth("corner_cutting", 1)
     Traceback (most recent call last):
@@ -176,7 +175,7 @@ def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> boo
 
 
 def amounts(name: str, given: Any, most: float, what: str = "amounts") -> dict[str, float]:
-    """Return numbers from 0 on by the names of costs; what these are is asked when there is a problem.
+    """Return numbers >= 0 by names of costs; the names are checked later, against the criteria of a problem.
 
     >>> amounts("tolerance", 0.1, MOST)
     Traceback (most recent call last):
@@ -190,7 +189,7 @@ def amounts(name: str, given: Any, most: float, what: str = "amounts") -> dict[s
 def set_reals(
     owner: object, *names: str, least: float, most: float, kind: str, error: type[HpopError] = OptionError
 ) -> None:
-    """Check attributes of a frozen dataclass, each as :func:`real` does."""
+    """Check attributes of a frozen dataclass, each as by :func:`real`."""
     for name in names:
         object.__setattr__(owner, name, real(name, getattr(owner, name), least, most, kind, error=error))
 
@@ -204,7 +203,7 @@ def set_wholes(
     optional: bool = False,
     error: type[HpopError] = OptionError,
 ) -> None:
-    """Check attributes of a frozen dataclass, each as :func:`whole` does; ``optional`` ones may be None."""
+    """Check attributes of a frozen dataclass, each as by :func:`whole`; ``optional`` ones may be None."""
     for name in names:
         if optional and getattr(owner, name) is None:
             continue
@@ -212,7 +211,7 @@ def set_wholes(
 
 
 def _limits(least: float, most: float, beyond: bool) -> str:
-    """Return the bounds of a number in words, without a very large upper bound that the number keeps."""
+    """Return the bounds of a number in words, without a very large upper bound that the number does not exceed."""
     return (
         f"of at least {_bound(least)}"
         if most >= MOST_COUNTED and not beyond

@@ -1,7 +1,7 @@
-"""Random numbers as a caller gives them: ``rng`` as SPEC 7 of Scientific Python has it, and the seed it comes to.
+"""Random numbers from the argument ``rng`` (SPEC 7 of Scientific Python), and the seed derived from it.
 
-What is drawn follows from a seed that is written down, in certificates, provenance and saved fronts, so that a result
-can be had again whatever the ``rng`` was. Scenario files have that ``seed`` itself.
+All draws follow from one seed, which certificates, provenance and saved fronts record, so that results can be
+reproduced whatever the ``rng`` was. Scenario files give the ``seed`` itself.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from hpop.errors import OptionError
 
 Source: TypeAlias = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence
 RNG: TypeAlias = int | Source | None
-"""A seed; a source of random numbers, of which one is drawn; None for fresh ones."""
+"""A seed; a source of random numbers, from which a seed is drawn; or None for a fresh seed."""
 MaybeRNG: TypeAlias = RNG | EllipsisType
 
 
 def seed_of(rng: RNG) -> int:
-    """The seed of random numbers: a whole number is one itself, of a Generator or the like one is drawn, None is fresh.
+    """Return the seed of an ``rng``: a whole number itself, a number drawn from a Generator or similar, fresh for None.
 
-    A Generator goes on by that one number: two draws from the same differ. Raises OptionError for anything else.
+    Drawing advances the Generator, so two calls with one Generator differ. Raises OptionError for anything else.
 
     >>> seed_of(7), seed_of(None) == seed_of(None)
     (7, False)
@@ -38,7 +38,7 @@ def seed_of(rng: RNG) -> int:
 
 
 def set_seed(owner: Any, rng: MaybeRNG) -> None:
-    """Check the ``seed`` of a frozen dataclass; where ``rng`` was given (it is ... where not), set the seed by it."""
+    """Check the ``seed`` of a frozen dataclass; if ``rng`` is given (not ...), set the seed from it."""
     if not isinstance(rng, EllipsisType):
         if owner.seed != type(owner).seed:
             raise OptionError(f"give rng, or a seed, not both; got {shown(rng)} and {shown(owner.seed)}")

@@ -1,8 +1,6 @@
-"""Names of criteria, planners, models, goals, readers and formats: found at home, or by an entry point abroad.
+"""Registries of criteria, planners, models, goals, readers and formats, of hpop and of plugin packages.
 
-At home a decorator registers them; each is loaded on first use.
-
-A plugin package declares, for example::
+In hpop a decorator registers types, and each is loaded on first use. A plugin package declares, for example::
 
     [project.entry-points."hpop.criteria"]
     glare = "my_package.glare:Glare"
@@ -39,10 +37,10 @@ GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Types by name; importing ``module`` registers those at home, entry points of ``group`` those abroad.
+    """Types by name. Importing ``module`` registers hpop's own; entry points of ``group`` register those of plugins.
 
-    A name taken twice and a package that cannot be loaded raise ``error``. ``parameter`` is what a field of its types
-    is called.
+    A name taken twice and a package that cannot be loaded raise ``error``. ``parameter`` is the word for a field of a
+    type.
     """
 
     def __init__(
@@ -57,7 +55,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self._loaded = False
 
     def add(self, name: str, item: T) -> None:
-        """Register a type; a name that another type has is an error (a notebook may define the same class again)."""
+        """Register a type; a name that another type has is an error (a notebook may define a class again)."""
         if name not in self._types and not item.__module__.startswith("hpop."):
             self._load_home(name)
         taken = self._types.get(name)
@@ -95,7 +93,7 @@ class Registry(Mapping[str, T], Generic[T]):
         return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
 
     def _load_home(self, name: str) -> None:
-        """Import the type at home of this name, if there is one.
+        """Import hpop's own type of this name, if there is one.
 
         "o_space" is ``OSpace``, a graph called "lattice" is ``LatticeGraph``.
         """
@@ -103,7 +101,7 @@ class Registry(Mapping[str, T], Generic[T]):
         letters = str(name).replace("-", "").replace("_", "")
         for public in getattr(package, "__all__", ()):
             if public.lower() in (letters, f"{letters}{self.kind}"):
-                getattr(package, public)  # a package may import what it names on first use
+                getattr(package, public)  # the package imports it on first use
 
     def _load(self) -> None:
         if self._loaded:
@@ -129,9 +127,9 @@ def _origin(item: Any) -> str:
 
 
 def completed(plugin: P, defaults: Mapping[str, Any]) -> P:
-    """Return a plugin, a class or an instance, whose class now has those parts of a contract that it leaves out.
+    """Return a plugin, a class or an instance, after giving its class the optional members of a contract that it lacks.
 
-    Attributes of the class and of the instance stay what they are.
+    Existing attributes of the class and of the instance do not change.
     """
     cls: Any = plugin if isinstance(plugin, type) else type(plugin)
     for name, value in defaults.items():
@@ -139,7 +137,7 @@ def completed(plugin: P, defaults: Mapping[str, Any]) -> P:
         if not (name.startswith("__") or hasattr(cls, name) or hasattr(plugin, name)):
             try:
                 setattr(cls, name, value)
-            except TypeError:  # of a class that cannot be changed, such as SimpleNamespace
+            except TypeError:  # a class that cannot be changed, such as SimpleNamespace
                 setattr(plugin, name, value)
     return plugin
 
@@ -156,7 +154,7 @@ formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.
 def made(registry: Registry[type], spec: Any) -> Any:
     """Return a new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
 
-    Raises UnknownName for a name that is not registered, and the registry's error for parameters that it does not take.
+    Raises UnknownName for a name that is not registered, and the registry's error for wrong parameters.
     """
     kind, error = registry.kind, registry.error
     named = {spec: None} if isinstance(spec, str) else spec
@@ -170,31 +168,31 @@ def made(registry: Registry[type], spec: Any) -> Any:
     own = model_parameters(cls) if registry is models else ()
     try:
         return cls(**{key: _of_model(value) if key in own else value for key, value in (parameters or {}).items()})
-    except TypeError as wrong:  # one that is missing, or of another type
+    except TypeError as wrong:  # a missing parameter, or one of another type
         raise error(f"{kind} {name!r} cannot be made of {shown(dict(parameters or {}))}: {wrong}") from wrong
 
 
 def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:
-    """Raise the registry's error for parameters, by name, that a type of it does not have, or that lack of its own."""
+    """Raise the registry's error for unknown names of parameters, and for missing ones."""
     known = [field.name for field in fields(cls) if field.init]
-    taken = {*known, *signature(cls).parameters}  # with what only sets others: a source of random numbers, a seed
-    strange = sorted(str(parameter) for parameter in given if parameter not in taken)
+    accepted = {*known, *signature(cls).parameters}  # with arguments that only set fields, such as rng
+    strange = sorted(str(parameter) for parameter in given if parameter not in accepted)
     if strange:
         raise registry.error(
             f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}."
-            f"{''.join(did_you_mean(one, known) for one in strange)} It has {', '.join(known) or 'none'}"
+            f"{''.join(did_you_mean(parameter, known) for parameter in strange)} It has {', '.join(known) or 'none'}"
         )
-    if absent := [one for one in needed(cls) if one not in given]:
+    if absent := [parameter for parameter in needed(cls) if parameter not in given]:
         raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")
 
 
 def needed(cls: Any) -> list[str]:
-    """Return names of a dataclass's parameters that have no default."""
-    return [one.name for one in fields(cls) if one.init and one.default is one.default_factory is MISSING]
+    """Return the names of a dataclass's parameters without a default."""
+    return [field.name for field in fields(cls) if field.init and field.default is field.default_factory is MISSING]
 
 
 def hints_of(cls: Any) -> dict[str, Any]:
-    """Return types of a dataclass's fields by name; none of a plugin that imports names for type checkers only."""
+    """Return the types of a dataclass's fields by name; none for a plugin that imports names for type checkers only."""
     try:
         return get_type_hints(cls, include_extras=True)
     except NameError:
@@ -202,7 +200,7 @@ def hints_of(cls: Any) -> dict[str, Any]:
 
 
 def model_parameters(cls: Any) -> frozenset[str]:
-    """Return names of the fields of a dataclass that are models: a base that carries another model's camera."""
+    """Return the names of a dataclass's fields that are models, such as a base that carries another model's camera."""
     own = {field.name for field in fields(cls) if field.init}
     return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model(hint))
 
@@ -212,10 +210,10 @@ def _is_model(hint: Any) -> bool:
 
 
 def _of_model(given: Any) -> Any:
-    """Return the model that a name or a description says; a model as it is."""
+    """Return the model of a name or a description; a model as it is."""
     return make_model(given) if isinstance(given, str | Mapping) else given
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
-    """Make a model from its name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
+    """Return a model from its name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
     return made(models, spec)

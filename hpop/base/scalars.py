@@ -1,4 +1,4 @@
-"""Numbers as NumPy, pandas and others give them: scalars and arrays without axes are read as Python's numbers."""
+"""Scalars of NumPy, pandas and others, and arrays without axes, read as Python's numbers."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 
 def python_value(value: Any) -> Any:
-    """Return the Python value of a NumPy scalar or of an array without axes; anything else as it is.
+    """Return the Python value of a NumPy scalar or of an array without axes; other values unchanged.
 
-    NumPy itself is not imported: what has the shape ``()`` and a method ``item`` is such a value.
+    NumPy itself is not imported: any object with the shape ``()`` and a method ``item`` is such a value.
 
     >>> import numpy as np
     >>> python_value(np.int64(3)), python_value(np.array(0.5)), python_value(np.True_), python_value("3")
@@ -23,7 +23,7 @@ def python_value(value: Any) -> Any:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether a value is one real number, of Python or NumPy; a truth value is none.
+    """Return whether a value is one real number, of Python or NumPy; truth values are not.
 
     >>> import numpy as np
     >>> [is_number(value) for value in (1, np.float32(0.5), np.array(2), True, np.True_, "1", None)]
@@ -34,7 +34,7 @@ def is_number(value: Any) -> bool:
 
 
 def is_whole(value: Any) -> bool:
-    """Return whether a value is one whole number, of Python or NumPy; a truth value is none.
+    """Return whether a value is one whole number, of Python or NumPy; truth values are not.
 
     >>> import numpy as np
     >>> [is_whole(value) for value in (1, np.int64(2), np.array(2), 1.0, True, np.True_)]
@@ -45,7 +45,7 @@ def is_whole(value: Any) -> bool:
 
 
 def set_python_values(owner: Any) -> None:
-    """Replace NumPy scalars in the fields of a frozen dataclass by Python's numbers, while it is made."""
+    """Replace NumPy scalars in the fields of a frozen dataclass by Python's numbers, in its ``__post_init__``."""
     for field in fields(owner):
         value = getattr(owner, field.name)
         if (number := python_value(value)) is not value:

@@ -1,4 +1,4 @@
-"""Columns of numbers with their units, and the HTML tables that notebooks show."""
+"""Tables: columns of numbers with their units, and HTML tables for notebooks."""
 
 from __future__ import annotations
 
@@ -21,30 +21,30 @@ if TYPE_CHECKING:
     import pandas
 
 PICTURES: dict[type, Callable[[Any], bytes | None]] = {}
-"""By type what makes a small picture (PNG) of a value, or None where there is nothing to draw."""
+"""Functions that draw a value as a small picture (PNG), or return None if there is nothing to draw, by type."""
 
 
 def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
-    """Return a table; all text is escaped.
+    """Return an HTML table; all text is escaped.
 
     >>> table_html(["a<b"], [["1"]])
     '<table><thead><tr><th>a&lt;b</th></tr></thead><tbody><tr><td>1</td></tr></tbody></table>'
     """
     head = "".join(f"<th>{_text(heading)}</th>" for heading in headings)
     body = "".join(f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    said = f"<caption>{_text(caption)}</caption>" if caption else ""
-    return f"<table>{said}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    caption_html = f"<caption>{_text(caption)}</caption>" if caption else ""
+    return f"<table>{caption_html}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def facts_html(facts: Sequence[tuple[str, str]]) -> str:
-    """Return a table of two columns: what, and what it is."""
-    left = "style='text-align:left'"  # notebooks put cells to the right, as numbers
+    """Return an HTML table of two columns: names and values."""
+    left = "style='text-align:left'"  # notebooks align cells to the right, as numbers
     rows = (f"<tr><th {left}>{_text(name)}</th><td {left}>{_text(value)}</td></tr>" for name, value in facts)
     return f"<table><tbody>{''.join(rows)}</tbody></table>"
 
 
 def picture_html(value: Any) -> str:
-    """Return a picture of a value, if what draws its type is imported; else how to get one."""
+    """Return a picture of a value, if the module that draws its type is imported; else a hint how to get one."""
     draw = next((PICTURES[cls] for cls in type(value).__mro__ if cls in PICTURES), None)
     if draw is None:
         return "<p><small><code>import hpop.view</code> adds a picture.</small></p>"
@@ -62,7 +62,7 @@ MOST_SHOWN = 8  # rows of a table in a notebook
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Table:
-    """Columns (N,) of numbers by name, all of one length, with their units by name ("1" for none).
+    """Table of named columns (N,) of numbers, with their units by name ("1" for none).
 
     >>> import numpy as np
     >>> table = Table({"t": np.array([0.0, 0.1]), "x": np.array([2.0, 2.5])}, {"t": "s", "x": "m"})
@@ -77,7 +77,7 @@ class Table:
         return len(next(iter(self.columns.values())))
 
     def __getitem__(self, name: str) -> FloatArray:
-        """Return a column (N,) by its name; UnknownName where there is none."""
+        """Return a column (N,) by its name; raise UnknownName for an unknown name."""
         try:
             return self.columns[name]
         except (KeyError, TypeError):
@@ -95,9 +95,9 @@ class Table:
         return [name if (unit := self.units[name]) == "1" else f"{name} ({unit})" for name in self.columns]
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write a file of comma-separated values, whole or not at all: headings such as "x (m)", then a row a line.
+        """Write a complete CSV file, or none: headings such as "x (m)", then one line for each row.
 
-        Numbers read back as the same float64. Raises OutputError where the file cannot be written.
+        Numbers read back as equal float64. Raises OutputError where the file cannot be written.
         """
         text = io.StringIO(newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -109,16 +109,16 @@ class Table:
         except TypeError:
             raise OptionError(f"expected the path of a file to write, got {shown(path)}") from None
         except (OSError, ValueError) as error:
-            said = getattr(error, "strerror", None) or error
-            raise OutputError(f"cannot write {shown(os.fspath(path))}: {said}; choose another file") from None
+            reason = getattr(error, "strerror", None) or error
+            raise OutputError(f"cannot write {shown(os.fspath(path))}: {reason}; choose another file") from None
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the same columns in a table of pandas, the units in its ``attrs``; needs the extra ``tables``."""
+        """Return the columns as a table of pandas, with units in its ``attrs``; needs the extra ``tables``."""
         frame = library("pandas", "to_dataframe()").DataFrame(dict(self.columns))
         frame.attrs["units"] = dict(self.units)
         return frame
 
     def _repr_html_(self) -> str:
-        few = list(self.columns.values())
-        rows = [[f"{column[row]:.6g}" for column in few] for row in range(min(len(self), MOST_SHOWN))]
+        columns = list(self.columns.values())
+        rows = [[f"{column[row]:.6g}" for column in columns] for row in range(min(len(self), MOST_SHOWN))]
         return table_html(self.headings, rows, f"{len(self):,} rows")

@@ -1,4 +1,4 @@
-"""Text for people out of what comes from files and callers: short whatever its size, and harmless to a terminal."""
+"""Text from files and callers made short, whatever its size, and harmless to a terminal."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ HARMFUL = re.compile(
     "\ud800-\udfff\ufeff\uffa0\ufff9-\ufffb\U0001bca0-\U0001bca3\U0001d173-\U0001d17a\U000e0000-\U000e007f]"
     "|(?:(?<=[\x00-\u024f])|^)[\u200c\u200d]|[\u200c\u200d](?=[\x00-\u024f]|$)"
 )
-"""Control characters, what turns the direction of writing, what separates lines, halves of surrogate pairs, and what is
-not seen; joiners only where they join no letters of Persian or Hindi, and no emoji."""
+"""Control characters, marks of writing direction, line separators, halves of surrogate pairs, and invisible characters;
+joiners except between letters of Persian or Hindi, and within emoji."""
 LENGTH = 80
-"""Characters of a value that a message shows, at most."""
+"""Largest number of characters of a value in a message."""
 
 
 def printable(text: object, *, newlines: bool = False) -> str:
-    r"""Return text that can be printed: what would steer a terminal or reorder a line is written as its escape.
+    r"""Return printable text: characters that would control a terminal or reorder a line are escaped.
 
     >>> print(printable("Käthe \x1b[2J \u202e!"))
     Käthe \x1b[2J \u202e!
     """
-    return HARMFUL.sub(lambda found: "\n" if newlines and found[0] == "\n" else ascii(found[0])[1:-1], str(text))
+    return HARMFUL.sub(lambda match: "\n" if newlines and match[0] == "\n" else ascii(match[0])[1:-1], str(text))
 
 
 def argument(path: str | os.PathLike[str]) -> str:
@@ -48,7 +48,7 @@ def argument(path: str | os.PathLike[str]) -> str:
 
 
 def shown(value: Any, most: int = LENGTH) -> str:
-    """Return a repr for a message, short whatever the value: it may be huge, an alias of an alias, or fail to print.
+    """Return a repr for a message, short whatever the value: it may be huge or nested, or its repr may fail.
 
     >>> shown([1, "two"]), shown("x" * 1000, 20)
     ("[1, 'two']", "'xxxxxxx...xxxxxxxx'")
@@ -59,7 +59,7 @@ def shown(value: Any, most: int = LENGTH) -> str:
     """
     try:
         text = _Short(most).repr(value)
-    except Exception:  # a repr of the caller's own
+    except Exception:  # the caller's own repr failed
         text = f"a {type(value).__name__} that cannot be printed"
     return text if len(text) <= most else text[: most - 3] + "..."
 
@@ -70,20 +70,20 @@ def article(noun: str) -> str:
     >>> article("yaw"), article("upper_arm_roll")
     ('a yaw', 'an upper_arm_roll')
     """
-    return f"a{'n' * (noun[:1].lower() in set('aeiou'))} {noun}"
+    return f"a{'n' if noun[:1].lower() in set('aeiou') else ''} {noun}"
 
 
 def counted(number: int, noun: str) -> str:
-    """Return so many of a noun whose plural ends in s.
+    """Return a number with its noun, which takes a plural s.
 
     >>> counted(1, "path"), counted(1200, "path")
     ('1 path', '1,200 paths')
     """
-    return f"{number:,} {noun}{'s' * (number != 1)}"
+    return f"{number:,} {noun}{'s' if number != 1 else ''}"
 
 
 def some(several: Sequence[str], most: int = 4) -> str:
-    """Return the first few in a row, and how many others there are.
+    """Return the first few of several names, and the number of further ones.
 
     >>> some(["Ada", "Ben"]), some(["Ada", "Ben", "Cleo", "Dan", "Eve"], 3)
     ('Ada, Ben', 'Ada, Ben, Cleo and 2 others')
@@ -93,7 +93,7 @@ def some(several: Sequence[str], most: int = 4) -> str:
 
 
 class _Short(Repr):
-    """Reprs that look at a few entries and levels only."""
+    """Representation of values by a few entries and levels only."""
 
     def __init__(self, most: int) -> None:
         super().__init__()
@@ -110,7 +110,7 @@ class _Short(Repr):
         return f"{{{', '.join([*pieces, *['...'] * (len(x) > self.maxdict)])}}}"
 
     def repr_int(self, x: int, level: int) -> str:
-        """Return the representation of a number, also of one that Python does not print."""
+        """Return the representation of a number, even one that Python refuses to print."""
         if x.bit_length() > 10_000:
             return f"a whole number of {int(x.bit_length() * log10(2)) + 1:,} digits"
         return super().repr_int(x, level)

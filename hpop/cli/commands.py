@@ -42,7 +42,7 @@ from hpop.cli.terminal import (
 )
 from hpop.errors import OptionError, OutputError
 from hpop.runtime import status
-from hpop.runtime.interrupts import stopping_told
+from hpop.runtime.interrupts import stopping_announced
 from hpop.runtime.status import Status
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def plan(
     model, world = loaded.problem.model, loaded.problem.world
     if "joints" in model.provides and collision_of(model, world).is_uncompiled:
         echo(COLLISIONS, err=True)
-    with _executor(workers, dask) as executor, stopping_told():
+    with _executor(workers, dask) as executor, stopping_announced():
         fronts = _solved(loaded, out, executor, imports, live, waits=onset is Onset.AFTER_FIRST)
     front = fronts[-1]
     try:

@@ -16,7 +16,7 @@ from typing import Any, TypeVar, cast
 import click
 
 from hpop.base.text import printable
-from hpop.errors import NOTE, HpopError, HpopWarning, OwnCodeError, own_failure, own_place
+from hpop.errors import NOTE, HpopError, HpopWarning, OwnCodeError, own_failure, own_location
 from hpop.runtime.interrupts import endings_interrupt
 
 
@@ -117,7 +117,7 @@ def user_errors(command: F) -> F:
         except MemoryError:
             code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
         except Exception as error:  # of what else the user's own code does; without any it is a bug, and shows itself
-            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_place(error)):
+            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_location(error)):
                 raise
             code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
         echo(f"error: {text}", err=True)

@@ -19,7 +19,7 @@ from typing import Any
 from hpop.base.registry import Registry, criteria, formats, goals, models, needed, planners, readers
 from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion, make_criterion
-from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, did_you_mean, own_place
+from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, did_you_mean, own_location
 from hpop.motions import Model
 from hpop.planners.base import Planner, make_planner
 
@@ -196,7 +196,7 @@ def _look_in(folder: Path) -> None:
 
 def _told(error: BaseException, spec: str, *, is_file: bool) -> HpopError:
     """Return the error of the command line for an error in imported code; an error of hpop keeps its type."""
-    place = own_place(error)
+    place = own_location(error)
     if isinstance(error, HpopError):
         return type(error)(f"{place or spec}: {error}")
     text = error.msg if isinstance(error, SyntaxError) else str(error)

@@ -1,7 +1,7 @@
-"""Pareto fronts of anything: keep what is not dominated, choose from it, measure it, save it.
+"""Pareto fronts of anything: keep non-dominated points, choose from them, measure and save them.
 
-The package knows cost arrays and opaque items, nothing of robots. Everything is minimised. Functions take arrays
-(n, k); :class:`Front` keeps the costs with what they are of.
+The package knows cost arrays and opaque items, nothing of robots. All costs are minimised. Functions take arrays (n,
+k); :class:`Front` keeps costs together with the items that have them.
 
 >>> import hpop.frontier
 >>> Y = [[1.0, 9.0], [3.0, 3.0], [9.0, 1.0], [9.0, 9.0]]

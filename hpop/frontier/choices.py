@@ -23,11 +23,11 @@ class Preferring(Protocol):
         """Return the preferred row."""
 
     def expected(self, front: Any, costs: FloatArray, /) -> FloatArray:
-        """Return the cost (m,) of costs (m, k), in a front's columns, to this person: at least 0, less is better."""
+        """Return the cost (m,) to this person of costs (m, k) in a front's columns: at least 0, less is better."""
 
 
 class Choices(Generic[T]):
-    """Choices among a front's points; each method says how it chooses one of them.
+    """Choices among the points of a front, one method for each way to choose.
 
     Choosing from a front without points raises FrontError.
     """
@@ -63,7 +63,7 @@ class Choices(Generic[T]):
         return self._point(choosing.knee(self._counts()))
 
     def best(self, name: str) -> Point[T]:
-        """Return the point with the least of one criterion; ties go to the other criteria in their order."""
+        """Return the point with the least value of one criterion; ties go to the other criteria in their order."""
         return self.lexicographic([name])
 
     def lexicographic(self, order: Sequence[str]) -> Point[T]:
@@ -78,17 +78,19 @@ class Choices(Generic[T]):
         return self._point(choosing.lexicographic(self._counts(), columns))
 
     def select(self, weights: Mapping[str, float] | None = None, *, preference: Preferring | None = None) -> Point[T]:
-        """Return the point with the least weighted sum of normalised costs; what is not named weighs nothing.
+        """Return the point with the least weighted sum of normalised costs, or the point that a person prefers.
 
-        Weights are finite, not negative, not all zero. ``front.select(weights={"turns": 2, "length": 1})``. Or that
-        which a person prefers, whose weights are by unit, so that they mean the same on each front:
-        ``front.select(preference=person)``, see :class:`hpop.study.Preference`.
+        Weights are finite, not negative, not all zero; criteria without a weight do not count:
+        ``front.select(weights={"turns": 2, "length": 1})``. The weights of a preference are by unit, so that they mean
+        the same on each front: ``front.select(preference=person)``, see :class:`hpop.study.Preference`.
         """
         if (weights is None) == (preference is None):
-            raise FrontError("select by weights, such as {'turns': 2, 'length': 1}, or by a preference, by one of them")
+            raise FrontError(
+                "select takes weights, such as {'turns': 2, 'length': 1}, or a preference: give one of the two"
+            )
         if preference is not None:
             if not isinstance(preference, Preferring):
-                raise FrontError(f"expected a preference, such as Preference.load(file) gives, got {shown(preference)}")
+                raise FrontError(f"expected a preference, such as Preference.load(file), got {shown(preference)}")
             self._require_points()
             return self._point(preference.row(self))
         assert weights is not None
@@ -99,16 +101,16 @@ class Choices(Generic[T]):
     def nearest(self, wishes: Mapping[str, float]) -> Point[T]:
         """Return the point nearest to some wished values, of criteria or of reported values.
 
-        Only what is named counts, each scaled by its range over the front; ties go to the least sum of the
-        criteria that are not named. ``front.nearest({"turns": 3})``.
+        Only named values count, each scaled by its range over the front; ties go to the least sum of the other
+        criteria. ``front.nearest({"turns": 3})``.
         """
         values = choosing.named_numbers("wishes", wishes)
         columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]
         counts = self._counts()
         steps = np.concatenate([self.quanta, np.ones(len(self.reported_names))])
-        rest = [column for column in range(len(self.names)) if column not in columns]
+        unnamed = [column for column in range(len(self.names)) if column not in columns]
         table = np.hstack([counts, self.reported])  # (n, k + r)
-        return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, rest]))
+        return self._point(choosing.nearest(table[:, columns], values / steps[columns], counts[:, unnamed]))
 
     def reference_point(self, aspirations: Mapping[str, float]) -> Point[T]:
         """Return the point that does best against aspiration levels, improving on them where it can.
@@ -130,7 +132,7 @@ class Choices(Generic[T]):
         return self.integers.astype(np.float64)
 
     def _require_points(self) -> None:
-        """Refuse to choose from nothing."""
+        """Raise FrontError if the front is empty."""
         if not len(self.costs):
             raise FrontError(
                 f"the front has no points to choose from; its status is {self.status!r}, its certificate: "

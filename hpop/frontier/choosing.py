@@ -1,11 +1,11 @@
-"""Choosing one point of a front: pure functions on cost arrays that return a row number, and the knee.
+"""Choice of one point of a front: pure functions on cost arrays that return a row number, and the knee.
 
-Each criterion is scaled by its range over the front, from the ideal (the best of each column) to the nadir
-(the worst of each column over the non-dominated rows), so units do not matter. A column that is constant over
-the front cannot distinguish points and is left out. Scaled values that differ by rounding alone are tied;
-every function states how it breaks ties, and the last resort is the first row.
+Each criterion is scaled by its range over the front, from the ideal (the best of each column) to the nadir (the worst
+of each column over the non-dominated rows), so units do not matter. A column that is constant over the front cannot
+distinguish points and is left out. Scaled values that differ by rounding alone are tied; every function states how it
+breaks ties, and the last resort is the first row.
 
-The methods of :class:`hpop.frontier.Front` of these names call these with costs counted in whole quanta.
+Methods of :class:`hpop.frontier.Front` of the same names call these with costs counted in whole quanta.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ TIE = 1e-12
 ROUNDING = 64 * float(np.finfo(np.float64).eps)
 # Weight of the sum in the augmented Chebyshev function: small beside the maximum, enough to break its ties.
 AUGMENTATION = 1e-4
-MOST_LETTERS = 100  # of a name that is compared with others
+MOST_LETTERS = 100  # of a name for which near names are suggested
 # Depths are of order one; differences below this are noise of the linear programs.
 NOISE = 1e-9
-ZERO = 1e-12  # in a tableau whose entries are of order one
+ZERO = 1e-12  # in a tableau with entries of order one
 
 
 def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) -> int:
@@ -49,8 +49,8 @@ def column_index(name: str, names: Sequence[str], reported: Sequence[str] = ()) 
         return list(names).index(name)
     if name in reported:
         raise UnknownColumnError(
-            f"{shown(name)} is only reported here, points are the best in {', '.join(names)}; choose by these, or by "
-            f"nearest({{{shown(name)}: ...}}), or make a front by a search that minimises it itself"
+            f"{shown(name)} is only reported; points are the best in {', '.join(names)}. Choose by these, or by "
+            f"nearest({{{shown(name)}: ...}}), or make a front with a search that minimises it"
         )
     near = difflib.get_close_matches(name[:MOST_LETTERS], names, n=1)
     hint = f" Did you mean {near[0]!r}?" if near else ""
@@ -75,7 +75,7 @@ def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArra
     Y : (n, k) array
         Costs.
     ideal, nadir : (k,) array
-        What becomes 0 and 1; to compare two fronts use the same for both.
+        Costs that become 0 and 1; to compare two fronts use equal ones for both.
 
     Examples
     --------
@@ -91,7 +91,7 @@ def normalised(Y: FloatArray, ideal: FloatArray, nadir: FloatArray) -> FloatArra
 def weighted_sum(Y: FloatArray, weights: FloatArray) -> int:
     """Return the row with the least weighted sum of normalised costs; ties go to the least plain sum.
 
-    Only supported points, those on the convex hull of the front, can be found so.
+    It can only be a supported point, one on the convex hull of the front.
 
     Parameters
     ----------
@@ -190,10 +190,10 @@ def differing(Y: FloatArray, count: int, *, always: Sequence[int] = ()) -> list[
 
 
 def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, always: Sequence[int] = ()) -> list[int]:
-    """Points of which each is the farthest from those chosen before it; ties go to the first.
+    """Return points, each the farthest from those chosen before it; ties go to the first.
 
-    Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": no choice of as many points leaves the
-    others half as far from the nearest chosen one.
+    Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": no choice of equally many points leaves
+    the remaining ones less than half as far from their nearest chosen one.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, a
     for row in chosen:
         nearest = np.minimum(nearest, distances(row))
     while len(chosen) < min(count, size):
-        nearest[chosen] = -np.inf  # chosen once, also where others are as near
+        nearest[chosen] = -np.inf  # chosen only once, even with ties
         chosen.append(int(np.argmax(nearest)))
         nearest = np.minimum(nearest, distances(chosen[-1]))
     return chosen
@@ -239,15 +239,15 @@ def knee(Y: ArrayLike) -> int:
     """Return the row that lies deepest below the extreme points' convex hull, towards the ideal.
 
     Costs are normalised. The extreme points ``E`` are the best row of each criterion, and for each axis the row nearest
-    to it, which has the least ``max(z_i, i != j)``. The depth of a row ``z`` is how much could be added to all of its
-    costs until a mixture of extreme points is no worse in any of them::
+    to it, which has the least ``max(z_i, i != j)``. The depth of a row ``z`` is the largest number that can be added to
+    all its costs before a mixture of extreme points is no worse in any of them::
 
         depth(z) = max t  such that  z + t (1, ..., 1) <= E' b,  b >= 0,  sum(b) = 1
 
     For two criteria this is, up to a factor, the distance below the straight line between the ends of the front (Das
     1999, "On characterizing the knee of the Pareto curve based on normal-boundary intersection"). Deviations from Das:
     "<=" stands for "=", as in goal attainment, so that every row has a depth; and the hull is not of the best rows
-    alone, of which several coincide in fronts of three and more criteria, but also of the rows nearest to the axes (Deb
+    alone, several of them coinciding with three and more criteria, but also of the rows nearest to the axes (Deb
     and Jain 2014).
 
     The best row of a criterion is no compromise: it is the knee only if all other rows have depths below zero, in
@@ -257,7 +257,7 @@ def knee(Y: ArrayLike) -> int:
     Parameters
     ----------
     Y : (n, k) array
-        Finite costs, at least one row. Rows that others dominate, and copies of a row, are left aside.
+        Finite costs, at least one row. Dominated rows, and copies of a row, are ignored.
 
     Raises FrontError where there are no rows.
 
@@ -293,13 +293,13 @@ def _knee(Y: FloatArray) -> int:
     return _deepest(z, ~between, extremes)[0]
 
 
-def _deepest(z: FloatArray, asked: BoolArray, extremes: FloatArray) -> tuple[int, float]:
-    """Return the row with the greatest depth among those asked for, and that depth.
+def _deepest(z: FloatArray, candidates: BoolArray, extremes: FloatArray) -> tuple[int, float]:
+    """Return the row with the greatest depth among candidates, and that depth.
 
     The dual solution ``w`` of one row's linear program bounds the depth of every row: ``depth(z) <= max(E w) - w z``.
     So the row with the greatest bound is solved until its bound is its depth; a few programs settle thousands of rows.
     """
-    rows = np.flatnonzero(asked)
+    rows = np.flatnonzero(candidates)
     bound = extremes.mean(axis=1).max() - z[rows].mean(axis=1)
     while True:
         first = least(-bound, z[rows].max(axis=1), tie=NOISE)
@@ -307,7 +307,7 @@ def _deepest(z: FloatArray, asked: BoolArray, extremes: FloatArray) -> tuple[int
         if depth >= bound[first] - NOISE:
             return int(rows[first]), depth
         bound = np.minimum(bound, (extremes @ weights).max() - z[rows] @ weights)
-        bound[first] = depth  # whatever the noise of the program
+        bound[first] = depth  # exactly, without the noise of the program
 
 
 def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
@@ -324,7 +324,7 @@ def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
     mixed, axes = extremes.shape
     tableau = np.zeros((mixed + 1, axes + mixed + 1))
     tableau[:mixed] = np.hstack([payoffs + shift, np.eye(mixed), np.ones((mixed, 1))])
-    tableau[mixed, :axes] = 1.0  # what is left to gain of each weight
+    tableau[mixed, :axes] = 1.0  # remaining gain of each weight
     basis = np.arange(axes, axes + mixed)
     while (gains := np.flatnonzero(tableau[mixed, :-1] > ZERO)).size:
         column = tableau[:mixed, gains[0]]
@@ -332,8 +332,8 @@ def _depth(point: FloatArray, extremes: FloatArray) -> tuple[float, FloatArray]:
         tied = np.flatnonzero(ratios <= ratios.min() + ZERO)
         row = tied[np.argmin(basis[tied])]
         tableau[row] /= tableau[row, gains[0]]
-        others = np.arange(mixed + 1) != row
-        tableau[others] -= np.outer(tableau[others, gains[0]], tableau[row])
+        remaining = np.arange(mixed + 1) != row
+        tableau[remaining] -= np.outer(tableau[remaining, gains[0]], tableau[row])
         basis[row] = gains[0]
     weights = np.zeros(axes + mixed)
     weights[basis] = np.maximum(tableau[:mixed, -1], 0.0)

@@ -1,8 +1,8 @@
-"""Selecting points of a front: by conditions such as turns <= 5, by slices and masks.
+"""Selection of points of a front by conditions such as turns <= 5, by slices and by masks.
 
-Costs are compared as whole quanta, so a length of 30.000000000000004 m is no longer than 30 m; values that are only
-reported have no quanta and count as equal where they differ by rounding alone. Where no point meets the conditions,
-the nearest one is named.
+Costs are compared as whole quanta, so a length of 30.000000000000004 m is no longer than 30 m. Reported values have no
+quanta and count as equal where they differ by rounding alone. If no point meets the conditions, the nearest one is
+named.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "!=": operator.ne,
 }
 FORM = re.compile(r"\s*([<>=!~]*)(.*)", re.DOTALL)
-ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative: a bound as a count of quanta is off by its rounding
-WAYS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
+ALIKE = 8 * float(np.finfo(np.float64).eps)  # relative rounding error of a bound counted in quanta
+INDEX_FORMS = "index a front by a row, a slice such as [:5], or a boolean mask (n,) such as front.costs[:, 0] <= 5"
 
 
-class Condition(NamedTuple):
+class ColumnCondition(NamedTuple):
     """Condition on one column: its name, a comparison, and the bound in the column's unit."""
 
     name: str
@@ -45,18 +45,22 @@ class Condition(NamedTuple):
     bound: float
 
     @classmethod
-    def of(cls, name: str, given: Any) -> Condition:
-        """A condition as it is written: "<=5", or a number, which the value shall equal.
+    def of(cls, name: str, given: Any) -> ColumnCondition:
+        """Return a condition from its text, such as "<=5", or from a number, which the value must equal.
 
-        >>> print(Condition.of("turns", "<=5"), Condition.of("length", "> 2.5e1"), Condition.of("turns", 3), sep=", ")
-        turns <= 5, length > 25, turns == 3
+        >>> print(ColumnCondition.of("turns", "<=5"), ColumnCondition.of("length", "> 2.5e1"), sep=", ")
+        turns <= 5, length > 25
+        >>> print(ColumnCondition.of("turns", 3))
+        turns == 3
         """
         if is_number(given):
             comparison, bound = "==", float(given)
         elif isinstance(given, str) and len(given) < choosing.MOST_LETTERS:
             comparison, bound = _read(name, given)
         else:
-            raise FrontError(f"a condition on {shown(name)} is text such as '<=5', or a number, got {shown(given)}")
+            raise FrontError(
+                f"a condition on {shown(name)} must be text such as '<=5', or a number, got {shown(given)}"
+            )
         if not math.isfinite(bound):
             raise FrontError(f"the bound of a condition must be a finite number, got {shown(given)} for {shown(name)}")
         return cls(name, comparison, bound)
@@ -74,48 +78,48 @@ class Condition(NamedTuple):
         return np.asarray(OPERATORS[self.comparison](close, bound), dtype=np.bool_)
 
 
-def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[Condition, ...]:
+def conditions(given: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[ColumnCondition, ...]:
     """Return conditions from a dict, for names that are no Python names, and from keywords; at least one.
 
-    Raises FrontError for what is no condition.
+    Raises FrontError for an invalid condition.
     """
     if given is not None and not isinstance(given, Mapping):
         raise FrontError(f"expected conditions such as turns='<=5', or a dict of them, got {shown(given)}")
-    asked = [*(given or {}).items(), *named.items()]
-    if not asked:
+    wanted = [*(given or {}).items(), *named.items()]
+    if not wanted:
         raise FrontError("expected a condition at least, such as turns='<=5'")
-    if len({name for name, _ in asked}) < len(asked):
+    if len({name for name, _ in wanted}) < len(wanted):
         raise FrontError(
             f"each name may have one condition, got two for {shown(sorted(set(given or {}) & set(named)))}"
         )
-    return tuple(Condition.of(name, bound) for name, bound in asked)
+    return tuple(ColumnCondition.of(name, bound) for name, bound in wanted)
 
 
-def met(front: Front[Any], asked: Sequence[Condition]) -> BoolArray:
+def met(front: Front[Any], wanted: Sequence[ColumnCondition]) -> BoolArray:
     """Return which points (n,) of a front meet all conditions; raise UnknownColumnError for an unknown name."""
     kept = np.ones(len(front), dtype=np.bool_)
-    for condition in asked:
+    for condition in wanted:
         kept &= condition.met(*_column(front, condition.name))
     return kept
 
 
-def nearest(front: Front[Any], asked: Sequence[Condition]) -> int:
+def nearest(front: Front[Any], wanted: Sequence[ColumnCondition]) -> int:
     """Return the row that misses the conditions by least: Euclidean, each column scaled by its range over the front."""
     gaps = []
-    for condition in asked:
+    for condition in wanted:
         values, quantum = _column(front, condition.name)
         off = np.where(condition.met(values, quantum), 0.0, np.abs(values - condition.bound))
         gaps.append(off / (np.ptp(values) or 1.0))
     return choosing.least(np.linalg.norm(gaps, axis=0))
 
 
-def in_words(front: Front[Any], asked: Sequence[Condition]) -> str:
-    """Return the conditions in words, with the nearest point where none meets them."""
-    words = " and ".join(map(str, asked))
-    if not len(front) or met(front, asked).any():
+def in_words(front: Front[Any], wanted: Sequence[ColumnCondition]) -> str:
+    """Return the conditions in words, with the nearest point if none meets them."""
+    words = " and ".join(map(str, wanted))
+    if not len(front) or met(front, wanted).any():
         return words
-    row = nearest(front, asked)
-    values = (f"{c.name} {_column(front, c.name)[0][row]:.6g}" for c in asked)
+    row = nearest(front, wanted)
+    values = (f"{c.name} {_column(front, c.name)[0][row]:.6g}" for c in wanted)
     return f"{words}, which none has: the nearest, point {row}, has {', '.join(dict.fromkeys(values))}"
 
 
@@ -140,16 +144,16 @@ def _column(front: Front[Any], name: str) -> tuple[FloatArray, float]:
 
 
 def kept(index: Any, size: int) -> tuple[BoolArray, str]:
-    """Return which of ``size`` rows (n,) an index selects, and how in words.
+    """Return which of ``size`` rows (n,) an index selects, and the selection in words.
 
-    Raises TypeError for what is no index, IndexError for a mask of another length or a slice that goes backwards.
+    Raises TypeError for an invalid index, IndexError for a mask of another length or a slice that goes backwards.
 
     >>> kept(slice(1, None), 3)
     (array([False,  True,  True]), 'rows 1:')
     """
     if isinstance(index, slice):
         if index.step is not None and index.step < 0:
-            raise IndexError("the points of a front keep their order; take reversed(list(front)) for another")
+            raise IndexError("the points of a front keep their order; use reversed(list(front)) for the reverse")
         mask = np.zeros(size, dtype=np.bool_)
         mask[index] = True
         ends = ["" if end is None else str(end) for end in (index.start, index.stop, index.step)]
@@ -159,7 +163,7 @@ def kept(index: Any, size: int) -> tuple[BoolArray, str]:
     except ValueError:  # rows of several lengths
         mask = np.zeros((0, 0), dtype=np.bool_)
     if mask.dtype != np.bool_ or mask.ndim != 1:
-        raise TypeError(f"{WAYS}; got {shown(index)}")
+        raise TypeError(f"{INDEX_FORMS}; got {shown(index)}")
     if mask.size != size:
-        raise IndexError(f"a mask says yes or no to each of {size:,} points, got one of length {mask.size:,}")
+        raise IndexError(f"a mask needs True or False for each of {size:,} points, got one of length {mask.size:,}")
     return mask, "a mask"

@@ -3,8 +3,8 @@
 ``a`` dominates ``b`` when it is nowhere worse and somewhere better: ``a <= b`` in every criterion and
 ``a != b``. Equal vectors do not dominate each other; a front keeps one of them.
 
-Floating-point sums make equal costs unequal (0.1 + 0.2 against 0.3), and a tolerance does not mend this,
-because "equal within a tolerance" is not transitive. So fronts compare integers: every cost is rounded once
+Floating-point sums make equal costs unequal (0.1 + 0.2 against 0.3). A tolerance does not help, because
+"equal within a tolerance" is not transitive. So fronts compare integers: every cost is rounded once
 to a multiple of its quantum (:func:`quantised`), and from then on comparison is exact.
 """
 
@@ -21,12 +21,12 @@ BoolArray = NDArray[np.bool_]
 
 # Above this many quanta neighbouring float64 numbers are more than one quantum apart.
 MAX_QUANTA = 2.0**53
-DIGITS = 9  # of a column's largest value, in which costs are told apart unless its quantum is said
+DIGITS = 9  # of a column's largest value that the default quantum resolves
 
 
 @checked_arguments
 def dominates(a: ArrayLike, b: ArrayLike) -> bool:
-    """Tell whether cost vector ``a`` is nowhere worse than ``b`` and somewhere better.
+    """Return whether cost vector ``a`` is nowhere worse than ``b`` and somewhere better.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
 def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
     """Return the rows of ``Y`` that no other row dominates, one of each group of equal rows, in their order.
 
-    ``Y[is_nondominated(Y)]``: see :func:`is_nondominated`, also for what is refused.
+    ``Y[is_nondominated(Y)]``; raises as :func:`is_nondominated`.
 
     Examples
     --------
@@ -95,16 +95,16 @@ def filter(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
     [[1, 3], [2, 2]]
     """
     matrix = cost_matrix(Y)
-    kept: NDArray[np.float64] | NDArray[np.int64] = matrix[is_nondominated(matrix)]
-    return kept
+    rows: NDArray[np.float64] | NDArray[np.int64] = matrix[is_nondominated(matrix)]
+    return rows
 
 
 @checked_arguments
 def default_quanta(Y: ArrayLike) -> FloatArray:
-    """Return quanta (k,) for costs of which only the values are known.
+    """Return quanta (k,) derived from the values of costs.
 
     1 for a column of whole numbers, else a billionth of its largest absolute value, as a power of ten: fine enough to
-    tell measured values apart, coarse enough that sums in another order are equal.
+    distinguish measured values, coarse enough that sums in another order are equal.
 
     Examples
     --------
@@ -113,9 +113,11 @@ def default_quanta(Y: ArrayLike) -> FloatArray:
     """
     matrix = finite_costs(Y)
     largest = np.abs(matrix).max(axis=0, initial=0.0)
-    whole = (matrix == np.rint(matrix)).all(axis=0) & (largest <= MAX_QUANTA)
-    tens = [int(np.floor(np.log10(one))) if one else 0 for one in largest]
-    return np.array([1.0 if same else float(f"1e{ten - DIGITS}") for same, ten in zip(whole, tens, strict=True)])
+    is_count = (matrix == np.rint(matrix)).all(axis=0) & (largest <= MAX_QUANTA)
+    exponents = [int(np.floor(np.log10(size))) if size else 0 for size in largest]
+    return np.array(
+        [1.0 if count else float(f"1e{power - DIGITS}") for count, power in zip(is_count, exponents, strict=True)]
+    )
 
 
 @checked_arguments
@@ -167,7 +169,7 @@ def quantised(Y: ArrayLike, quanta: ArrayLike) -> IntArray:
 
 
 def finite_costs(Y: ArrayLike) -> FloatArray:
-    """Return ``Y`` as a matrix of finite float64 numbers, or say what is wrong with it."""
+    """Return ``Y`` as a matrix of finite float64 numbers; raise ValueError if it is none."""
     matrix = cost_matrix(Y).astype(np.float64)
     if not np.isfinite(matrix).all():
         row, column = np.argwhere(~np.isfinite(matrix))[0]
@@ -178,7 +180,7 @@ def finite_costs(Y: ArrayLike) -> FloatArray:
 
 
 def cost_matrix(Y: ArrayLike) -> NDArray[np.float64] | NDArray[np.int64]:
-    """Return ``Y`` as a matrix of real numbers, or say what is wrong with it."""
+    """Return ``Y`` as a matrix of real numbers; raise ValueError if it is none."""
     matrix = np.asarray(Y)
     if matrix.ndim != 2 or matrix.shape[1] == 0:
         raise ValueError(f"expected a cost matrix of shape (n, k) with k >= 1, got shape {matrix.shape}")

@@ -1,4 +1,4 @@
-"""The front: non-dominated points, one for each cost vector, with a status and a certificate."""
+"""Front: non-dominated points, one for each cost vector, with a status and a certificate."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ class Front(Choices[T], Generic[T]):
     in the lexicographic order of those integers. Build a front with :meth:`of`, which filters and sorts; the
     constructor takes rows that already are a front, and checks that. A front without points is legal.
 
-    costs           (n, k)    read-only, one row a point
-    items           n         what the costs are of
+    costs           (n, k)    read-only, one row for each point
+    items           n         objects that have the costs
     names           k         criteria; no name twice, none shared with a reported value
     units           k         "m", "rad", "1", ...
     quanta          (k,)      step of each criterion, in its unit
@@ -53,11 +53,11 @@ class Front(Choices[T], Generic[T]):
     reported        (n, r)    further values of each point, not optimised
     reported_names  r
     reported_units  r
-    status                    how the search ended; "complete" says that it ran to its end
-    certificate               what is claimed of the points, and of which search space
-    provenance      n         how each point was found, as JSON
-    problem                   what the front answers, as JSON, or None if that is not stated
-    runs                      what each search behind the front reports (notes, counts, seconds), as JSON
+    status                    outcome of the search; "complete" if it ran to its end
+    certificate               claim about the points, and the search space it holds for
+    provenance      n         origin of each point, as JSON
+    problem                   description of the problem, as JSON, or None
+    runs                      reports of the searches behind the front (notes, counts, seconds), as JSON
     integers        (n, k)    the costs as whole quanta, int64
 
     Examples
@@ -98,7 +98,7 @@ class Front(Choices[T], Generic[T]):
             raise ValueError(f"names must be one name or more, and no name twice, got {columns}")
         object.__setattr__(self, "status", str(self.status))
         if not self.status or not self.certificate:
-            raise ValueError("a front says how its search ended and what it claims: give status and certificate")
+            raise ValueError("a front needs a status (how its search ended) and a certificate (what it claims)")
         for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
             if len(getattr(self, name)) != expected:
                 raise ValueError(f"expected {expected} {name}, got {len(getattr(self, name))}")
@@ -139,7 +139,7 @@ class Front(Choices[T], Generic[T]):
         problem: Mapping[str, Any] | None = None,
         runs: Sequence[Mapping[str, Any]] = (),
     ) -> Self:
-        """Build the front of any candidates: drop what is dominated, keep one of each cost vector, sort.
+        """Build the front of any candidates: drop dominated ones, keep one for each cost vector, sort.
 
         Of candidates equal in whole quanta the one with the lexicographically smallest exact costs is kept,
         then the smallest reported values (in the order of their names), then the smallest provenance text. So
@@ -160,9 +160,9 @@ class Front(Choices[T], Generic[T]):
         certificate : str, optional
             Else that these are the non-dominated ones of n candidates.
         maximise : names, or k bools, optional
-            Columns of which more is better. A front minimises: it keeps minus their values, under "-name".
+            Columns where more is better. A front minimises, so it has minus their values, under "-name".
         status, groups, reported, reported_names, reported_units, provenance, problem, runs
-            As the fields of the front, with a row or an entry a candidate where there is one a point.
+            As the fields of the front, with a row or an entry for each candidate in place of each point.
             Groups default to "", reported values to none, their names to those of a table of pandas or "r1", "r2",
             ..., their units to "1", provenance to {}.
 
@@ -182,8 +182,8 @@ class Front(Choices[T], Generic[T]):
             reported_names = names_of(reported, None, letter="r")
         reported_names = tuple(reported_names)
         table = floats([] if reported is None else reported, (n, len(reported_names)))
-        given: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
-        plain_origins, texts = origins(given)
+        entries: Sequence[Mapping[str, Any]] = [{}] * n if provenance is None else provenance
+        plain_origins, texts = origins(entries)
         if matrix.shape != (n, k) or table.shape != (n, len(reported_names)) or len(plain_origins) != n:
             raise ValueError(
                 f"expected costs {(n, k)}, reported values {(n, len(reported_names))} and provenance ({n},) "
@@ -237,9 +237,9 @@ class Front(Choices[T], Generic[T]):
         return self._point(row % len(self))
 
     def _point(self, row: int) -> Point[T]:
-        return Point(**self._known_of(row))
+        return Point(**self._fields_of(row))
 
-    def _known_of(self, row: int) -> dict[str, Any]:
+    def _fields_of(self, row: int) -> dict[str, Any]:
         """Return the fields of the point of a row."""
         return {
             "index": row,
@@ -263,14 +263,14 @@ class Front(Choices[T], Generic[T]):
         """Return the points that meet all conditions on criteria and reported values, as a front of their own.
 
         ``front.where(turns="<=5", length="<= 30")``, or a dict for names that are no Python names. A condition is one
-        of <=, <, >=, >, ==, != and a number in the column's unit; a number alone is what the value shall equal. Costs
-        are compared as whole quanta. Where no point keeps them, the front that comes back has none, and its
-        certificate says which point of this one is nearest.
+        of <=, <, >=, >, ==, != and a number in the column's unit; a number alone must be equal to the value. Costs are
+        compared as whole quanta. If no point meets the conditions, the new front is empty, and its certificate names
+        the nearest point of this one.
 
-        Raises UnknownColumnError for a name that the front does not have, FrontError for what is no condition.
+        Raises UnknownColumnError for a name that the front does not have, FrontError for an invalid condition.
         """
-        asked = conditions.conditions(conditions_by_name, named)
-        return self._selected(conditions.met(self, asked), conditions.in_words(self, asked))
+        wanted = conditions.conditions(conditions_by_name, named)
+        return self._selected(conditions.met(self, wanted), conditions.in_words(self, wanted))
 
     def _selected(self, kept: BoolArray, by: str) -> Self:
         """Return the points of a mask (n,), with a certificate that says how they were selected."""
@@ -285,19 +285,19 @@ class Front(Choices[T], Generic[T]):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the front as a table of pandas, a row a point: costs, reported values, provenance.
+        """Return the front as a table of pandas, a row for each point: costs, reported values, provenance.
 
         Its ``attrs`` have the units by column, the status and the certificate. Needs the extra ``tables``.
         """
         return storage.dataframe(self)
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the front as a dataset of xarray along the dimension "point", a unit with each variable."""
+        """Return the front as a dataset of xarray along the dimension "point", with the unit of each variable."""
         return storage.dataset(self)
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """Return the part of the problem that two fronts must have in common to be joined."""
+        """Part of the problem that must be equal in two fronts to be joined."""
         return self.problem
 
     def __or__(self, other: Self) -> Self:
@@ -314,26 +314,26 @@ class Front(Choices[T], Generic[T]):
         encode: Callable[[T], Any] | None = None,
         problem: Mapping[str, Any] | None = None,
     ) -> None:
-        """Write the front to a JSON file, whole or not at all; floats read back exactly.
+        """Write the front to a JSON file, complete or not at all; floats read back exactly.
 
         Parameters
         ----------
         path : path
-            The file; one that is there is replaced.
+            The file; an existing one is replaced.
         encode : callable, optional
             Turns an item into JSON values (lists, dicts, strings, finite numbers); by default it is one.
         problem : mapping, optional
-            What the front answers, as JSON, to be kept in the file; by default the front's own ``problem``.
+            Description of the problem, as JSON; by default the front's own ``problem``.
         """
         self._save(path, [item if encode is None else encode(item) for item in self.items], problem)
 
     def _save(
         self, path: str | os.PathLike[str], items: list[Any] | dict[str, Any], problem: Mapping[str, Any] | None
     ) -> None:
-        """Write the front with its items as they are encoded: a list of them, or an object that holds all together."""
+        """Write the front with its encoded items: a list of them, or an object that holds all together."""
         fields: dict[str, Any] = {name: getattr(self, name) for name in storage.StoredFront.__annotations__}
-        asked = self.problem if problem is None else as_json("problem", problem)
-        storage.write(path, cast(storage.StoredFront, fields | {"items": items, "problem": asked}))
+        question = self.problem if problem is None else as_json("problem", problem)
+        storage.write(path, cast(storage.StoredFront, fields | {"items": items, "problem": question}))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], *, decode: Callable[[Any], T] | None = None) -> Self:
@@ -344,7 +344,7 @@ class Front(Choices[T], Generic[T]):
         path : path
             The file.
         decode : callable, optional
-            Turns what ``encode`` made of an item back into the item; by default items stay as JSON.
+            Turns the JSON from ``encode`` back into the item; by default items stay as JSON.
 
         Raises
         ------
@@ -355,7 +355,7 @@ class Front(Choices[T], Generic[T]):
         items = stored["items"]
         if isinstance(items, dict):
             raise FrontFileError(
-                f"{path}: its items are stored together, in a form that only the class of front that wrote it reads; "
+                f"{path}: its items are stored together, in a form that only the front's own class reads; "
                 "load it with that class, such as hpop.Front"
             )
         return cls._of_stored(path, stored, items, decode)
@@ -368,7 +368,7 @@ class Front(Choices[T], Generic[T]):
         items: Sequence[Any],
         decode: Callable[[Any], T] | None,
     ) -> Self:
-        """Return the front that a file holds, its items decoded one by one."""
+        """Return the front in a file, its items decoded one by one."""
         decoded: list[Any] = []
         for row, item in enumerate(items):
             try:

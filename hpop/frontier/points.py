@@ -1,4 +1,4 @@
-"""Points of a front: checked values, names and origins, and the errors of the package."""
+"""Points of a front, checks of values, names and origins, and the errors of the package."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ T = TypeVar("T")
 
 
 class FrontError(ValueError):
-    """Fronts that cannot be joined, or a choice without meaning."""
+    """Error for fronts that cannot be joined, and for choices without meaning."""
 
 
 class UnknownColumnError(FrontError, LookupError):
-    """The front has no criterion or reported value of this name."""
+    """Error for a name that is no criterion or reported value of the front."""
 
 
 class FrontFileError(FrontError):
-    """A front cannot be written as JSON, or a file does not hold one."""
+    """Error for a front that cannot be written as JSON, and for a file that does not hold a front."""
 
 
 def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f") -> tuple[str, ...]:
-    """Return the names of the columns: as given, those of a table of pandas, or "f1", "f2", ...
+    """Return the names of the columns: the given ones, those of a table of pandas, or "f1", "f2", ...
 
     >>> names_of([[1.0, 2.0]], None)
     ('f1', 'f2')
@@ -47,35 +47,35 @@ def names_of(costs: ArrayLike, names: Sequence[str] | None, *, letter: str = "f"
 def minimised(
     matrix: FloatArray, names: tuple[str, ...], maximise: Sequence[str] | Sequence[bool]
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return costs and names with the columns to maximise negated: minus the value, under its name with a minus.
+    """Return costs and names with the columns to maximise negated, also in their names.
 
     >>> minimised(np.array([[1.0, 2.0]]), ("length", "view"), ["view"])
     (array([[ 1., -2.]]), ('length', '-view'))
     """
-    given: Any = [maximise] if isinstance(maximise, str) else maximise
+    choices: Any = [maximise] if isinstance(maximise, str) else maximise
     try:
-        values = [python_value(one) for one in given]
-        flags = values if all(isinstance(one, bool) for one in values) else None
+        values = [python_value(choice) for choice in choices]
+        flags = values if all(isinstance(value, bool) for value in values) else None
     except TypeError:
-        flags, given = None, [maximise]
+        flags, choices = None, [maximise]
     if flags is None:
-        strange = [one for one in given if one not in names]
+        strange = [choice for choice in choices if choice not in names]
         if strange:
             raise FrontError(
-                f"maximise has names of costs, or a bool for each of {', '.join(names)}, got {shown(maximise)}"
+                f"maximise must be names of costs, or a bool for each of {', '.join(names)}, got {shown(maximise)}"
             )
-        flags = [name in given for name in names]
+        flags = [name in choices for name in names]
     if flags and len(flags) != len(names):
-        raise FrontError(f"maximise has {len(flags)} bools for the {len(names)} costs {', '.join(names)}")
+        raise FrontError(f"maximise needs one bool for each of {', '.join(names)}, got {len(flags)} bools")
     if not any(flags):
         return matrix, names
     sign = np.where(flags, -1.0, 1.0)
-    turned = tuple(f"-{name}" if flag else name for name, flag in zip(names, flags, strict=True))
-    return matrix * sign + 0.0, turned
+    signed_names = tuple(f"-{name}" if flag else name for name, flag in zip(names, flags, strict=True))
+    return matrix * sign + 0.0, signed_names
 
 
 def floats(values: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Copy as float64, with -0.0 as 0.0; an empty array takes the expected shape."""
+    """Return a copy as float64, with 0.0 for -0.0; an empty array takes the expected shape."""
     array = np.array(values, dtype=np.float64) + 0.0
     return array.reshape(shape) if array.size == 0 and 0 in shape else array
 
@@ -84,34 +84,34 @@ def origins(provenance: Sequence[Mapping[str, Any]]) -> tuple[list[dict[str, Any
     """Return copies of origins as plain JSON values, and their texts; equal origins become one object."""
     copies: dict[str, dict[str, Any]] = {}
     texts: list[str] = []
-    known: dict[int, str] = {}
+    text_of: dict[int, str] = {}
     for origin in provenance:
-        text = known.get(id(origin))
+        text = text_of.get(id(origin))
         if text is None:
             copy = as_json("provenance", origin)
-            text = known[id(origin)] = json.dumps(copy, sort_keys=True)
+            text = text_of[id(origin)] = json.dumps(copy, sort_keys=True)
             copies.setdefault(text, copy)
         texts.append(text)
     return [copies[text] for text in texts], texts
 
 
-def as_json(what: str, value: Mapping[str, Any]) -> dict[str, Any]:
-    """Copy a mapping as plain JSON values, so that it is equal after saving and loading."""
+def as_json(name: str, value: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a copy of a mapping as plain JSON values, equal after saving and loading."""
     try:
         return cast(dict[str, Any], plain(dict(value)))
     except (TypeError, ValueError, RecursionError) as error:
-        raise ValueError(f"{what} must be a dict of JSON values, got {shown(value)} ({error})") from error
+        raise ValueError(f"{name} must be a dict of JSON values, got {shown(value)} ({error})") from error
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Point(Generic[T]):
-    """One point of a front, with all its values.
+    """Point of a front, with all its values.
 
     index       row in the front
     costs       value by criterion, in the front's units
     reported    further values by name, not optimised
-    item        what the costs are of
-    provenance  how the point was found
+    item        the object that has the costs
+    provenance  origin of the point
     """
 
     index: int

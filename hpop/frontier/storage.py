@@ -1,9 +1,9 @@
 """Saved fronts and tables: strict JSON files, tables of pandas and datasets of xarray.
 
-A file holds the schema's name and version, the criteria, and tables of columns by name, so that a person and a program
-in any language can read it: the costs and reported values, where each point came from, and the items as they were
-encoded, one by one or all together. Writing is atomic: the file appears whole or not at all. Reading runs nothing,
-checks every key, type and shape, and refuses what it does not know.
+A file holds the schema's name and version, the criteria, and tables of columns by name, so that people and programs in
+any language can read it: costs and reported values, the origin of each point, and the encoded items, one by one or all
+together. Writing is atomic: the file is complete or absent. Reading runs no code, checks every key, type and shape, and
+refuses unknown ones.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hpop.base.lazy import library
 from hpop.base.text import shown
 from hpop.frontier.dominance import FloatArray
 from hpop.frontier.points import FrontFileError
-from hpop.frontier.strict_json import Kinds, numbers, parse, parts, pieces, places
+from hpop.frontier.strict_json import Kinds, numbers, parse, parts, pieces, row_numbers
 
 if TYPE_CHECKING:
     import pandas
@@ -73,7 +73,7 @@ class StoredFront(TypedDict):
 
 
 def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
-    """Write a front to ``path``, replacing a file that is there only once the new one is complete.
+    """Write a front to ``path``; an existing file is replaced only once the new one is complete.
 
     Raises
     ------
@@ -85,13 +85,13 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
     target = checked_path(path)
     if not target.parent.exists():
         raise FileNotFoundError(
-            errno.ENOENT, "the folder for the front is not there; make it first", str(target.parent)
+            errno.ENOENT, "the folder for the front does not exist; make it first", str(target.parent)
         )
     size = 0
     try:
         with replacing(target) as file:
             for piece in pieces(_document(stored)):
-                # Half of a surrogate pair, as in the name of a file that is no UTF-8, is written as its number.
+                # Half of a surrogate pair, as in the name of a file that is not UTF-8, is escaped.
                 size += file.write(piece.encode(errors="backslashreplace"))
                 if size > SIZE_LIMIT:
                     raise FrontFileError(
@@ -108,7 +108,7 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> StoredFront:
-    """Read what :func:`write` wrote, and check it key by key.
+    """Return the front that :func:`write` wrote, checked key by key.
 
     Raises
     ------
@@ -146,14 +146,14 @@ def read(path: str | os.PathLike[str]) -> StoredFront:
 
 
 def checked_path(path: object) -> Path:
-    """Return a path, or refuse anything else."""
+    """Return a path; raise FrontFileError for anything else."""
     if not isinstance(path, str | os.PathLike):
         raise FrontFileError(f"expected the path of a front's file, such as 'front.json', got {shown(path)}")
     return Path(path)
 
 
 def _document(stored: StoredFront) -> dict[str, Any]:
-    """Arrange a front as the JSON object that the file holds."""
+    """Return a front as the JSON object of a file."""
     rows: dict[str, int] = {}
     origins = [rows.setdefault(text, len(rows)) for text in _texts(stored["provenance"])]
     criteria = zip(stored["names"], stored["units"], stored["groups"], stored["quanta"].tolist(), strict=True)
@@ -180,16 +180,16 @@ def _document(stored: StoredFront) -> dict[str, Any]:
 
 def _texts(provenance: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the text of each origin; a text that many points share is written once."""
-    known: dict[int, str] = {}
+    text_of: dict[int, str] = {}
     for origin in provenance:
-        text = known.get(id(origin))
+        text = text_of.get(id(origin))
         if text is None:
-            text = known[id(origin)] = json.dumps(origin, sort_keys=True)
+            text = text_of[id(origin)] = json.dumps(origin, sort_keys=True)
         yield text
 
 
 def _stored(top: dict[str, Any]) -> StoredFront:
-    """Return the contents of a document, checked; raise ValueError for a wrong one."""
+    """Return the checked contents of a document; raise ValueError for a wrong one."""
     parts(top, "the file", _TOP)
     criteria = [parts(entry, f"criteria[{i}]", _CRITERION) for i, entry in enumerate(top["criteria"])]
     reported = [parts(entry, f"reported[{i}]", _REPORTED) for i, entry in enumerate(top["reported"])]
@@ -217,22 +217,22 @@ def _stored(top: dict[str, Any]) -> StoredFront:
 def _points(top: dict[str, Any], names: list[str], reported_names: list[str]) -> dict[str, Any]:
     """Return the points of a file: costs and reported values in columns by name, origins and items."""
     count, *tables, origins, origin = parts(top["points"], "points", _POINTS)
-    for what, column in (("origin", origin), ("items", top["items"])):
+    for key, column in (("origin", origin), ("items", top["items"])):
         if isinstance(column, list) and len(column) != count:
-            raise ValueError(f"expected as many entries in {what} as the count of points, found {len(column)}")
-    for i, each in enumerate(origins):
-        if type(each) is not dict:
-            raise ValueError(f"expected origins[{i}] to be an object, found {type(each).__name__}")
+            raise ValueError(f"expected {count} entries in {key}, one for each point, found {len(column)}")
+    for i, entry in enumerate(origins):
+        if type(entry) is not dict:
+            raise ValueError(f"expected origins[{i}] to be an object, found {type(entry).__name__}")
     matrices = []
-    for what, table, columns in zip(("costs", "reported"), tables, (names, reported_names), strict=True):
+    for key, table, columns in zip(("costs", "reported"), tables, (names, reported_names), strict=True):
         kinds: Kinds = dict.fromkeys(columns, list)
-        lists = dict(zip(kinds, parts(table, what, kinds), strict=True))
-        matrix = [numbers(lists[name], f"{what}.{name}", count) for name in columns]
+        lists = dict(zip(kinds, parts(table, key, kinds), strict=True))
+        matrix = [numbers(lists[name], f"{key}.{name}", count) for name in columns]
         matrices.append(np.array(matrix, dtype=np.float64).reshape(len(columns), count).T)
     return {
         "costs": matrices[0],
         "reported": matrices[1],
-        "provenance": [origins[i] for i in places(origin, "origin", count, len(origins)).tolist()],
+        "provenance": [origins[i] for i in row_numbers(origin, "origin", count, len(origins)).tolist()],
         "items": top["items"],
     }
 
@@ -251,7 +251,7 @@ def dataframe(front: Front[Any]) -> pandas.DataFrame:
 
 
 def dataset(front: Front[Any]) -> xarray.Dataset:
-    """Return a variable for each column along "point", with its unit where it has one."""
+    """Return a variable for each column along "point", with its unit if it has one."""
     units = _units(front)
     variables = {
         name: ("point", values, {"units": units[name]} if name in units else {})

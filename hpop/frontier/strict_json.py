@@ -1,8 +1,8 @@
-"""Strict JSON: read without running anything, checked column by column, and written for people to read.
+"""Strict JSON, read without running code, checked column by column, and written for people to read.
 
 UTF-8, no key twice in an object, no NaN, no infinity. Numbers are written in the shortest decimal form that reads back
-as the same float64. What holds only numbers and words is one line, so a table is a line a column. A wrong table is a
-ValueError that says what was expected and what was found.
+as an equal float64. A list or object of numbers and words is one line, so a table has one line for each column. A wrong
+table is a ValueError that says what was expected and what was found.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 from hpop.base.scalars import python_value
 from hpop.frontier.dominance import FloatArray, IntArray
 
-SLICE = 2**16  # values of a long list that are written at once
-SLICE_OF_ROWS = 2**9  # lists of whole numbers
+SLICE = 2**16  # values of a long list in one piece
+SLICE_OF_ROWS = 2**9  # lists of whole numbers in one piece
 Kinds = dict[str, type | tuple[type, ...]]
 """Keys of an object, each with the types that its value may have."""
 
@@ -28,7 +28,7 @@ def of_numpy(value: Any) -> Any:
     """Return the Python value of a NumPy scalar, for encoders of JSON; raise TypeError for anything else."""
     number = python_value(value)
     if number is value:
-        raise TypeError(f"a {type(value).__name__} is no JSON value")
+        raise TypeError(f"a {type(value).__name__} is not a JSON value")
     return number
 
 
@@ -39,7 +39,7 @@ _dense = json.JSONEncoder(allow_nan=False, ensure_ascii=False, separators=(",", 
 def pieces(value: Any, indent: int = 0) -> Iterator[str]:
     """Yield the text of a value, piece by piece.
 
-    Raises ValueError or TypeError for what is no JSON, RecursionError for what is nested too deeply.
+    Raises ValueError or TypeError for values that are not JSON, RecursionError for deep nesting.
 
     >>> print("".join(pieces({"turns": [1, 2], "paths": [[0.5], []]})))
     {
@@ -74,20 +74,20 @@ def pieces(value: Any, indent: int = 0) -> Iterator[str]:
 
 
 def _is_table(rows: Any) -> bool:
-    """Return whether all entries are lists of whole numbers, as a front has one for each trajectory."""
+    """Return whether all entries are lists of whole numbers, as the trajectories of a front are."""
     return set(map(type, rows)) == {list} and set(map(type, chain.from_iterable(rows))) <= {int}
 
 
 def _rows(rows: Any, indent: int) -> Iterator[str]:
-    """Yield a list of lists of whole numbers without its last bracket, many lines at once."""
+    """Yield a list of lists of whole numbers without its last bracket, many lines in one piece."""
     line = f"\n{' ' * indent}"
     for begin in range(0, len(rows), SLICE_OF_ROWS):
-        several = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
-        yield f"{',' if begin else '['}{line}{several}"
+        lines = _dense(rows[begin : begin + SLICE_OF_ROWS])[1:-1].replace("],[", f"],{line}[")
+        yield f"{',' if begin else '['}{line}{lines}"
 
 
 def _line(values: Any) -> Iterator[str]:
-    """Yield a list that holds no lists or objects."""
+    """Yield a list without nested lists or objects."""
     yield "["
     for begin in range(0, len(values), SLICE):
         yield ("," if begin else "") + _dense(values[begin : begin + SLICE])[1:-1]
@@ -111,7 +111,7 @@ def plain(value: Any) -> Any:
 
 
 def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Build an object, refusing a key that comes twice."""
+    """Return an object; raise ValueError for a key that comes twice."""
     result = dict(pairs)
     if len(result) != len(pairs):
         seen: set[str] = set()
@@ -121,7 +121,7 @@ def _object_without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _finite_float(text: str) -> float:
-    """Parse a number, refusing one too large for float64."""
+    """Return a number; raise ValueError if it is too large for float64."""
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"the number {text:.40}, too large for float64")
@@ -129,13 +129,13 @@ def _finite_float(text: str) -> float:
 
 
 def _bounded_int(text: str) -> int:
-    """Parse a whole number, refusing one too large for float64."""
+    """Return a whole number; raise ValueError if it is too large for float64."""
     _finite_float(text)
     return int(text)
 
 
 def _no_constant(text: str) -> NoReturn:
-    """Refuse NaN and Infinity, which JSON does not have."""
+    """Raise ValueError for NaN and Infinity, which JSON does not have."""
     raise ValueError(f"the constant {text}, which is not JSON")
 
 
@@ -154,7 +154,7 @@ def parts(table: Any, name: str, kinds: Kinds) -> list[Any]:
     for key, kind in kinds.items():
         one_of = kind if isinstance(kind, tuple) else (kind,)
         if type(table[key]) not in one_of:
-            words = " or ".join(each.__name__ for each in one_of)
+            words = " or ".join(expected.__name__ for expected in one_of)
             raise ValueError(f"expected {key!r} to be of type {words}, found {type(table[key]).__name__} in {name}")
     return [table[key] for key in kinds]
 
@@ -175,7 +175,7 @@ def numbers(values: list[Any], name: str, size: int, *, gaps: bool = False) -> F
     return column
 
 
-def places(values: list[Any], name: str, size: int, rows: int) -> IntArray:
+def row_numbers(values: list[Any], name: str, size: int, rows: int) -> IntArray:
     """Return a column of ``size`` row numbers of a table, counted from 0."""
     _check(values, name, size, {int}, "whole numbers")
     try:
@@ -183,7 +183,7 @@ def places(values: list[Any], name: str, size: int, rows: int) -> IntArray:
     except OverflowError:
         column = np.array([-1])
     if ((column < 0) | (column >= rows)).any():
-        raise ValueError(f"expected places in a table of {rows} rows in {name}, found one outside of it")
+        raise ValueError(f"expected rows of a table of {rows} rows in {name}, found one outside of it")
     return column
 
 

@@ -1,7 +1,7 @@
-"""Two fronts of one problem: their union, and indicators that compare them.
+"""Union of two fronts of one problem, and indicators that compare fronts.
 
-The indicators are in the units of the costs, so criteria of different units should be scaled first, both
-fronts by the same ideal and nadir (:func:`hpop.frontier.choosing.normalised`).
+The indicators are in the units of the costs, so criteria of different units should be scaled first, both fronts by the
+same ideal and nadir (:func:`hpop.frontier.choosing.normalised`).
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound="Front[Any]")
 
-# What joins the statuses and the certificates of the fronts that a union was made of.
+# Separator between the statuses and certificates of the fronts in a union.
 JOINT = " | "
-BEYOND = 0.1  # of the range between ideal and nadir: how far beyond the nadir the default reference lies
+BEYOND = 0.1  # share of the range by which the default reference lies beyond the nadir
 
 
 def join(first: F, second: F) -> F:
@@ -31,7 +31,7 @@ def join(first: F, second: F) -> F:
     In costs the union is commutative, associative and idempotent. The status is "complete" if both are,
     else it lists the distinct ones. The certificate lists the distinct ones of its sources, joined by
     " | ": each still holds for the search space it speaks of, because every cost vector of a source is
-    matched or dominated by a point of the union, but none speaks of the points that came from elsewhere.
+    matched or dominated by a point of the union, but none speaks of the points of the other front.
 
     Raises
     ------
@@ -44,10 +44,11 @@ def join(first: F, second: F) -> F:
     mine = dict(zip(first.reported_names, first.reported_units, strict=True))
     theirs = dict(zip(second.reported_names, second.reported_units, strict=True))
     _require_same("reported values", sorted(mine.items()), sorted(theirs.items()))
-    asked, other = first.question, second.question
-    if asked is not None and other is not None:
-        differing = [k for k in sorted(asked.keys() | other.keys()) if asked.get(k, ...) != other.get(k, ...)]
-        _require_same("problems", *({k: p.get(k) for k in differing} for p in (asked, other)))
+    question, second_question = first.question, second.question
+    if question is not None and second_question is not None:
+        keys = sorted(question.keys() | second_question.keys())
+        differing = [k for k in keys if question.get(k, ...) != second_question.get(k, ...)]
+        _require_same("problems", *({k: p.get(k) for k in differing} for p in (question, second_question)))
     columns = [second.reported_names.index(name) for name in first.reported_names]
     runs = first.runs + second.runs
     return type(first).of(
@@ -69,7 +70,7 @@ def join(first: F, second: F) -> F:
 
 
 def each_claim(certificate: str, words: str) -> str:
-    """Return a certificate with each of its statements put into ``words``, at their braces.
+    """Return a certificate with each of its statements inserted into ``words`` at the braces.
 
     >>> each_claim("exact | supported", "of 9 points: {}")
     'of 9 points: exact | of 9 points: supported'
@@ -77,14 +78,14 @@ def each_claim(certificate: str, words: str) -> str:
     return JOINT.join(words.replace("{}", part) for part in certificate.split(JOINT))
 
 
-def _require_same(what: str, mine: object, theirs: object) -> None:
-    """Refuse a union of fronts that cannot be compared."""
+def _require_same(name: str, mine: object, theirs: object) -> None:
+    """Raise FrontError if the fronts of a union differ in a property."""
     if mine != theirs:
-        raise FrontError(f"a union needs the same {what} on both sides, got {mine!s:.400} and {theirs!s:.400}")
+        raise FrontError(f"a union needs the same {name} on both sides, got {mine!s:.400} and {theirs!s:.400}")
 
 
 def _joined(first: str, second: str) -> str:
-    """List distinct statements once, in alphabetical order."""
+    """Return distinct statements once, in alphabetical order."""
     return JOINT.join(sorted({*first.split(JOINT), *second.split(JOINT)}))
 
 
@@ -124,8 +125,8 @@ def hypervolume(Y: ArrayLike, reference: ArrayLike | None = None) -> float:
 def default_reference(Y: ArrayLike) -> FloatArray:
     """Return a reference point (k,) for hypervolumes: a tenth of the range beyond the nadir of the front.
 
-    So the ends of the front count as well. A column in which these rows are all the same gets 1 in the place of its
-    range's tenth, so that it is a factor of 1. Of no rows at all it is zero.
+    So the ends of the front count as well. A constant column is shifted by 1, so that it is a factor of 1. Without rows
+    the reference is zero.
 
     Examples
     --------
@@ -172,6 +173,6 @@ def additive_epsilon(Y: ArrayLike, reference: ArrayLike) -> float:
 
 
 def _same_columns(matrix: FloatArray, other: FloatArray) -> None:
-    """Refuse to compare cost spaces of different dimension."""
+    """Raise ValueError if two cost spaces have different dimensions."""
     if matrix.shape[1] != other.shape[1]:
         raise ValueError(f"expected the same criteria on both sides, got {matrix.shape[1]} and {other.shape[1]}")

@@ -48,7 +48,7 @@ class Front(frontier.Front[Trajectory]):
     """Non-dominated trajectories, one a cost vector; see :class:`hpop.frontier.Front` for choosing and union."""
 
     def _point(self, row: int) -> Point:
-        return Point(**self._known_of(row))
+        return Point(**self._fields_of(row))
 
     if TYPE_CHECKING:  # each point that is given out has a trajectory
 

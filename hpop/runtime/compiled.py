@@ -1,18 +1,18 @@
-"""How kernels are compiled, and where they are kept; numba comes from here. Imported on first use only: half a second.
+"""Compilation of kernels by numba, and their cache on disk. Import it on first use only: it takes half a second.
 
-numba looks for a folder beside the source, then in the user's cache (NUMBA_CACHE_DIR overrides both). Where none can be
-written it refuses to decorate, and it fails where a disk is full; here kernels are then compiled anew in each process,
-which is said once.
+numba writes its cache beside the source, or into the user's cache folder (NUMBA_CACHE_DIR overrides both). If neither
+can be written, numba refuses to decorate; if the disk is full, it fails. Here kernels are then compiled anew in each
+process, with one warning.
 
-Before it loads its first kernel numba gets ready to compile: it imports all that it can compile, a quarter of a second,
-and scipy.linalg, another one, only to learn whether matrix products can be compiled. What is compiled already needs
-numba's runtime alone, so all this is left until a kernel is compiled; and then the question of matrix products, which
-no kernel here takes, for hpop requires SciPy. numba asks again where a product is compiled.
+Before numba loads its first kernel, it prepares to compile: it imports everything it can compile (a quarter of a
+second), and scipy.linalg (another quarter) only to check whether matrix products can be compiled. Cached kernels need
+only numba's runtime, so these imports wait until a kernel is compiled. The check for matrix products is skipped: no
+kernel here uses them, and numba repeats the check where a product is compiled.
 
-Where NUMBA_DISABLE_JIT is set, as for coverage or a debugger, kernels run as plain Python, some hundred times slower.
+With NUMBA_DISABLE_JIT, as for coverage or a debugger, kernels run as plain Python, about a hundred times slower.
 
-numba also imports the package coverage wherever it is installed, only to learn whether it measures this process. If it
-does, it has been imported before; else it is left out.
+numba also imports the package coverage wherever it is installed, only to check whether it measures this process. If it
+does, it is imported already; else the import is skipped.
 """
 
 from __future__ import annotations
@@ -39,9 +39,7 @@ finally:
         del sys.modules["coverage"]
 
 if (_log := logging.getLogger("numba")).level == logging.NOTSET:
-    _log.setLevel(
-        logging.WARNING
-    )  # else whoever listens to everything gets a line for each instruction that is compiled
+    _log.setLevel(logging.WARNING)  # else a log of all levels gets a line for each compiled instruction
 
 __all__ = ["compiling_seconds", "inlined", "kernel", "lean", "numba", "wide"]
 
@@ -52,7 +50,7 @@ _event: Any = import_module("numba.core.event")
 
 
 class _Stopwatch(_event.Listener):  # type: ignore[misc]
-    """Adds up the time of compiling; a kernel that another one calls is compiled within it."""
+    """Stopwatch for compilation; a kernel that another kernel calls is compiled, and timed, within it."""
 
     def __init__(self) -> None:
         self.seconds = self.began = 0.0
@@ -70,15 +68,15 @@ class _Stopwatch(_event.Listener):  # type: ignore[misc]
 _stopwatch = _Stopwatch()
 _event.register("numba:compile", _stopwatch)
 
-# Ctrl-C waits while LLVM works: in a callback it would be lost, and between two calls that hand memory over be a crash.
-# Each call lasts until LLVM has ended anyway; in between, while types are inferred, Ctrl-C is obeyed at once.
+# Ctrl-C waits while LLVM works: in a callback it would be lost, and between two calls that pass memory on it would
+# crash. No call of LLVM can be interrupted anyway; between calls, while types are inferred, Ctrl-C acts at once.
 _library: Any = import_module("numba.core.codegen").CPUCodeLibrary
 for _step in ("add_ir_module", "finalize"):
     setattr(_library, _step, interrupts_held()(getattr(_library, _step)))
 
 
 def compiling_seconds() -> float:
-    """Return seconds that this process has spent on compiling kernels: no time limit covers them."""
+    """Return the seconds that this process has spent on compiling kernels; no time limit covers them."""
     return _stopwatch.seconds
 
 
@@ -94,52 +92,52 @@ def compiling_elsewhere() -> Iterator[None]:
 
 @cache
 def _ready_to_compile() -> None:
-    """Import what numba can compile, all but scipy.linalg."""
-    with suppress(ImportError, AttributeError):  # another version of numba may look elsewhere: then it takes longer
+    """Import everything that numba can compile, except scipy.linalg."""
+    with suppress(ImportError, AttributeError):  # another version of numba may differ: then it takes longer
         linalg: Any = __import__("numba.np.linalg", fromlist=["ensure_blas"])
-        asked = linalg.ensure_blas
+        ensure_blas = linalg.ensure_blas
         linalg.ensure_blas = lambda: None
         try:
             import numba.np.arraymath  # noqa: F401
         finally:
-            linalg.ensure_blas = asked
+            linalg.ensure_blas = ensure_blas
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Return compile on first call, keep the result on disk where a folder can be written."""
+    """Compile a function at its first call, and cache the result on disk where a folder can be written."""
     return _compiled(function)
 
 
 def lean(function: Callable[..., Any]) -> Any:
-    """Return compile a kernel that allocates nothing, so that numba need not count references to its arrays.
+    """Compile a kernel that allocates nothing, so that numba need not count references to its arrays.
 
-    It else does so at each call of another kernel, with two atomic instructions an array: up to 40 % of the time of a
-    loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
+    Otherwise numba counts them at each call of another kernel, with two atomic instructions an array: up to 40 % of the
+    time of a loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
     """
     return _compiled(function, _nrt=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Return compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
+    """Compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
     return _compiled(function, _nrt=False, forceinline=True)
 
 
 def wide(function: Callable[..., Any]) -> Any:
-    """Return compile a lean kernel in which the same steps on neighbouring numbers become one on a vector.
+    """Compile a lean kernel in which equal steps on neighbouring numbers become one step on a vector.
 
-    LLVM's pass for that is off in numba by default: it takes time, and few kernels gain anything.
+    LLVM's pass for that is off in numba by default, because it takes time and few kernels gain from it.
     """
-    made = lean(function)
-    if isinstance(made, _Plain):
-        return made
-    compiled = made._compiler.compile
+    dispatcher = lean(function)
+    if isinstance(dispatcher, _Plain):
+        return dispatcher
+    compiled = dispatcher._compiler.compile
 
     def compile_wide(*arguments: Any) -> Any:
         with _config_set("SLP_VECTORIZE", 1):  # numba compiles one kernel at a time
             return compiled(*arguments)
 
-    made._compiler.compile = compile_wide
-    return made
+    dispatcher._compiler.compile = compile_wide
+    return dispatcher
 
 
 @contextmanager
@@ -153,7 +151,7 @@ def _config_set(name: str, value: Any) -> Iterator[None]:
 
 
 class _Plain:
-    """A kernel that runs as plain Python, with what is asked of compiled ones: NUMBA_DISABLE_JIT is set."""
+    """Kernel that runs as plain Python, with the attributes of a compiled one; used with NUMBA_DISABLE_JIT."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
@@ -169,7 +167,7 @@ class _Plain:
 
 
 class _Every:
-    """The variants of a kernel that needs none: it takes arguments of all types."""
+    """Variants of an uncompiled kernel, which takes arguments of all types."""
 
     def __contains__(self, signature: Any) -> bool:
         return True
@@ -178,39 +176,39 @@ class _Every:
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
     if getattr(numba.config, "DISABLE_JIT"):  # noqa: B009  (set when numba is imported)
         return _Plain(function)
-    made = numba.njit(function, nogil=True, **options)
+    dispatcher = numba.njit(function, nogil=True, **options)
     try:
-        made._cache = _Kept(function)
+        dispatcher._cache = _DiskCache(function)
     except (RuntimeError, OSError):
         _ready_to_compile()
-        _warn_once("no folder for them can be written")
-    return made
+        _warn_once("no folder for it can be written")
+    return dispatcher
 
 
-class _Kept(_caching.FunctionCache):  # type: ignore[misc]
-    """A kernel's variants on disk; a disk that fails costs the time to compile, never the answer."""
+class _DiskCache(_caching.FunctionCache):  # type: ignore[misc]
+    """Cache of a kernel's variants on disk. If the disk fails, kernels are compiled again; results do not change."""
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         try:
             with interrupts_held():
                 _runtime.rtsys.initialize(context)
-                kept = self._load_overload(signature, context)
-        except Exception:  # whatever a damaged file makes of reading it
-            kept = None
-        if kept is None:
+                loaded = self._load_overload(signature, context)
+        except Exception:  # a damaged file may raise anything
+            loaded = None
+        if loaded is None:
             _ready_to_compile()
-        return kept
+        return loaded
 
     def save_overload(self, signature: Any, data: Any) -> None:
         try:
-            with _alone(Path(self.cache_path)), interrupts_held():
+            with _locked(Path(self.cache_path)), interrupts_held():
                 self._remove_unreadable_index()
                 super().save_overload(signature, data)
         except OSError as error:
             _warn_once(f"{self.cache_path}: {error.strerror or error}")
 
     def _remove_unreadable_index(self) -> None:
-        """Remove an index that is damaged, or names types of modules that an earlier version of hpop had."""
+        """Remove an index that is damaged, or names types of modules of an earlier version of hpop."""
         try:
             self._cache_file._load_index()
         except OSError:
@@ -220,11 +218,11 @@ class _Kept(_caching.FunctionCache):  # type: ignore[misc]
 
 
 @contextmanager
-def _alone(folder: Path) -> Iterator[None]:
+def _locked(folder: Path) -> Iterator[None]:
     """Let one process at a time add to a folder.
 
-    numba numbers the variants of a kernel by those it finds: two processes at once may give two the same number, and
-    then one is run in the place of the other.
+    numba numbers the variants of a kernel by those it finds. Two processes at once may give two variants one number,
+    and then run one in place of the other.
     """
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / LOCK).open("w") as file:
@@ -237,23 +235,23 @@ def _alone(folder: Path) -> Iterator[None]:
 @cache
 def _warn_once(reason: str) -> None:
     warnings.warn(
-        f"compiled code cannot be kept ({reason}), so it is compiled anew each time, for some ten seconds or more; set "
+        f"compiled code cannot be kept ({reason}), so each process compiles it again, for ten seconds or more; set "
         "NUMBA_CACHE_DIR to a folder that you can write",
         HpopWarning,
         stacklevel=2,
     )
 
 
-def can_be_kept(made: Any) -> bool:
-    """Return whether there is a folder for what is compiled."""
-    return isinstance(made._cache, _Kept)
+def can_be_cached(dispatcher: Any) -> bool:
+    """Return whether a folder for compiled kernels can be written."""
+    return isinstance(dispatcher._cache, _DiskCache)
 
 
-def is_kept(made: Any) -> bool:
-    """Whether any variant of a kernel is in memory or on disk, as far as one can tell without types of arguments."""
-    if made.overloads:
+def is_cached(dispatcher: Any) -> bool:
+    """Return whether any variant of a kernel is in memory or on disk; types of arguments are not compared."""
+    if dispatcher.overloads:
         return True
     try:
-        return bool(made._cache._cache_file._load_index())
-    except Exception:  # nothing is kept, or it is damaged
+        return bool(dispatcher._cache._cache_file._load_index())
+    except Exception:  # no cache file, or a damaged one
         return False

@@ -1,7 +1,7 @@
-"""Garbage: how seldom a command looks for it, and that it does not as it ends.
+"""Rare garbage collection in commands, and none at their end.
 
-Python looks for cycles that nobody uses among the objects that are new, and, as it ends, several times among all. What
-a command imports and draws stays to its end, so there is next to nothing to find: it took an eighth of the whole time.
+Python searches new objects for unused cycles and, as it ends, all objects several times. Nearly everything that a
+command imports and draws lives to its end, so little is found: the searches took an eighth of the total time.
 """
 
 from __future__ import annotations
@@ -13,23 +13,23 @@ from functools import cache
 
 from hpop.base.registry import criteria, goals, models, planners, readers
 
-COUNTING = "ompl"  # a library that counts what is left of its objects as Python ends, and prints it
-OBJECTS = 300_000  # new ones between two searches: what is imported, and four pictures
+COUNTING = "ompl"  # a library that counts its remaining objects as Python ends, and prints the number
+OBJECTS = 300_000  # new objects between two searches: all imports and four pictures make fewer
 
 
 @cache
 def seldom() -> None:
-    """Look for garbage seldom in this process, and not as it ends."""
+    """Collect garbage rarely in this process, and not as it ends."""
     gc.set_threshold(OBJECTS)
-    atexit.register(leave)  # the first to register is the last to be called
+    atexit.register(leave)  # registered first, called last
 
 
 def leave() -> None:
-    """Keep what there is from being looked through any more: the system takes it back as a whole.
+    """Exclude all objects from further collection; the system frees the memory when the process ends.
 
-    Where somebody else's code is registered all goes on as ever: a file that it has left open may hold lines that are
-    written only when it is collected. So it does where a library would print what is not collected.
+    Where a user's code is registered, collection goes on: a file that it has left open may hold lines that are written
+    only when the file is collected. It also goes on for a library that would print the number of uncollected objects.
     """
-    theirs = any(registry.own() for registry in (criteria, goals, models, planners, readers))
-    if not theirs and COUNTING not in sys.modules:
+    has_plugins = any(registry.own() for registry in (criteria, goals, models, planners, readers))
+    if not has_plugins and COUNTING not in sys.modules:
         gc.freeze()

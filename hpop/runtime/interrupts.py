@@ -1,7 +1,8 @@
-"""Ctrl-C: what else does the same, how it is answered, and where it must wait.
+"""Ctrl-C: signals that act like it, when it is answered, and where it must wait.
 
-CasADi takes it for a failed evaluation and goes on, LLVM loses it or frees twice, a pool that is left never ends. Where
-it comes just as Python's futures have taken a lock, nobody gives that back: threads that ask for it wait for ever.
+CasADi takes Ctrl-C for a failed evaluation and goes on; LLVM loses it or frees memory twice; a process pool that is
+left in the middle never ends. If Ctrl-C comes just after Python's futures have taken a lock, the lock is never
+released, and threads that need it wait for ever.
 """
 
 from __future__ import annotations
@@ -13,16 +14,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-# What ends a process: a closed terminal, the end of a batch job's time. SIGHUP is not known everywhere.
+# Signals that end a process: end of a batch job's time, closed terminal. Not all systems have SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
-SIGNALS = (signal.SIGINT, *ENDING)  # the latter where the command line lets them do what Ctrl-C does
+SIGNALS = (signal.SIGINT, *ENDING)  # ENDING acts like Ctrl-C on the command line
 
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C until the block has ended, then let it do what it would have done.
+    """Hold Ctrl-C until the block has ended, then let it act.
 
-    Only the main thread gets signals; where they are ignored, as in workers, there is nothing to hold.
+    Only the main thread gets signals; where they are ignored, as in workers, nothing is held.
 
     >>> try:
     ...     with interrupts_held():
@@ -54,7 +55,7 @@ def interrupts_held() -> Iterator[None]:
                 for number, handler in handlers.items():
                     signal.signal(number, handler)
                 restored = True
-            except BaseException as error:  # a signal came, and its handler was back before the others
+            except BaseException as error:  # a signal came when only some handlers were restored
                 late = error
         if late is not None:
             raise late
@@ -64,9 +65,9 @@ def interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def endings_interrupt() -> Iterator[None]:
-    """Let SIGTERM (kill, timeout) and SIGHUP (a closed terminal) do what Ctrl-C does.
+    """Let SIGTERM (kill, timeout) and SIGHUP (a closed terminal) act like Ctrl-C.
 
-    One that is ignored, as by nohup, stays so.
+    A signal that is ignored, as under nohup, stays ignored.
     """
     numbers = [number for number in ENDING if signal.getsignal(number) == signal.SIG_DFL]
     if threading.current_thread() is not threading.main_thread():
@@ -81,15 +82,15 @@ def endings_interrupt() -> Iterator[None]:
 
 
 @contextmanager
-def stopping_told() -> Iterator[None]:
-    """Answer a first Ctrl-C at once: to keep what millions of labels have found takes seconds."""
-    told: list[int] = []
+def stopping_announced() -> Iterator[None]:
+    """Print an answer to the first Ctrl-C at once, because saving the results of millions of labels takes seconds."""
+    answered: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if not told:
-            with suppress(OSError):  # a terminal that was closed; and no lock of a stream
+        if not answered:
+            with suppress(OSError):  # a closed terminal; os.write takes no lock of a stream
                 os.write(2, b"\nstopping: what was found is kept, which may take some seconds\n")
-        told.append(number)
+        answered.append(number)
         signal.default_int_handler(number, frame)
 
     numbers = [number for number in SIGNALS if signal.getsignal(number) is signal.default_int_handler]

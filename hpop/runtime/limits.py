@@ -1,8 +1,8 @@
-"""Limits of time and memory that hold for everything done within a block of code, in this thread.
+"""Limits of time and memory for all work done within a block of code, in this thread.
 
-A map is read before there is a problem to plan, and a field or an integral is computed when a criterion first asks for
-it, far from the planner that has the limits. Work that may take long is therefore done in parts, and between two parts
-it asks the limits that hold for now. Without such a block nothing is limited.
+A map is read before there is a problem to plan, and fields and integrals are computed when a criterion first needs
+them, far from the planner that has the limits. Long work is therefore done in parts, and between two parts it checks
+the limits of the surrounding block. Without such a block nothing is limited.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ READING = "the map was read"
 
 
 class LimitPassed(Exception):
-    """What limits raise: whatever was being done is not done, and that is a result, not an error."""
+    """Signal that a limit was passed and the work was abandoned; callers turn it into a result, not an error."""
 
 
 class Account(Protocol):
-    """An account of time and memory; each method raises LimitPassed where a limit is passed."""
+    """Account of time and memory; each method raises LimitPassed when a limit is passed."""
 
     def check(self, doing: str, memory: int = 0) -> None:
-        """Look at the time, and whether there is room for so many bytes more."""
+        """Check the time, and whether ``memory`` more bytes fit."""
 
     def hold(self, memory: int, doing: str) -> None:
-        """Charge bytes that stay, before they are taken."""
+        """Charge bytes that stay allocated, before they are taken."""
 
 
 _LIMITS: ContextVar[Account | None] = ContextVar("limits", default=None)
@@ -34,7 +34,7 @@ _LIMITS: ContextVar[Account | None] = ContextVar("limits", default=None)
 
 @contextmanager
 def within(limits: Account) -> Iterator[None]:
-    """What is made in the block keeps these limits."""
+    """Apply these limits to all work in the block."""
     token = _LIMITS.set(limits)
     try:
         yield
@@ -43,13 +43,13 @@ def within(limits: Account) -> Iterator[None]:
 
 
 def hold(doing: str, stays: int, beside: int = 0) -> None:
-    """Before a map is read or a field made: it takes so many bytes that stay, and others until it is done."""
+    """Check and charge memory before an object is made: ``stays`` bytes remain, ``beside`` bytes end with the work."""
     if (limits := _LIMITS.get()) is not None:
         limits.check(doing, stays + beside)
         limits.hold(stays, doing)
 
 
 def check(doing: str) -> None:
-    """Between two parts of what is made."""
+    """Check the limits between two parts of a long work."""
     if (limits := _LIMITS.get()) is not None:
         limits.check(doing)

@@ -1,9 +1,10 @@
-"""Matplotlib's folder where the user's cannot be written, as in a container that is read-only: a temporary one.
+"""A temporary folder for Matplotlib where the user's cannot be written, as in a read-only container.
 
-Matplotlib would make its own and say so in two lines, each process anew. This one is shared with processes that are
-started later, so none of them that is killed leaves one behind, and one of them only looks for fonts. Who made it
-removes it; one that outlives its maker does so too, as the maker may have been killed. Each holds a lock on it, which
-the system lets go of when a process dies, however it dies: that tells whether another still needs it.
+Matplotlib would make a folder of its own in each process, and print two lines about it. This one is shared with all
+processes that are started later, so that killed processes leave no folders behind and only one searches for fonts. The
+process that made the folder removes it; so do processes that outlive it, since the maker may have been killed. Each
+holds a lock on the folder, which the system releases when the process dies: the lock shows whether the folder is
+needed.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from tempfile import mkdtemp
 
 try:
     import fcntl
-except ImportError:  # no such locks on this system: only who made a folder removes it
+except ImportError:  # no such locks on this system: only the folder's maker removes it
     fcntl = None  # type: ignore[assignment]
 
-SHARED = "HPOP_MATPLOTLIB_FOLDER"  # names what was made here: any other MPLCONFIGDIR is the user's own, and stays
+SHARED = "HPOP_MATPLOTLIB_FOLDER"  # names a folder made here; any other MPLCONFIGDIR is the user's, and stays
 
 
 def provide() -> None:
     """Name a folder that Matplotlib can write, before it is imported, and remove the folder at the end."""
     folder = os.environ.get("MPLCONFIGDIR", "")
-    if not folder and "matplotlib" not in sys.modules and not _user_has_one():
-        with suppress(OSError):  # nothing can be written anywhere: Matplotlib says what it needs
+    if not folder and "matplotlib" not in sys.modules and not _user_has_folder():
+        with suppress(OSError):  # no writable folder anywhere: Matplotlib reports what it needs
             folder = os.environ["MPLCONFIGDIR"] = os.environ[SHARED] = mkdtemp(prefix="hpop-matplotlib-")
             atexit.register(_remove, folder, os.getpid())
     if folder and folder == os.environ.get(SHARED):
@@ -39,7 +40,7 @@ def provide() -> None:
 def forget_current_folder() -> None:
     """Undo the settings of a ``matplotlibrc`` in the current folder where Python is told not to trust that folder.
 
-    These name programs and TeX code to run, and Matplotlib reads them when it is imported.
+    Such settings name programs and TeX code to run, and Matplotlib reads them when it is imported.
     """
     if not os.environ.get("PYTHONSAFEPATH"):
         return
@@ -70,7 +71,7 @@ def _remove(folder: str, process: int, lock: int | None = None) -> None:
             shutil.rmtree(folder, ignore_errors=True)
 
 
-def _user_has_one() -> bool:
+def _user_has_folder() -> bool:
     """Return whether Matplotlib can write, or make, its folders of configuration and fonts."""
     try:
         home = Path.home()
@@ -85,5 +86,5 @@ def _user_has_one() -> bool:
 
 def _can_be_written(folder: Path) -> bool:
     """Return whether the nearest visible folder is writable; ``Path.exists`` raises in unreadable folders."""
-    there = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
-    return os.path.isdir(there) and os.access(there, os.W_OK | os.X_OK)
+    existing = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
+    return os.path.isdir(existing) and os.access(existing, os.W_OK | os.X_OK)

@@ -1,9 +1,9 @@
-"""The HTTP server of all pages that hpop serves: who may ask is checked, connections and their time are bounded.
+"""HTTP server of all pages that hpop serves; it checks the sender of a request and bounds connections and their time.
 
-A request is answered if it asks for one of the server's own names (another page in the same browser that DNS rebinding
-makes look as if it came from here does not), and if no page of another origin sent it. A request that is not whole
-within :data:`READING` seconds is dropped, however it drips; of more than :data:`CONNECTIONS` the oldest that is not
-whole yet is. Whatever is refused learns nothing of the address beyond name and port.
+A request is answered if it names one of the server's own hosts and was not sent by a page of another origin. The first
+rule stops DNS rebinding, by which another page in the browser pretends to come from here. A request that is not
+complete within :data:`READING` seconds is dropped, however slowly it drips. Of more than :data:`CONNECTIONS`
+connections the oldest incomplete one is dropped. A refusal reveals nothing of the address beyond name and port.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ from hpop.errors import OutputError
 
 LOCAL = "127.0.0.1"
 READING = 20.0
-"""Seconds within which a request, its body included, must have come."""
+"""Seconds within which a request, including its body, must be complete."""
 SENDING = 30.0
-"""Seconds that a piece of an answer may take to be sent."""
+"""Seconds within which a piece of an answer must be sent."""
 CONNECTIONS = 128
-"""At the same time, at most: a thread each."""
+"""Largest number of connections at a time, each with a thread."""
 PIECE = 2**18
-"""Bytes that are sent at once."""
+"""Bytes that are sent in one piece."""
 PLAIN_PORTS = {"http": 80, "https": 443}
-"""Ports that browsers leave out of the name."""
+"""Ports that browsers leave out of the address."""
 HEADERS = {
     "Cache-Control": "no-store",
-    "Referrer-Policy": "same-origin",  # addresses hold tokens; without an Origin of its own a form could not be told
+    "Referrer-Policy": "same-origin",  # addresses hold tokens
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Cross-Origin-Resource-Policy": "same-origin",
@@ -44,18 +44,18 @@ HEADERS = {
 
 
 class PageServer(ThreadingHTTPServer):
-    """A server of pages for few, each connection in a thread of its own.
+    """Server of pages for few users, with a thread for each connection.
 
     Parameters
     ----------
     handler : a :class:`PageHandler`
-    host, port : an address of this machine; port 0 takes any that is free
-    names : by which it may be asked for, besides 127.0.0.1 and localhost
-    secured : what encrypts the connections
-    listening : a socket that listens already, in the place of ``host`` and ``port``
-    reading : s within which a request must have come
+    host, port : an address of this machine; port 0 takes any free port
+    names : host names of this server besides 127.0.0.1 and localhost
+    secured : TLS context, to encrypt connections
+    listening : a listening socket to use in place of ``host`` and ``port``
+    reading : s within which a request must be complete
 
-    Raises OutputError where the port cannot be had.
+    Raises OutputError if the port is not available.
     """
 
     daemon_threads = True
@@ -74,7 +74,7 @@ class PageServer(ThreadingHTTPServer):
     ) -> None:
         self._reading = reading
         self._lock = RLock()
-        self._open: dict[Any, float] = {}  # connections in order, until when each must be whole: inf once it is
+        self._open: dict[Any, float] = {}  # connections in order, with deadlines for the request; inf once complete
         if listening is not None:
             super().__init__(listening.getsockname()[:2], handler, bind_and_activate=False)
             self.socket.close()
@@ -85,26 +85,26 @@ class PageServer(ThreadingHTTPServer):
             except OSError as error:
                 raise OutputError(no_port(port, error)) from None
         self.scheme = "http" if secured is None else "https"
-        here = self.server_address[1]
-        known = dict.fromkeys((LOCAL, "localhost", *(name.lower() for name in names)))
-        self.hosts = {f"{name}:{here}" for name in known}
-        if here == PLAIN_PORTS[self.scheme]:
-            self.hosts |= set(known)
+        own_port = self.server_address[1]
+        own_names = dict.fromkeys((LOCAL, "localhost", *(name.lower() for name in names)))
+        self.hosts = {f"{name}:{own_port}" for name in own_names}
+        if own_port == PLAIN_PORTS[self.scheme]:
+            self.hosts |= set(own_names)
         if secured is not None:
-            # Each connection greets in a thread of its own: one that says nothing keeps nobody waiting.
+            # Each connection shakes hands in its own thread, so that a silent one does not block the server.
             self.socket = secured.wrap_socket(self.socket, server_side=True, do_handshake_on_connect=False)
 
     def server_bind(self) -> None:
-        """Bind without the name of this machine, for which http.server would ask the network, and may wait long."""
+        """Bind without looking up the name of this machine, for which http.server asks the network and may wait."""
         TCPServer.server_bind(self)
         self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
 
     def root(self, name: str = LOCAL) -> str:
-        """Return the address without what follows the port."""
+        """Return the address up to the port."""
         return f"{self.scheme}://{name}:{self.server_address[1]}"
 
     def refusal(self, host: str, origin: str | None) -> str:
-        """Return why a request to a host, sent by a page of an origin, is not answered; "" where it is."""
+        """Return why a request to a host, sent by a page of an origin, is refused; "" if it is not."""
         if host.lower() not in self.hosts:
             return f"ask for {self.root()}"
         if origin is not None and origin.lower() != f"{self.scheme}://{host.lower()}":
@@ -112,10 +112,10 @@ class PageServer(ThreadingHTTPServer):
         return ""
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Begin with a connection; where there are too many, drop the oldest that is not whole, else this one."""
+        """Accept a connection; if there are too many, drop the oldest incomplete one, or else this one."""
         with self._lock:
             if len(self._open) >= CONNECTIONS:
-                oldest = next((one for one, until in self._open.items() if until < inf), None)
+                oldest = next((request for request, deadline in self._open.items() if deadline < inf), None)
                 if oldest is None:
                     self.shutdown_request(request)
                     return
@@ -124,81 +124,81 @@ class PageServer(ThreadingHTTPServer):
         super().process_request(request, client_address)
 
     def whole(self, request: Any) -> None:
-        """Note that a request has come whole: its answer may take longer."""
+        """Note that a request is complete: its answer may take longer."""
         with self._lock:
             if request in self._open:
                 self._open[request] = inf
 
     def service_actions(self) -> None:
-        """Drop requests that have not come in time."""
+        """Drop requests that are not complete in time."""
         now = monotonic()
         with self._lock:
-            for late in [one for one, until in self._open.items() if until < now]:
+            for late in [request for request, deadline in self._open.items() if deadline < now]:
                 self._drop(late)
 
     def close_request(self, request: Any) -> None:
-        """Let go of a connection."""
+        """Forget a connection."""
         with self._lock:
             self._open.pop(request, None)
         super().close_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Say nothing: a page that was closed, or that mistrusts the certificate, is no error."""
+        """Print nothing: a closed page, or one that mistrusts the certificate, is no error."""
 
     def _drop(self, request: Any) -> None:
-        """End a connection; its thread, which waits for it, closes it."""
+        """Shut a connection down; its thread, which waits for it, closes it."""
         del self._open[request]
         with suppress(OSError):
             request.shutdown(socket.SHUT_RDWR)
 
 
 class PageHandler(BaseHTTPRequestHandler):
-    """One request, answered if :meth:`PageServer.refusal` has nothing against it, whatever its method."""
+    """Handler of one request of any method, answered unless :meth:`PageServer.refusal` gives a reason."""
 
     timeout = SENDING
     server: PageServer
     server_version, sys_version = "hpop", ""
 
     def parse_request(self) -> bool:
-        """Read the head of a request; False where it is refused, which was said then."""
+        """Read the head of a request; return False, after answering, if it is refused."""
         if not super().parse_request():
             return False
         if self.command != "POST":
             self.server.whole(self.connection)
-        said = self.server.refusal(self.headers.get("Host", ""), self.headers.get("Origin"))
-        if said:
-            self.refused(HTTPStatus.FORBIDDEN, said)
-        return not said
+        reason = self.server.refusal(self.headers.get("Host", ""), self.headers.get("Origin"))
+        if reason:
+            self.refused(HTTPStatus.FORBIDDEN, reason)
+        return not reason
 
     def do_GET(self) -> None:
-        """Answer a question."""
+        """Answer a GET request."""
         self.answer()
 
     def do_HEAD(self) -> None:
-        """Answer a question with its head alone."""
+        """Answer a HEAD request."""
         self.answer()
 
     def do_POST(self) -> None:
-        """Take what is posted."""
+        """Accept a POST request."""
         self.take()
 
     def answer(self) -> None:
-        """Answer a question for ``self.path``."""
+        """Answer a GET or HEAD request for ``self.path``."""
         self.send_error(HTTPStatus.NOT_FOUND)
 
     def take(self) -> None:
-        """Take what is posted to ``self.path``, and answer."""
+        """Accept the data posted to ``self.path``, and answer."""
         self.send_error(HTTPStatus.NOT_IMPLEMENTED)
 
-    def refused(self, status: HTTPStatus, said: str) -> None:
-        """Say why a request is not answered."""
-        self.page(said.encode(), "text/plain; charset=utf-8", status)
+    def refused(self, status: HTTPStatus, reason: str) -> None:
+        """Answer with the reason for a refusal."""
+        self.page(reason.encode(), "text/plain; charset=utf-8", status)
 
     def body(self, most: int) -> bytes | None:
-        """Return what was posted; None where it does not say how long it is, ``most`` bytes at the most."""
+        """Return the posted data; None if its length is not stated or exceeds ``most`` bytes."""
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit()) or len(length) > len(str(most)) or int(length) > most:
-            self.close_connection = True  # without reading what it sends
+            self.close_connection = True  # without reading the data
             return None
         data = self.rfile.read(int(length))
         self.server.whole(self.connection)
@@ -217,7 +217,7 @@ class PageHandler(BaseHTTPRequestHandler):
         self.send(data)
 
     def send(self, data: bytes) -> None:
-        """Send bytes, piece by piece, so that a slow reader has the time for each; none to who asks for the head."""
+        """Send bytes in pieces, so that a slow reader has time for each; send none in answer to HEAD."""
         for begin in range(0, len(data) if self.command != "HEAD" else 0, PIECE):
             self.wfile.write(data[begin : begin + PIECE])
 
@@ -227,14 +227,14 @@ class PageHandler(BaseHTTPRequestHandler):
         super().end_headers()
 
     def log_message(self, format: str, *args: object) -> None:
-        """Print nothing of who asks for what."""
+        """Print no log of requests."""
 
 
 def no_port(port: int, error: OSError) -> str:
-    """Say why a port cannot be had, and what to do."""
-    way = "choose another --port; 0 takes any that is free"
+    """Return why a port is not available, and what to do."""
+    hint = "choose another --port; 0 takes any that is free"
     if error.errno == errno.EADDRINUSE:
-        return f"cannot serve on port {port}: another program has it; end that, or {way}"
+        return f"cannot serve on port {port}: another program uses it; end that program, or {hint}"
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"cannot serve on port {port}: ports below 1024 are the system's; {way}"
-    return f"cannot serve on port {port}: {error.strerror or error}; {way}"
+        return f"cannot serve on port {port}: ports below 1024 are the system's; {hint}"
+    return f"cannot serve on port {port}: {error.strerror or error}; {hint}"

@@ -1,4 +1,4 @@
-"""How a search ended, its limits, its progress, and the progress line and log of a command."""
+"""Status of a search, its limits and its progress; the progress line and the log of a command."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ NO_LIMIT = "leave it out for no limit"
 
 
 class Status(StrEnum):
-    """How a planner or a search ended. Only COMPLETE and NO_PATH say that nothing is missing.
+    """Outcome of a planner or a search. Only COMPLETE and NO_PATH say that nothing is missing.
 
-    POINT_LIMIT is ``max_points`` of a planner, RUN_LIMIT that none of its runs arrived. UNFINISHED is what is found
-    while the search still goes on: the stages of a planner before its last.
+    POINT_LIMIT: a planner's ``max_points`` was reached. RUN_LIMIT: none of a planner's runs arrived. UNFINISHED: a
+    result from an early stage of a planner, while the search still goes on.
     """
 
     COMPLETE = "complete"
@@ -35,18 +35,18 @@ class Status(StrEnum):
 
     @property
     def is_final(self) -> bool:
-        """True when the search ran to its end, so that the result is all there is."""
+        """True if the search ran to its end, so that the result is complete."""
         return self in (Status.COMPLETE, Status.NO_PATH)
 
 
 def why_none(notes: Iterable[str]) -> str | None:
-    """Return the note that says why there is no path, which begins with these words; None where none does."""
+    """Return the note that says why there is no path, which begins with the words of NO_PATH; None if there is none."""
     return next((note for note in notes if note.startswith(Status.NO_PATH)), None)
 
 
 @dataclass(frozen=True)
 class Budget:
-    """What a planner or a search may spend; None is no bound.
+    """Limits of time and memory for a planner or a search; None is no limit.
 
     time_limit  s      wall-clock time, kernels already compiled: of a planner to read the map, build its graph and
                        search, of a search alone from when it begins
@@ -67,15 +67,15 @@ class Budget:
 
 @dataclass(frozen=True)
 class Progress:
-    """What a running search reports now and then.
+    """Progress report of a running search.
 
-    stage      what is being done, in words ("compiling", "bounds", "search")
+    stage      current work in words ("compiling", "bounds", "search")
     labels     count  labels generated so far
     open       count  labels still waiting
     front      count  solutions found so far
     memory     bytes  allocated by the search so far
     seconds    s      since the search began
-    detail     what of the stage, and how far it is, in words
+    detail     current part of the stage, in words
     """
 
     stage: str
@@ -88,14 +88,14 @@ class Progress:
 
 
 ProgressCallback = Callable[[Progress], None]
-RESERVED = 0.1  # of a time limit that reading, building and searching leave to the evaluation of what they find
+RESERVED = 0.1  # share of a time limit that reading, building and searching leave to the evaluation of results
 
 
 @dataclass(frozen=True)
 class Watch:
-    """Clock of a planner of many jobs. Jobs end a little before the limit, for the evaluation of what they find.
+    """Clock of a planner of many jobs. Jobs end a little before the limit, to leave time to evaluate their results.
 
-    stage       what is being done, in words
+    stage       current work in words
     time_limit  s, or None
     began       s, on the clock of :func:`time.perf_counter`
     """
@@ -107,12 +107,12 @@ class Watch:
 
     @property
     def seconds(self) -> float:
-        """Since planning began."""
+        """Seconds since planning began."""
         return time.perf_counter() - self.began
 
     @property
     def left(self) -> float | None:
-        """Seconds that are left for jobs, negative once they are over; None without a limit."""
+        """Seconds that remain for jobs, negative once they are over; None without a limit."""
         return None if self.time_limit is None else (1.0 - RESERVED) * self.time_limit - self.seconds
 
     def is_late(self) -> bool:
@@ -120,7 +120,7 @@ class Watch:
         return self.left is not None and self.left < 0.0
 
     def report(self, done: int, left: int, found: int) -> None:
-        """Say how many jobs are done, how many are left and what they found."""
+        """Report the number of jobs that are done, of jobs that remain, and of results."""
         if self.progress is not None:
             self.progress(Progress(self.stage, done, left, found, seconds=self.seconds))
 
@@ -144,24 +144,24 @@ def progress_bar() -> Iterator[ProgressCallback]:
 
 @contextmanager
 def followed(progress: ProgressCallback | bool | None) -> Iterator[ProgressCallback | None]:
-    """Return the progress callback: a function, or True for a line on the terminal; and the logger."""
-    with progress_bar() if progress is True else nullcontext(progress or None) as told:
-        yield _logged(told) if log.isEnabledFor(logging.DEBUG) else told
+    """Yield the progress callback: a given function or, for True, a line on the terminal; with a line in the log."""
+    with progress_bar() if progress is True else nullcontext(progress or None) as callback:
+        yield _logged(callback) if log.isEnabledFor(logging.DEBUG) else callback
 
 
-def _logged(told: ProgressCallback | None) -> ProgressCallback:
-    """Return the same, and a line in the log for each stage as it begins."""
+def _logged(callback: ProgressCallback | None) -> ProgressCallback:
+    """Return a callback that calls the given one and logs each stage as it begins."""
     last = ""
 
-    def tell(progress: Progress) -> None:
+    def report(progress: Progress) -> None:
         nonlocal last
         if progress.stage != last:
             log.debug("%s", described(progress))
             last = progress.stage
-        if told is not None:
-            told(progress)
+        if callback is not None:
+            callback(progress)
 
-    return tell
+    return report
 
 
 def described(progress: Progress) -> str:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import ModelError
-from hpop.frontier.strict_json import Kinds, numbers, parts, places
+from hpop.frontier.strict_json import Kinds, numbers, parts, row_numbers
 from hpop.motions import Law, Model, Motions, States, is_curve, laws_of
 from hpop.motions.by_law import extras, refuse_impossible
 from hpop.trajectories.trajectory import Trajectory
@@ -225,16 +225,16 @@ class MotionTable:
                 **{n: numbers(c, f"states.{n}", size, gaps=n not in model.space.names) for n, c in columns.items()}
             ),
             laws=tuple(kinds),
-            law=places(law, "motions.kind", len(law), len(kinds)),
-            start=places(start, "motions.start", len(law), size),
-            end=places(end, "motions.end", len(law), size),
-            first=places(first, "trajectories.start", len(first), size),
+            law=row_numbers(law, "motions.kind", len(law), len(kinds)),
+            start=row_numbers(start, "motions.start", len(law), size),
+            end=row_numbers(end, "motions.end", len(law), size),
+            first=row_numbers(first, "trajectories.start", len(first), size),
             counts=np.array([len(each) for each in own], dtype=np.int64),
-            motions=places(moves, "trajectories.motions", len(moves), len(law)),
+            motions=row_numbers(moves, "trajectories.motions", len(moves), len(law)),
             punctual=np.zeros(len(own), dtype=bool),
         )
         for column in others:
-            made.punctual[places(column, "trajectories.punctual", len(column), len(own))] = True
+            made.punctual[row_numbers(column, "trajectories.punctual", len(column), len(own))] = True
         made._check_meeting()
         return made
 

@@ -265,4 +265,4 @@ def test_an_epoch_that_is_no_number_is_left_out_with_a_note(epoch, noted):
     code = "import sys; sys.argv = ['hpop', '--version']; from hpop.entry import main; main()"
     environment = {**os.environ, "SOURCE_DATE_EPOCH": epoch}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    assert ("SOURCE_DATE_EPOCH is a whole number of seconds" in done.stderr) == noted
+    assert ("SOURCE_DATE_EPOCH must be a whole number of seconds" in done.stderr) == noted

@@ -49,7 +49,7 @@ def moments(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(beside, "_Process", Process)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)  # hence one process
-    monkeypatch.setattr(hpop.runtime.compiled, "is_kept", lambda compiled: False)
+    monkeypatch.setattr(hpop.runtime.compiled, "is_cached", lambda compiled: False)
     monkeypatch.setattr(results, "save", saved)
     monkeypatch.setattr(hpop.view, "save_pictures", drawn)
     monkeypatch.setattr(PicturesBeside, "_begin", lambda pictures, which: None)

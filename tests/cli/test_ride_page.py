@@ -107,7 +107,7 @@ def test_a_port_that_is_in_use_is_told(run: Run, folder: Path) -> None:
         other.listen()
         result = run("ride", folder, "--cable", "--port", str(other.getsockname()[1]))
     assert result.exit_code == 12
-    assert "another program has it; end that, or choose another --port" in " ".join(result.output.split())
+    assert "another program uses it; end that program, or choose another --port" in " ".join(result.output.split())
 
 
 @contextmanager

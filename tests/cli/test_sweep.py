@@ -112,7 +112,7 @@ def test_where_no_workers_can_be_had_one_process_plans_and_says_so(
     monkeypatch.setattr("multiprocessing.synchronize._multiprocessing.SemLock", refused)
     there = plan(scenario, "here", "--workers", "2")
     assert there.exit_code == 0, there.output
-    assert "note: --workers: no worker processes can be had here (Read-only file system)" in there.stderr
+    assert "note: --workers: cannot start worker processes (Read-only file system)" in there.stderr
     assert points(scenario, "here") == alone
 
 

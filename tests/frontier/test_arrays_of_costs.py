@@ -102,7 +102,7 @@ def test_what_is_maximised_is_kept_with_a_minus(maximise):
     ("maximise", "message"),
     [
         (["gian"], "has names of costs, or a bool for each of cost, gain"),
-        ([True], "1 bools for the 2"),
+        ([True], "got 1 bools"),
         (True, "bool for each"),
     ],
 )

@@ -211,7 +211,7 @@ def test_a_reported_value_that_a_choice_cannot_take_is_said_to_be_only_reported_
         lambda: front.select({"obstruction": 1.0}),
         lambda: front.reference_point({"obstruction": 0.1}),
     )
-    helps = r"'obstruction' is only reported here.*turns, length.*nearest\(\{'obstruction': \.\.\.\}\).*minimises it"
+    helps = r"'obstruction' is only reported;.*turns, length.*nearest\(\{'obstruction': \.\.\.\}\).*minimises it"
     for call in calls:
         with pytest.raises(UnknownColumnError, match=helps):
             call()

@@ -94,7 +94,7 @@ def test_what_is_compiled_beside_begins_after_a_first_answer_and_ends_with_the_c
             compiling.clear()
 
     monkeypatch.setattr(beside, "_Process", Process)
-    monkeypatch.setattr(hpop.runtime.compiled, "is_kept", lambda made: False)
+    monkeypatch.setattr(hpop.runtime.compiled, "is_cached", lambda made: False)
     with beside.compiling_beside(["sum", "sum", "sum"], 1, Onset.AFTER_FIRST, main_kernels) as onset:
         assert (onset, first_is_awaited(), compiling) == (Onset.AFTER_FIRST, True, [])
         beside.begin()

@@ -248,7 +248,10 @@ def test_a_study_without_stimuli_or_with_a_port_in_use_is_said_at_once(folder: P
     with pytest.raises(StudyError, match="stimulus"):
         StudyServer(tmp_path)
     shutil.copytree(folder, other := tmp_path / "other")
-    with StudyServer(folder) as server, pytest.raises(OutputError, match="another program has it; end that, or choose"):
+    with (
+        StudyServer(folder) as server,
+        pytest.raises(OutputError, match="another program uses it; end that program, or choose"),
+    ):
         StudyServer(other, port=server.server_address[1])
 
 

@@ -89,9 +89,9 @@ class ArmCollision:
     def is_uncompiled(self) -> bool:
         """Whether kernels must be compiled first, which takes some 20 s."""
         from hpop.models.serial_arm.certificate import blocked_by  # kernels: importing numba takes half a second
-        from hpop.runtime.compiled import is_kept
+        from hpop.runtime.compiled import is_cached
 
-        return not is_kept(blocked_by)
+        return not is_cached(blocked_by)
 
     def states_free(self, states: States) -> BoolArray:
         """Return whether the arm is free in each state (N,)."""

@@ -101,10 +101,10 @@ def compiling_beside(aggregates: Sequence[str], turns: int, onset: Onset, kernel
     turns    column of the cost that counts turns, or -1
     kernels  returns, for these costs, the kernel that takes longest to compile and that of a first answer
     """
-    from hpop.runtime.compiled import can_be_kept, is_kept  # numba: on first use
+    from hpop.runtime.compiled import can_be_cached, is_cached  # numba: on first use
 
     longest, first = kernels(aggregates, turns)
-    if can_be_kept(longest) and not is_kept(longest):
+    if can_be_cached(longest) and not is_cached(longest):
         _awaited.append(_Awaited(aggregates, turns, first))
     try:
         if onset is Onset.AT_ONCE:
@@ -135,9 +135,9 @@ def first_is_awaited() -> bool:
     """Return whether the kernel of a first answer is not compiled yet, so that the answer must do without it."""
     if not _awaited:
         return False
-    from hpop.runtime.compiled import is_kept
+    from hpop.runtime.compiled import is_cached
 
-    return not is_kept(_awaited[0].first)
+    return not is_cached(_awaited[0].first)
 
 
 def wait_for(compiled: Any, report: Callable[[], None]) -> None:

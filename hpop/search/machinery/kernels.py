@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.runtime.compiled import is_kept, kernel, lean, numba
+from hpop.runtime.compiled import is_cached, kernel, lean, numba
 from hpop.runtime.interrupts import interrupts_held
 
 # Imported on first use only, because importing numba takes half a second.
@@ -59,7 +59,7 @@ def make_ready(compiled: Any, *arguments: Any) -> None:
 
     Ctrl-C waits for a load, which is short, as llvmlite drops exceptions that are raised during it.
     """
-    with interrupts_held() if is_kept(compiled) else nullcontext():
+    with interrupts_held() if is_cached(compiled) else nullcontext():
         compiled.compile(signature(arguments))
 
 

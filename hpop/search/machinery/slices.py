@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
-from hpop.runtime.compiled import is_kept
+from hpop.runtime.compiled import is_cached
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
 from hpop.search.machinery import beside
@@ -79,7 +79,7 @@ class Clock:
         if is_ready(compiled, *arguments):
             return
         began = perf_counter()
-        detail = "" if is_kept(compiled) else beside.words(compiled)
+        detail = "" if is_cached(compiled) else beside.words(compiled)
 
         def report() -> None:
             if self.progress is not None:
