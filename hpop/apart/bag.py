@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.apart.child import Answer, Refused
+from hpop.apart.child import ChildAnswer, ChildRefused
 from hpop.apart.lines import said
 
 GRID = "nav_msgs/msg/OccupancyGrid"
@@ -22,20 +22,22 @@ LEVEL = 1e-3
 """Largest tilt of a grid, as the sine of the angle."""
 
 
-def extract(data: bytes, options: dict[str, Any]) -> Answer:
+def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     """Return the last grid on a topic of the bag at ``options["path"]``: percent of occupancy, -1 where unknown."""
     try:
         from rosbags import rosbag1, rosbag2  # of an extra
         from rosbags.typesys import Stores, get_typestore  # of an extra
     except ImportError as error:
-        raise Refused(f"bags are read by rosbags, the extra hpop[bags] ({error}); pip install 'hpop[bags]'") from None
+        raise ChildRefused(
+            f"bags are read by rosbags, the extra hpop[bags] ({error}); pip install 'hpop[bags]'"
+        ) from None
     path = Path(options["path"])
     is_first = path.suffix == ".bag"
     with ExitStack() as stack:
         try:
             bag: Any = stack.enter_context(rosbag1.Reader(path) if is_first else rosbag2.Reader(path))
         except (FileNotFoundError, rosbag1.ReaderError, rosbag2.ReaderError) as error:
-            raise Refused(
+            raise ChildRefused(
                 f"it is no bag that can be read ({str(error)[:200]}); expected a .bag of ROS 1, or of ROS 2 a folder "
                 "with metadata.yaml, a .mcap or a .db3"
             ) from None
@@ -49,17 +51,19 @@ def extract(data: bytes, options: dict[str, Any]) -> Answer:
         for _, _, message in bag.messages(connections=chosen):
             last, count = bytes(message), count + 1
     if not count:
-        raise Refused(f"it has no message on {topic}; expected a {GRID}. Record it from the start: maps are sent once")
+        raise ChildRefused(
+            f"it has no message on {topic}; expected a {GRID}. Record it from the start: maps are sent once"
+        )
     store = get_typestore(Stores.ROS1_NOETIC if is_first else Stores.ROS2_HUMBLE)
     grid: Any = store.deserialize_ros1(last, GRID) if is_first else store.deserialize_cdr(last, GRID)
     width, height = int(grid.info.width), int(grid.info.height)
     if not 0 < width * height <= MOST_CELLS or len(grid.data) != width * height:
-        raise Refused(
+        raise ChildRefused(
             f"the grid on {topic} is {width:,} x {height:,} with {len(grid.data):,} cells; expected as many as its "
             f"size says, at most {MOST_CELLS:,}"
         )
     pose = grid.info.origin
-    return Answer(
+    return ChildAnswer(
         {
             "topic": topic,
             "messages": count,
@@ -76,26 +80,28 @@ def _chosen(asked: str | None, grids: list[str], topics: Counter[str]) -> str:
     """Return the topic to read."""
     there = f"its topics are {said(topics, 30)}" if topics else "it has no topics"
     if not grids:
-        raise Refused(f"it has no map, a {GRID}; {there}")
+        raise ChildRefused(f"it has no map, a {GRID}; {there}")
     if asked is None:
         if len(grids) > 1 and USUAL not in grids:
-            raise Refused(f"it has several maps; give topic, one of {', '.join(grids[:30])}")
+            raise ChildRefused(f"it has several maps; give topic, one of {', '.join(grids[:30])}")
         return USUAL if USUAL in grids else grids[0]
     if asked not in grids:
         near = get_close_matches(asked[:100], grids, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
-        raise Refused(f"it has no map on {asked[:100]!r}; maps are on {', '.join(grids[:30])}.{hint} In all {there}")
+        raise ChildRefused(
+            f"it has no map on {asked[:100]!r}; maps are on {', '.join(grids[:30])}.{hint} In all {there}"
+        )
     return asked
 
 
 def _yaw(q: Any, topic: str) -> float:
-    """Return the direction of a grid's x axis, rad; `Refused` for a tilted grid."""
+    """Return the direction of a grid's x axis, rad; `ChildRefused` for a tilted grid."""
     x, y, z, w = (float(value) for value in (q.x, q.y, q.z, q.w))
     size = math.hypot(x, y, z, w)
     if size == 0:  # not filled in
         return 0.0
     if not size < math.inf or math.hypot(x, y) > LEVEL * size:
-        raise Refused(
+        raise ChildRefused(
             f"the grid on {topic} is tilted, its orientation is ({x:g}, {y:g}, {z:g}, {w:g}); expected a level one"
         )
     return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)

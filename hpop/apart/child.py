@@ -1,7 +1,7 @@
 """The child process that reads a file of a foreign format: it bounds its memory and time, reads, and answers.
 
 Its input is a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, and the file's bytes.
-Memory is address space, the libraries' own included; seconds are of the processor. Its output is an `Answer` in bytes:
+Memory is address space, the libraries' own included; seconds are of the processor. Its output is a `ChildAnswer`:
 words and arrays of numbers, no object that could run code.
 """
 
@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 KINDS = ("<f8", "<i8", "|i1")
 """Kinds of numbers that are passed on."""
 DISK = 1024**3
-"""Bytes of a file that it writes: some libraries unpack what is compressed into a temporary one."""
+"""Largest temporary file, in bytes: some libraries unpack compressed data into one."""
 MODULES = ("bag", "dxf", "pdf")
 
 
-class Refused(Exception):
+class ChildRefused(Exception):
     """Refusal of a file that is not what it should be; the text is for the user."""
 
 
-class Answer(NamedTuple):
+class ChildAnswer(NamedTuple):
     """Contents of a file.
 
     words   numbers, texts, lists and mappings, as JSON has them
@@ -48,12 +48,12 @@ class Answer(NamedTuple):
         return json.dumps(header).encode() + b"\n" + b"".join(bodies)
 
 
-def unpacked(data: bytes) -> Answer:
-    """Return the answer in bytes; raise `Refused` with the text of a refusal, ValueError for anything else."""
+def unpacked(data: bytes) -> ChildAnswer:
+    """Return the answer in bytes; raise `ChildRefused` with the text of a refusal, ValueError for anything else."""
     line, _, body = data.partition(b"\n")
     header = json.loads(line)
     if "refused" in header:
-        raise Refused(str(header["refused"]))
+        raise ChildRefused(str(header["refused"]))
     arrays: dict[str, NDArray[Any]] = {}
     begin = 0
     for name, kind, shape in header["arrays"]:
@@ -62,7 +62,7 @@ def unpacked(data: bytes) -> Answer:
         count = int(np.prod(shape, dtype=np.int64))
         arrays[name] = np.frombuffer(body, kind, count, begin).reshape(shape)
         begin += count * np.dtype(kind).itemsize
-    return Answer(header["words"], arrays)
+    return ChildAnswer(header["words"], arrays)
 
 
 def refusal(text: str) -> bytes:
@@ -89,9 +89,9 @@ def said(asked: dict[str, Any], data: bytes) -> bytes:
         if asked["module"] not in MODULES:
             raise ValueError(asked["module"])
         module = import_module(f"hpop.apart.{asked['module']}")
-        answer: Answer = module.extract(data, asked["options"])
+        answer: ChildAnswer = module.extract(data, asked["options"])
         return answer.packed()
-    except Refused as error:
+    except ChildRefused as error:
         return refusal(str(error))
     except MemoryError:
         return refusal(f"it takes more than {asked['memory'] / 1e9:.2g} GB of memory to read; make it smaller")
@@ -104,7 +104,7 @@ def serve() -> None:
     asked = json.loads(sys.stdin.buffer.readline())
     bound(asked["memory"], asked["seconds"])
     out = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints is no part of the answer
+    os.dup2(2, 1)  # prints of a library do not belong to the answer
     out.write(said(asked, sys.stdin.buffer.read()))
     out.flush()
-    os._exit(0)  # nothing is tidied: a library may hang there
+    os._exit(0)  # without clean-up, in which a library may hang

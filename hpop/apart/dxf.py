@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from hpop.apart.child import Answer, Refused
+from hpop.apart.child import ChildAnswer, ChildRefused
 from hpop.apart.lines import FARTHEST, HIDDEN, MOST_DEEP, SAG, Lines
 
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX")
@@ -15,19 +15,19 @@ FILLED = ("SOLID", "TRACE")
 WIDE = ("LWPOLYLINE", "POLYLINE")
 
 
-def extract(data: bytes, options: dict[str, Any]) -> Answer:
+def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     """Return the lines of a drawing, in its units; the words include its ``$INSUNITS``."""
     try:
         from ezdxf import recover  # of an extra
         from ezdxf.lldxf.const import DXFError  # of an extra
     except ImportError as error:
-        raise Refused(
+        raise ChildRefused(
             f"DXF drawings are read by ezdxf, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"
         ) from None
     try:
         drawing, _ = recover.read(io.BytesIO(data))
     except DXFError as error:
-        raise Refused(f"it is no DXF drawing that can be read ({str(error)[:200]})") from None
+        raise ChildRefused(f"it is no DXF drawing that can be read ({str(error)[:200]})") from None
     lines = Lines(options["layers"])
     frozen = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_frozen()}
     hidden = frozen | {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off()}
@@ -52,7 +52,7 @@ class _Placed(NamedTuple):
 class _Walk:
     """Walk through the entities of a drawing.
 
-    frozen  layers, in lower case, whose references to blocks are not shown, whatever the layers of what is in these
+    frozen  layers, in lower case; references to blocks on them are hidden, whatever the layers of the blocks' contents
     """
 
     def __init__(self, lines: Lines, frozen: set[str]) -> None:
@@ -146,7 +146,7 @@ def _flat(path: Any) -> Iterator[list[tuple[float, float]]]:
         if not corners:
             continue
         if not all(abs(value) <= FARTHEST for corner in corners for value in corner):
-            raise Refused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+            raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
         size = math.dist(
             [min(axis) for axis in zip(*corners, strict=True)], [max(a) for a in zip(*corners, strict=True)]
         )

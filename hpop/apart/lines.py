@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.apart.child import Answer, Refused
+from hpop.apart.child import ChildAnswer, ChildRefused
 
 MOST_POINTS = 500_000
 """Points of all lines."""
@@ -54,10 +54,10 @@ class Lines:
         """How many lines are areas as well, as thick as they are drawn."""
 
     def look(self) -> None:
-        """Count one more thing of the drawing; `Refused` where there are too many."""
+        """Count one more thing of the drawing; `ChildRefused` where there are too many."""
         self._things += 1
         if self._things > MOST_THINGS:
-            raise Refused(f"it has more than {MOST_THINGS:,} things in it; expected a floor plan. Leave some out")
+            raise ChildRefused(f"it has more than {MOST_THINGS:,} things in it; expected a floor plan. Leave some out")
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:
         """Count a thing of a layer, and return whether to read it."""
@@ -90,13 +90,13 @@ class Lines:
             self._area.append(self._areas if filled else 0)
             self._width.append(width)
             if len(self._points) > MOST_POINTS:
-                raise Refused(
+                raise ChildRefused(
                     f"its lines have more than {MOST_POINTS:,} points; expected a floor plan. Choose layers, or leave "
                     f"some out; it has {said(self.counted)}"
                 )
 
-    def answer(self, known: Iterable[str], **words: Any) -> Answer:
-        """Return the collected lines; `Refused` where a requested layer is missing.
+    def answer(self, known: Iterable[str], **words: Any) -> ChildAnswer:
+        """Return the collected lines; `ChildRefused` where a requested layer is missing.
 
         known : names of layers that the file lists, those without lines included
         """
@@ -105,10 +105,10 @@ class Lines:
             if name not in names:
                 near = get_close_matches(name[:100], list(names)[:10_000], n=1)
                 hint = f" Did you mean {names[near[0]]!r}?" if near else ""
-                raise Refused(f"it has no layer {name[:100]!r}.{hint} It has {said(self.counted) or 'none'}")
+                raise ChildRefused(f"it has no layer {name[:100]!r}.{hint} It has {said(self.counted) or 'none'}")
         points = np.array(self._points, dtype=np.float64).reshape(-1, 2)
         if not (np.abs(points) <= FARTHEST).all():
-            raise Refused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+            raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
         words |= {
             "layers": list(self._layers),
             "counted": dict(self.counted.most_common(100)),
@@ -117,7 +117,7 @@ class Lines:
         }
         arrays = {"starts": self._starts, "layer": self._layer, "area": self._area}
         whole = {name: np.asarray(numbers, "<i8") for name, numbers in arrays.items()}
-        return Answer(words, {"points": points, "width": np.asarray(self._width, "<f8"), **whole})
+        return ChildAnswer(words, {"points": points, "width": np.asarray(self._width, "<f8"), **whole})
 
 
 def said(counted: Counter[str] | dict[str, int], most: int = 12) -> str:

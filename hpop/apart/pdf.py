@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.apart.child import Answer, Refused
+from hpop.apart.child import ChildAnswer, ChildRefused
 from hpop.apart.lines import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, Lines, Visible
 
 STREAM = re.compile(rb"stream\r?\n.*?endstream", re.DOTALL)
@@ -121,23 +121,23 @@ def _unescaped(escape: bytes) -> bytes:
     return LETTERS.get(escape, escape)
 
 
-def extract(data: bytes, options: dict[str, Any]) -> Answer:
+def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     """Return the lines of a page, in points from the lower left corner of the page as it is shown."""
     try:
         import pypdfium2 as pdfium  # of an extra
         from pypdfium2 import raw  # of an extra
     except ImportError as error:
-        raise Refused(
+        raise ChildRefused(
             f"PDF drawings are read by pypdfium2, the extra hpop[plans] ({error}); pip install 'hpop[plans]'"
         ) from None
     try:
         document = pdfium.PdfDocument(data)
         pages = len(document)
         if not 1 <= options["page"] <= pages:
-            raise Refused(f"it has {pages:,} pages; page must be one of them, got {options['page']}")
+            raise ChildRefused(f"it has {pages:,} pages; page must be one of them, got {options['page']}")
         page = document[options["page"] - 1]
     except pdfium.PdfiumError as error:
-        raise Refused(f"it is no PDF that can be read ({str(error)[:200]}); has it a password?") from None
+        raise ChildRefused(f"it is no PDF that can be read ({str(error)[:200]}); has it a password?") from None
     lines = Lines(options["layers"])
     unit = page_unit(pdfium, document, options["page"] - 1, data)
     hidden = hidden_layers(document, data)
@@ -279,7 +279,7 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
     """Return the parts of a path of segments as points, curves within a share of their size."""
     parts: list[list[tuple[float, float]]] = []
     if count > MOST_POINTS:
-        raise Refused(f"a line of it has {count:,} points; expected a floor plan, at most {MOST_POINTS:,}")
+        raise ChildRefused(f"a line of it has {count:,} points; expected a floor plan, at most {MOST_POINTS:,}")
     curve: list[tuple[float, float]] = []
     x, y = ctypes.c_float(), ctypes.c_float()
     for segment in segments:
@@ -287,7 +287,7 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
         placed = np.array([x.value, y.value, 1.0]) @ matrix
         point = (float(placed[0]), float(placed[1]))
         if not (abs(point[0]) <= FARTHEST and abs(point[1]) <= FARTHEST):
-            raise Refused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+            raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
         kind = raw.FPDFPathSegment_GetType(segment)
         if kind == raw.FPDF_SEGMENT_MOVETO or not parts:
             parts.append([point])

@@ -37,15 +37,15 @@ REACHED = 1e-6  # m or rad: no column of a state that reaches a goal is off by m
 
 @runtime_checkable
 class Goal(Protocol):
-    """Goal with several states, each of which will do.
+    """Goal with one or more states; reaching any one of them is enough.
 
     These may be left out, and have defaults:
 
-    requires      what a model must provide for it; frozenset()
-    places        (x, y, z) m, that pictures mark; ()
-    listed        its states, as a space has their values, where it is a list of them; ()
-    looked_at     (x, y, z) m, at which the camera looks where it is reached; None
-    alternatives  method: the goals of which it is any; itself
+    requires      what a model must provide; frozenset()
+    places        positions (x, y, z), m, for pictures to mark; ()
+    listed        values of its states, where the goal is a list of states; ()
+    looked_at     position (x, y, z), m, at which the camera looks at the goal; None
+    alternatives  method: the goals of a goal with several; by default itself
     """
 
     def states(self, problem: Problem, rng: np.random.Generator, count: int) -> States:
@@ -83,7 +83,7 @@ class GoalDefaults:
     looked_at: Any = None
 
     def alternatives(self) -> tuple[Goal, ...]:
-        """Return the goals of which this one is any."""
+        """Return the alternative goals of this one."""
         return (cast(Goal, self),)
 
 
@@ -94,7 +94,7 @@ def checked_count(count: int) -> int:
 
 @checked_arguments
 def goal(name: str) -> Callable[[T], T]:
-    """Register a goal under a name: a frozen dataclass, whose fields are its parameters."""
+    """Register a goal under a name: a frozen dataclass with its parameters as fields."""
 
     def declare(cls: T) -> T:
         if not is_dataclass(cls) or not all(hasattr(cls, method) for method in ("states", "reached", "describe")):
@@ -109,7 +109,7 @@ def goal(name: str) -> Callable[[T], T]:
 @checked_arguments
 @dataclass(frozen=True)
 class GoalSet(GoalDefaults):
-    """Set of states, each of which will do; a value of None is free.
+    """Set of states; reaching any one of them is enough. A value of None is free.
 
     >>> GoalSet([(3, 1, None), (5, 2, 0.0)]).describe()
     [[3, 1, None], [5, 2, 0.0]]
@@ -162,9 +162,9 @@ class GoalSet(GoalDefaults):
 @checked_arguments
 @dataclass(frozen=True, init=False)
 class AnyOf(GoalDefaults):
-    """Goals of which any will do: to look at any of several cans, or else to be at a state.
+    """Alternative goals: to look at one of several cans, or to be at a state.
 
-    States, and names of states and goals, are understood by the problem that has them among its goals.
+    A problem with such a goal resolves states, and names of states and goals.
 
     >>> AnyOf("ready", [0, 0, 0]).members, AnyOf(["ready", "home"]).members
     (('ready', [0, 0, 0]), ('ready', 'home'))
@@ -194,7 +194,7 @@ class AnyOf(GoalDefaults):
         return tuple(goal for member in self.members for goal in member.alternatives())
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return about equally many states of each member; warn of unreachable members, QueryError where all are."""
+        """Return about equally many states of each member; warn of unreachable members, QueryError if all are."""
         count = checked_count(count)
         rng = np.random.default_rng(rng)  # one for all members
         shares = [count // len(self.members) + (i < count % len(self.members)) for i in range(len(self.members))]
@@ -207,7 +207,7 @@ class AnyOf(GoalDefaults):
         if not parts:
             raise QueryError("\n".join(refusals))
         for refusal in refusals:
-            warnings.warn(f"left out of the goals of which any will do: {refusal}", HpopWarning, stacklevel=2)
+            warnings.warn(f"one of several goals is left out: {refusal}", HpopWarning, stacklevel=2)
         return States(
             **{name: np.concatenate([getattr(part, name) for part in parts]) for name in problem.model.space.names}
         )
@@ -233,11 +233,11 @@ GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSp
 def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
     """Return a checked goal: the values of a single state, a set of states, or a goal of another kind.
 
-    Raises QueryError for what is no state of the space, UnknownName for a goal of an unknown name.
+    Raises QueryError for a value that is no state of the space, UnknownName for an unknown name of a goal.
     """
     several = _several(given, (*ENTRIES, str) if space.named or space.unnamed else ENTRIES)
     if not several:
-        raise QueryError(f"a goal is {space}, or a list of such states of which any will do, got {shown(given)}")
+        raise QueryError(f"a goal must be {space}, or a list of such states, got {shown(given)}")
     states, others = dict[Values, None](), list[Any]()
     for place, one in enumerate(several):
         if isinstance(one, Goal) or is_named(one):
@@ -253,7 +253,7 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
 
 @checked_arguments
 def is_named(given: Any) -> bool:
-    """Return whether a value is a goal's name with its parameters, which no state is: ``{name: {parameter: value}}``.
+    """Return whether a value is the name of a goal with its parameters: ``{name: {parameter: value}}``.
 
     >>> is_named({"look_at": {"target": [1, 0, 0.5], "distance": [0.2, 0.4]}}), is_named({"x": 1.0})
     (True, False)

@@ -1,8 +1,8 @@
-"""Goals of a body's pose: the camera looks at a target, or the camera or a tool is at a place.
+"""Goals for the pose of a body: the camera looks at a target, or the camera or a tool is at a position.
 
-Differences of directions and orientations are angles: the logarithm of the remaining rotation, whose derivative has a
-closed form (Solà, Deray and Atchuthan 2018, arXiv 1812.01537). So a search that follows them has exact derivatives
-wherever it stops, not only at the goal.
+Differences of directions and orientations are angles: the logarithm of the remaining rotation, with a closed form of
+its derivative (Solà, Deray and Atchuthan 2018, arXiv 1812.01537). So a search that follows them has exact derivatives
+everywhere, not only at the goal.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numb
 from hpop.motions import Pose, Twist, Vector
 
 ALIGNED = 1e-7  # rad: below, the sine of an angle is the angle to the last bit
-CLOSEST = 1e-12  # m or rad: what is divided by is no less
+CLOSEST = 1e-12  # m or rad: smallest divisor
 Axes = tuple[Vector, Vector, Vector]
 
 
 def off_axis(pose: Pose, offset: Vector) -> tuple[Column, Column]:
-    """Return the angles (M,), rad, of an offset to the left of a body's forward axis and above it; their norm is all.
+    """Return the angles (M,), rad, of an offset to the left of a body's forward axis and above it.
 
-    What is straight behind is half a turn to the left.
+    Their norm is the whole angle. An offset straight behind is half a turn to the left.
     """
     ahead, left, up = (dot(axis, offset) for axis in (pose.ahead, pose.left, pose.up))
     sine = norm((left, up))
@@ -73,7 +73,7 @@ def roll_rate(pose: Pose, twist: Twist) -> Column:
 def turn_to(pose: Pose, axes: Axes) -> Vector:
     """Return the rotation vector, rad, world frame, from a body's orientation to given axes ahead, left, up.
 
-    Of half a turn the length is right, and the axis x.
+    For half a turn its length is right, and its direction is the x axis.
     """
     normal, sine, cosine = _turn(pose, axes)
     some = sine > ALIGNED
@@ -114,13 +114,14 @@ class LookAt(Region):
     """Goal of a camera that looks at a target from within a band of distances.
 
     target           m    (x, y, z), in the middle of the view
-    distance         m    (least, greatest) from the camera to it
-    roll             rad  of the camera to the right, 0 with the horizon level; None leaves it free. It says nothing of
-                          a camera that looks straight up or down, within 1e-6 rad
-    angle_tolerance  rad  by how much the view may be off, the target from its middle and the roll together
+    distance         m    (least, greatest) from the camera to the target
+    roll             rad  of the camera to the right, 0 with the horizon level; None leaves it free. It has no effect if
+                          the
+                          camera looks straight up or down, within 1e-6 rad
+    angle_tolerance  rad  largest error of the view: the target's angle from its middle and the roll together
 
-    Whether something stands between camera and target is for a criterion to say (``occlusion``); an answer notes where
-    nothing of the target is seen.
+    Obstacles between camera and target are a matter of a criterion (``occlusion``); a front has a note where nothing of
+    the target is visible.
     """
 
     target: tuple[float, float, float]
@@ -208,7 +209,7 @@ class LookAt(Region):
 
 @dataclass(frozen=True)
 class PoseAt(Region):
-    """Goal of a body at a place: in an orientation, along a direction with free roll, or in any orientation."""
+    """Goal of a body at a position: in an orientation, along a direction with free roll, or in any orientation."""
 
     position: tuple[float, float, float]
     yaw_pitch_roll: tuple[Angle, Angle, Angle] | None = None
@@ -296,14 +297,15 @@ def _mixed(a: float, one: Vector, b: float, other: Vector) -> Vector:
 @goal("camera_at")
 @dataclass(frozen=True)
 class CameraAt(PoseAt):
-    """Goal of a camera at a place, turned as given.
+    """Goal of a camera at a position, in a given orientation.
 
     position            m    (x, y, z)
     yaw_pitch_roll      rad  yaw counter-clockwise, then pitch up, then roll to the right
-    direction                (x, y, z) along which it looks, turned about that as may be; give this, or yaw_pitch_roll,
-                             or neither: then it may look anywhere
-    position_tolerance  m    how far it may be off
-    angle_tolerance     rad  by how much it may be turned otherwise
+    direction                (x, y, z) of the view, with any roll; give this, or yaw_pitch_roll, or neither: then it may
+                             look
+                             anywhere
+    position_tolerance  m    largest error of the position
+    angle_tolerance     rad  largest error of the orientation
     """
 
     @property
@@ -315,15 +317,16 @@ class CameraAt(PoseAt):
 @goal("tool_at")
 @dataclass(frozen=True)
 class ToolAt(PoseAt):
-    """Goal of a tool, or of another body, at a place, turned as given.
+    """Goal of a tool, or of another body, at a position, in a given orientation.
 
     position            m    (x, y, z)
     yaw_pitch_roll      rad  yaw counter-clockwise, then pitch up, then roll to the right
-    direction                (x, y, z) along which it points, turned about that as may be; give this, or yaw_pitch_roll,
-                             or neither: then it may point anywhere
-    position_tolerance  m    how far it may be off
-    angle_tolerance     rad  by how much it may be turned otherwise
-    body                     as the model calls it
+    direction                (x, y, z) in which it points, with any roll; give this, or yaw_pitch_roll, or neither: then
+                             it may
+                             point anywhere
+    position_tolerance  m    largest error of the position
+    angle_tolerance     rad  largest error of the orientation
+    body                     name of the body in the model
     """
 
     body: str = "tool"

@@ -1,12 +1,12 @@
-"""Goals in space: states in which a body is within bounds, found by inverse kinematics, of any model.
+"""Goals in space: states of any model in which a body is within bounds, found by inverse kinematics.
 
 A task space region of Berenson, Srinivasa and Kuffner 2011 (doi 10.1177/0278364910396389): coordinates of a body's pose
 and bounds on them. States are drawn by sampling the bounds and descending to each sample.
 
 The descent is damped least squares on the coordinates' distance to their bounds (Wampler 1986, doi
 10.1109/TSMC.1986.289285). The damping is raised where a step does not help and lowered where it does (Marquardt 1963,
-doi 10.1137/0111030). Columns of the Jacobian are the twists of the body at unit rates of one state each, so nothing is
-known here of joints. Where a limit holds a state, its column is left out and the others take over.
+doi 10.1137/0111030). Columns of the Jacobian are the twists of the body at unit rates of one state each, so this code
+knows nothing of joints. Where a limit holds a state, its column is left out and the others take over.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STEPS = 30  # of each descent
-DONE = 1e-18  # square of m or rad: no more is left to do
+DONE = 1e-18  # square of m or rad: the descent has arrived
 DAMPING = 1e-2  # of the first step
 EASED, RAISED = 0.2, 5.0
-LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6  # a step with more is nothing: the best near by is found
-APART = 1e-3  # m, as far as spaces measure: states nearer to each other are one
+LEAST_DAMPING, MOST_DAMPING = 1e-9, 1e6  # steps with more damping are negligible: a local optimum
+APART = 1e-3  # m, in the measure of a space: nearer states count as one
 DEGREE = math.radians(1)
-LEAST_SEEDS = 200  # random states from which a descent begins, at once
+LEAST_SEEDS = 200  # random states from which descents begin together
 Place = tuple[float, float, float]
 
 
@@ -180,7 +180,7 @@ def _stacked(columns: tuple[Column, ...], size: int) -> FloatArray:
 
 @checked_arguments
 class Region(GoalDefaults, ABC):
-    """Goal with a body within bounds; a frozen dataclass, whose fields are its parameters, provides the abstract parts.
+    """Goal with a body within bounds: the base class of frozen dataclasses with parameters as fields.
 
     A goal of your own needs ``body``, ``coordinates`` of its pose, their ``rates`` and ``bounds``;
     :func:`hpop.goals.goal` registers it.
@@ -191,12 +191,12 @@ class Region(GoalDefaults, ABC):
     @property
     @abstractmethod
     def body(self) -> str:
-        """Return the body, as the model calls it."""
+        """Name of the body in the model."""
 
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return low and high bounds of coordinates (k,), equal for a wanted value; states are drawn within them."""
+        """Low and high bounds of coordinates (k,), equal for an exact value; states are drawn within them."""
 
     @property
     @abstractmethod
@@ -205,7 +205,7 @@ class Region(GoalDefaults, ABC):
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """Return how far beyond the bounds a state still reaches the goal, m and rad."""
+        """Distance beyond the bounds at which a state still reaches the goal, m and rad."""
         return REACHED, REACHED
 
     @abstractmethod
@@ -222,9 +222,9 @@ class Region(GoalDefaults, ABC):
         return frozenset({self.body})
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return at most ``count`` distinct states (n,), fewer where new random descents find no others.
+        """Return at most ``count`` distinct states (n,); fewer if new random descents find no others.
 
-        Raises QueryError, which says how far the nearest is off, where none is found.
+        Raises QueryError, with the distance of the nearest state, if none is found.
         """
         count = checked_count(count)
         model, rng = problem.model, np.random.default_rng(rng)
@@ -242,7 +242,7 @@ class Region(GoalDefaults, ABC):
         if not len(found):
             off = f"{nearest[0]:.2g} m and {np.degrees(nearest[1]):.2g} degrees off"
             raise QueryError(
-                f"the goal {self} cannot be reached: the nearest state that was found is {off}; move it, or widen its "
+                f"the goal {self} cannot be reached: the nearest state found is {off}; move the goal, or widen its "
                 f"{', '.join(self.widened)}"
             )
         return sought.states(found[:count])

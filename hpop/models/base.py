@@ -1,4 +1,4 @@
-"""A robot in the plane from its parts and laws, so that one of your own is one short file."""
+"""Robots in the plane, defined by their parts and laws, so that a model of one's own is one short file."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ T = TypeVar("T", bound=type)
 
 @checked_arguments
 def model(name: str) -> Callable[[T], T]:
-    """Register a robot under a name: a frozen dataclass, whose fields are its parameters."""
+    """Register a robot under a name: a frozen dataclass with its parameters as fields."""
 
     def declare(cls: T) -> T:
         if not is_dataclass(cls) or not callable(getattr(cls, "collision", None)):
@@ -76,9 +76,9 @@ def model(name: str) -> Callable[[T], T]:
 
 @checked_arguments
 def plane_space(metres_a_radian: float, joints: Iterable[Joint] = (), speed: float = 1.0) -> StateSpace:
-    """Where a base is and how it is turned, then its joints; a radian is as far apart as some metres.
+    """Return the space of position and heading, then joints; a radian is as far as ``metres_a_radian``.
 
-    A change of a joint is as far apart as a base at a speed, m/s, goes meanwhile.
+    A change of a joint is as far as a base at ``speed``, m/s, goes meanwhile.
     """
     joints = tuple(joints)
     bounds = (FARTHEST, FARTHEST, math.pi)
@@ -94,9 +94,9 @@ def plane_space(metres_a_radian: float, joints: Iterable[Joint] = (), speed: flo
 
 @checked_arguments
 class PlanarModel(Model):
-    """A robot that stands upright on a floor: what follows from its parts and its laws.
+    """Robot that stands upright on a floor, with everything that follows from its parts and its laws.
 
-    A model of your own is a frozen dataclass, whose fields are its parameters, and gives ``space``, ``laws``, ``parts``
+    A model of your own is a frozen dataclass with its parameters as fields, and gives ``space``, ``laws``, ``parts``
     and ``mounts``; :func:`model` registers it under a name.
     """
 
@@ -121,26 +121,26 @@ class PlanarModel(Model):
     @property
     @abstractmethod
     def space(self) -> StateSpace:
-        """The states: x, y and yaw among them, which place the parts; see :func:`plane_space`."""
+        """States: x, y and yaw, which place the parts, among them; see :func:`plane_space`."""
 
     @property
     @abstractmethod
     def mounts(self) -> Mapping[str, Mount]:
-        """Its bodies by name, "base" and "camera" for example, and where they are on the base."""
+        """Bodies by name, "base" and "camera" for example, and their positions on the base."""
 
     @property
     def platform(self) -> tuple[Part, ...]:
-        """The parts as x, y and yaw place them: one that joints carry is all that it sweeps."""
+        """Parts placed by x, y and yaw; a part on joints is replaced by all that it sweeps."""
         return tuple(part.swept for part in self.parts)
 
     @property
     def body_parts(self) -> tuple[Part, ...]:
-        """The parts that stay where another camera replaces its own: all, unless a model says that a mast goes."""
+        """Parts that remain if another camera replaces the model's own: all, unless a model excludes a mast."""
         return self.parts
 
     @property
     def carrying(self) -> tuple[Joint, ...]:
-        """The joints that carry its parts and bodies, each once."""
+        """Joints that carry its parts and bodies, each once."""
         if len(self.space.names) == 3:
             return ()
         carried: list[Mount | Part] = [*self.mounts.values(), *self.parts]
@@ -153,7 +153,7 @@ class PlanarModel(Model):
 
     @property
     def provides(self) -> frozenset[str]:
-        """Its bodies, in the plane; "turn-move", "rigid" and "joints" where the laws and the states say so."""
+        """Bodies, and "plane"; "turn-move", "rigid" and "joints" according to the laws and states."""
         found = {"plane", *self.mounts}
         if isinstance(self.laws.get("turn"), Turn) and isinstance(self.laws.get("move"), Move):
             found.add("turn-move")
@@ -164,22 +164,22 @@ class PlanarModel(Model):
         return frozenset(found)
 
     def pose(self, body: str, states: States) -> Pose:
-        """Pose of a body in each of the states."""
+        """Return the pose of a body in each of the states."""
         mount = self._mount(body)
         return (CarriedPose if mount.on else RigidPose)(mount, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """How fast a body moves and turns."""
+        """Return the velocity and rotation of a body."""
         mount = self._mount(body)
         return (CarriedTwist if mount.on else RigidTwist)(mount, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """How fast that changes."""
+        """Return the derivative of the twist of a body."""
         mount = self._mount(body)
         return (CarriedTwistRate if mount.on else RigidTwistRate)(mount, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """What a body does in each of the motions; in closed form if the law knows its way and rotation."""
+        """Return a body's motion in each motion; in closed form if the law knows its path and rotation."""
         mount = self._mount(name)
         if mount.on:
             return carried_body(name, mount, motions)
@@ -187,7 +187,7 @@ class PlanarModel(Model):
         return rigid_body(name, mount, motions) if known else integrated(name, motions)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """How far (M,), m and rad, no body moves or turns farther: levers lengthen their ways."""
+        """Return bounds (M,), m and rad, on how far any body moves and turns: levers lengthen their paths."""
         lever = max(mount.lever for mount in self.mounts.values())
         moved, turned = farthest(motions, lever)
         joints = [joint for joint in self.carrying if joint.name in motions.law.varies]
@@ -197,7 +197,7 @@ class PlanarModel(Model):
         return moved + farther, turned + more
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """A turn towards b, a straight move, a turn to its heading; then one joint after the other."""
+        """Return a turn towards b, a straight move, a turn to its heading; then one joint after the other."""
         if not {"turn", "move"} <= self.laws.keys():
             raise ModelError(
                 f"{self.name} has no laws turn and move, its laws are {', '.join(self.laws)}; give it connect(a, b), "
@@ -207,9 +207,9 @@ class PlanarModel(Model):
         return legs_of_joints(self.space, legs, a, b, self.joints) if self.joints else legs
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """Each heading (H,), rad, with both stops of each joint and 0 or their middle, and what joins these in place.
+        """Return each heading (H,), rad, with both stops of each joint and 0 or their middle, and motions in place.
 
-        Raises UnsupportedModel for a model with other states, which says itself which.
+        Raises UnsupportedModel for a model with other states, which needs a method of its own.
         """
         joints = self.joints
         if other := [name for name in self.space.names if name not in ("x", "y", "yaw", *joints)]:
@@ -225,29 +225,29 @@ class PlanarModel(Model):
         return self.mounts[body]
 
     def collision(self, world: World) -> PlanarCollision:
-        """Exact for straight motions, and never too kind for those that turn."""
+        """Return the collision test of planning: exact for straight motions, conservative for those that turn."""
         return planar_collision(self.parts, world)
 
     def judge(self, world: World) -> SolidCollision:
-        """By python-fcl, in space, at states no further apart than 5 cm or 3 degrees."""
+        """Return the collision test of verification, by python-fcl, at states at most 5 cm or 3 degrees apart."""
         return SolidCollision(self.parts, world.for_robots)
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """What the robot really does: motions in one line are one, all from rest to rest; and when it passes states."""
+        """Return the robot's real motion, moves in one line joined, all from rest to rest, and times of states."""
         return rest_to_rest_execution(trajectory, self.executed)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Joints beyond their stops; what else the laws lead to can be done."""
+        """Yield joints beyond their stops; all other results of the laws are possible."""
         return stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Motions (M,) with a joint beyond a stop."""
+        """Return which motions (M,) have a joint beyond a stop."""
         return beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able parameters, enough to build the same robot: of models within it their own.
+        """Return JSON-able parameters, enough to build the same robot, including those of models within it.
 
-        What is None, as it is if nobody gives it, is left out.
+        Parameters that are None by default are left out.
         """
         own: list[tuple[Any, Any]] = (
             [(field, getattr(self, field.name)) for field in fields(self)] if is_dataclass(self) else []

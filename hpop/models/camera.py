@@ -1,4 +1,4 @@
-"""What a model's camera sees at once, and at what height it is."""
+"""Field of view and height of a model's camera."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from hpop.base.text import shown
 from hpop.errors import CriterionError, ModelError, UnsupportedCriterion
 from hpop.motions import Model, Motions
 
-POSTURES = 16  # states, drawn from all that there are, whose cameras are compared
-LEVEL = 1e-6  # m: heights that differ by less are one
+POSTURES = 16  # random states for comparing heights of the camera
+LEVEL = 1e-6  # m: tolerance for equal heights
 ROUND_OFF = 1e-3  # rad by which decimals of pi may exceed it
 ALL = (2 * math.pi, math.pi)
 FieldOfView = tuple[Angle, Angle]
@@ -27,22 +27,20 @@ def rises(model: Model) -> bool:
 
 
 def camera_height(m: Motions) -> float:
-    """Return the height of the camera above the floor, m, which all motions of a batch share.
+    """Return the height of the camera above the floor, m, common to all motions of a batch.
 
-    Raises UnsupportedCriterion where it differs between them.
+    Raises UnsupportedCriterion if it differs between them.
     """
     ends = m.camera.start.z, m.camera.end.z
     if any(map(is_symbolic, ends)) or np.ptp(np.concatenate(ends)) > LEVEL:
-        raise UnsupportedCriterion(
-            "surfaces round the camera are found at one camera height, but this camera goes up and down"
-        )
+        raise UnsupportedCriterion("it needs a camera at a constant height, but this camera goes up and down")
     return float(np.round(ends[0][0], 6))
 
 
 def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
-    """Return the angles (h, v), rad, that the model's camera sees at once; all round for a model without them.
+    """Return the angles (h, v), rad, of the camera's view; all round for a model without them.
 
-    fov : horizontal angle that a criterion asks for instead, at all elevations
+    fov : horizontal angle that replaces them, at all elevations
     """
     if fov is not None:
         return fov, ALL[1]

@@ -1,4 +1,4 @@
-"""A differential-drive robot that carries a camera on a mast, and motions that it cannot do."""
+"""Differential-drive robot that carries a camera on a mast, and a check of motions that it cannot do."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace, is_curve, laws_of
 from hpop.trajectories.trajectory import Trajectory
 
-CLOSE = 1e-5  # m or rad: two states written in decimals are the same
-STEPS = 100  # in which a curve is looked at
+CLOSE = 1e-5  # m or rad: rounding of states written in decimals
+STEPS = 100  # samples of a curve
 FASTER = 1e-3  # share by which a wheel may exceed its limits
 MAST_RADIUS = 0.05  # m
 BODY_HEIGHT = 0.4  # m
-LONGEST = 20.0  # m: what is larger is given in another unit
-SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: what is slower does not move
+LONGEST = 20.0  # m: larger robots must be a mistake in the unit
+SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: least limit of a robot
 
 
 def doubtful(law: Law, start: States, end: States) -> BoolArray:
-    """Return which motions (M,) slide sideways or go back; curves count as doubtful, they need a closer look."""
+    """Return which motions (M,) slide sideways or go back; curves count as doubtful, they need a closer check."""
     if is_curve(law):
         return np.ones(start.size, dtype=bool)
     if not {"x", "y"} <= law.varies:
@@ -44,7 +44,7 @@ def doubtful(law: Law, start: States, end: States) -> BoolArray:
 
 
 def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
-    """Describe motions that slide sideways or go back, and motions whose wheels are faster than the model's."""
+    """Yield motions that slide sideways or go back, and motions with wheels faster than the model's."""
     states, wrong = trajectory.states, np.zeros(len(trajectory), dtype=bool)
     kinds = np.array(trajectory.kinds, dtype=object)
     curved = np.zeros(len(trajectory), dtype=bool)
@@ -61,7 +61,7 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
 
 
 def _of_curves(model: DifferentialDrive, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
-    """Describe faults of curves, found by differences of positions and headings over hundredths of each motion."""
+    """Yield faults of curves, found by differences of positions and headings over hundredths of each motion."""
     lasts = trajectory.durations[curved]
     times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
     s = trajectory.at(times.ravel())
@@ -98,7 +98,7 @@ class WheelTrack(NamedTuple):
 
 
 class OnBase:
-    """The wheels of a robot whose ``base`` has them."""
+    """Wheels of a robot on a ``base`` that has them."""
 
     base: Any
 
@@ -126,7 +126,7 @@ class OnBase:
 @model("differential_drive")
 @dataclass(frozen=True)
 class DifferentialDrive(PlanarModel):
-    """A base with two driven wheels and a camera on a mast, a 360-degree one by default; states x, y (m) and yaw (rad).
+    """Base with two driven wheels and a camera on a mast, a 360-degree one by default; states x, y (m) and yaw (rad).
 
     radius             m       of a round footprint
     footprint          m       or corners ((x, y), ...) of a polygon round the axis, x ahead; ``radius`` is then ignored
@@ -141,7 +141,7 @@ class DifferentialDrive(PlanarModel):
     wheel_base         m       distance between the wheels
     view               "fixed" to the base, or "unwound": the picture is turned back in software as the base turns
     view_yaw           rad     yaw in the world at which the middle of an unwound picture stays, all the way
-    field_of_view      rad     what is seen at once, (h, v): bearings within h/2 of the camera's yaw, elevations within
+    field_of_view      rad     angles of view (h, v): bearings within h/2 of the camera's yaw, elevations within
                                v/2 of its pitch; None for all round
 
     Motions follow the planning law of :mod:`hpop.models.laws`. 1 m/s is the speed that users favour; turns are fast on
@@ -179,12 +179,12 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for, a heading and wheels ``wheel_base`` apart included."""
+        """Capabilities: bodies, a heading, and wheels ``wheel_base`` apart."""
         return super().provides | {"heading", "wheels"}
 
     @cached_property
     def space(self) -> StateSpace:
-        """Position and heading; a radian is as far apart as the robot moves while it turns by one."""
+        """Position and heading; a radian is as far as the robot moves while it turns by one."""
         return plane_space(self.speed / self.turn_rate)
 
     @cached_property
@@ -200,7 +200,7 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def wheel_speed(self) -> float:
-        """Largest speed of a wheel, m/s: what straight moves and turns in place ask for."""
+        """Largest speed of a wheel, m/s, needed for straight moves and turns in place."""
         return max(self.speed, 0.5 * self.wheel_base * self.turn_rate)
 
     @property
@@ -210,7 +210,7 @@ class DifferentialDrive(PlanarModel):
 
     @cached_property
     def mounts(self) -> Mapping[str, Mount]:
-        """Its bodies: the base, and the camera on its mast."""
+        """Bodies: the base, and the camera on its mast."""
         view = self.view_yaw if self.view == UNWOUND else None
         return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height, view)}
 
@@ -249,7 +249,7 @@ class DifferentialDrive(PlanarModel):
         return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Describe motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
+        """Yield motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
         yield from faults(self, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:

@@ -1,13 +1,12 @@
-"""Driven motion: the curves of a differential drive whose wheels accelerate evenly.
+"""Driven motion: curves of a differential drive with constant wheel accelerations.
 
-One motion lasts one interval in which both wheel accelerations are constant, so that speed v and yaw rate ω change
-linearly with time: v' = a and ω' = α, wheel accelerations a ± α b/2. The yaw is then a parabola, and the base goes
-where it looks, x' = v cos θ and y' = v sin θ, at every moment. These integrals have no closed form; they are taken by
-Gauss-Legendre with six nodes, which errs by less than 1e-9 of the way for turns of up to a radian a motion, and by
-less than 2e-6 for half a turn.
+In one motion both wheel accelerations are constant, so that speed v and yaw rate ω change linearly with time: v' = a
+and ω' = α, wheel accelerations a ± α b/2. The yaw is then a parabola, and the base goes where it looks, x' = v cos θ
+and y' = v sin θ. These integrals have no closed form; they are computed by Gauss-Legendre quadrature with six nodes,
+with an error of less than 1e-9 of the path for turns of up to a radian in a motion, and less than 2e-6 for half a turn.
 
-A state needs more columns than a place and a heading: ``speed`` (m/s), ``turn_rate`` (rad/s) and ``clock`` (s, from
-any zero; its difference is the motion's duration).
+A state needs more columns than position and heading: ``speed`` (m/s), ``turn_rate`` (rad/s) and ``clock`` (s, from any
+zero; its difference is the motion's duration).
 """
 
 from __future__ import annotations
@@ -37,10 +36,10 @@ NODES = gauss(6)
 
 @dataclass(frozen=True)
 class Drive(LawDefaults):
-    """An interval of constant wheel accelerations.
+    """Law of an interval of constant wheel accelerations.
 
-    The states at its ends should agree with each other; what they are off (a solver's tolerance) is spread evenly over
-    the motion, so that it begins and ends where they say.
+    The states at its ends should agree; their error (a solver's tolerance) is spread evenly over the motion, so that it
+    begins and ends in them.
     """
 
     kind: str = "drive"
@@ -78,7 +77,7 @@ class Drive(LawDefaults):
         return lasts * speed * ahead + off, lasts * (gain * ahead + speed * turning * aside)
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
-        """Return the path length (M,), m, of the base; no less than of a point ``lever`` metres off the axis."""
+        """Return the path length (M,), m, of the base, or more: that of a point ``lever`` metres off the axis."""
         length = _absolute(end.clock - start.clock, start.speed, end.speed)
         return length + lever * self.swept(start, end) if lever else length
 
@@ -90,7 +89,7 @@ class Drive(LawDefaults):
         return _absolute(end.clock - start.clock, start.turn_rate, end.turn_rate)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the signed rotation (M,), rad, before and after the yaw rate changes its sign, which it may not."""
+        """Return the signed rotation (M,), rad, before and after the yaw rate changes its sign, if it does."""
         before, after, lasts = start.turn_rate, end.turn_rate, end.clock - start.clock
         changes = before * after < 0
         share = np.where(changes, before / np.where(changes, before - after, 1.0), 0.0)
@@ -98,12 +97,12 @@ class Drive(LawDefaults):
         return first, np.where(changes, 0.5 * lasts * after * (1.0 - share), 0.0)
 
     def strays(self, start: States, end: States) -> Column:
-        """Return how far (M,), m or rad, the end is from where the law leads; infinite where time runs backwards."""
+        """Return the distance (M,), m or rad, of the end from where the law leads; inf where time runs backwards."""
         x, y, yaw = (np.abs(self.defect(name, start, end)) for name in ("x", "y", "yaw"))
         return np.where(end.clock >= start.clock, np.maximum(np.maximum(x, y), yaw), np.inf)
 
     def defect(self, name: str, start: States, end: States) -> Column:
-        """Return by how much (M,), m or rad, the end is off in x, y or yaw from where the law leads."""
+        """Return the error (M,), m or rad, of the end in x, y or yaw."""
         travelled = self.turned(start, end) if name == "yaw" else self._gone(name, start, end, 1.0)
         return getattr(end, name) - getattr(start, name) - travelled
 
@@ -113,13 +112,13 @@ class Drive(LawDefaults):
         gain, span, half = end.speed - start.speed, end.yaw - start.yaw, 0.5 * _grown(start, end)
         for node, weight in self.nodes:
             at = node * share
-            yaw = start.yaw + span * at - half * at * (1.0 - at)  # as `interpolate` has it
+            yaw = start.yaw + span * at - half * at * (1.0 - at)  # as in `interpolate`
             component = component + weight * (start.speed + gain * at) * projection(yaw)
         return (end.clock - start.clock) * share * component
 
 
 def _grown(start: States, end: States) -> Column:
-    """Return α T², rad: how much more the second half would turn at the last yaw rate than at the first."""
+    """Return α T², rad: the rotation at the last yaw rate less that at the first."""
     return (end.clock - start.clock) * (end.turn_rate - start.turn_rate)
 
 
@@ -148,7 +147,7 @@ def driven(
 ) -> Trajectory:
     """Return the trajectory of a differential drive from a pose (x m, y m, yaw rad).
 
-    controls  an interval each: acceleration m/s², angular acceleration rad/s², duration s
+    controls  one for each interval: acceleration m/s², angular acceleration rad/s², duration s
     speed     m/s, at the start
 
     >>> from hpop.models import DifferentialDrive

@@ -1,22 +1,27 @@
-"""What a robot does of what was planned: motions in one line are one, and each goes from rest to rest.
+"""Execution of a plan: motions in one line are joined, and each goes from rest to rest.
 
-A punctual execution keeps the plan's clock. Each of its motions lies in the middle of the time planned for it, and
-begins no earlier; meanwhile the robot stands. Of the planning law (:mod:`.laws`) with runs at speed v, ramps of
-acceleration a and turns that stand v/2a before and after:
+A punctual execution keeps the plan's clock. Each of its motions lies in the middle of its planned time, and begins no
+earlier; meanwhile the robot stands. For the planning law (:mod:`.laws`) with runs at speed v, ramps of acceleration a
+and turns that stand v/2a before and after:
 
-- A run of length L is planned for L/v. It takes L/v + v/a, or 2 sqrt(L/a) <= L/v + v/a where it is shorter than v²/a,
-  so in the middle it takes no more than v/2a of the standing before and after it. A turn takes all but its standing
-  halves. So where between two runs there is a turn, or a hold of v/a, motions in the middle of their times follow one
-  another without overlap.
-- Meanwhile the robot is never more than v²/8a from where it is planned to be, and always on the planned way: at the end
-  of a long run, plan and robot are v²/2a - v²/8a and v²/2a before the end of ramps, and of a run of u v²/a, u < 1, it
-  is (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to 1/8.
-- A run at the start cannot begin v/2a early, unless the plan stands so long before it. It is late by that then, and so
-  is what follows, until standing makes up for it: at a hold, between two turns, about short runs. No motion is ever
-  later, for each begins as soon as the one before it has ended and its own time has come.
+- A run of length L is planned for L/v. It takes L/v + v/a, or 2 sqrt(L/a) <= L/v + v/a if it is shorter than v²/a, so
+    in
+  the middle it takes at most v/2a of the standing before and after it. A turn takes all but its standing halves. So
+  where
+  two runs have a turn, or a hold of v/a, between them, motions in the middle of their times do not overlap.
+- The robot is then never more than v²/8a from its planned position, and always on the planned path: at the end of a
+    long
+  run, plan and robot are v²/2a - v²/8a and v²/2a before the end of ramps, and of a run of u v²/a, u < 1, the distance
+  is
+  (u/2)(1 - sqrt(u)/2)² v²/a, which grows with u up to 1/8.
+- A run at the start cannot begin v/2a early, unless the plan stands so long before it. It is late by v/2a then, and so
+    are
+  its successors, until standing makes up for it: at a hold, between two turns, about short runs. No motion is ever
+  later,
+  because each begins as soon as its predecessor has ended and its own time has come.
 
-So at time t the robot is where it was planned to be at that time, or up to v/2a before where the plan begins with a
-run, but for v²/8a along its way (:class:`Ramps`).
+So at time t the robot is at its planned position of that time, or up to v/2a before if the plan begins with a run, with
+an error of v²/8a along its path (:class:`Ramps`).
 """
 
 from __future__ import annotations
@@ -36,14 +41,14 @@ from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
-RUN_SAMPLES = 400  # moments of a run at which the distance covered is known, to find when a planned state is passed
+RUN_SAMPLES = 400  # samples of a run's distance, to find when a planned state is passed
 
 
 class Ramps(NamedTuple):
-    """What ramps make of a punctual execution.
+    """Effect of ramps on a punctual execution.
 
     half   s  that a plan must stand before and after a run, for the robot to keep its times: v/2a
-    stray  m  by how much it is ahead of its plan or behind it, along its way, at most: v²/8a
+    stray  m  largest distance ahead of its plan or behind it, along its path: v²/8a
     """
 
     half: float
@@ -51,7 +56,7 @@ class Ramps(NamedTuple):
 
     @classmethod
     def of(cls, model: Model) -> Ramps | None:
-        """Those of a model whose moves are executed as runs; None of others, of whose executions nothing is known."""
+        """Return the ramps of a model that executes moves as runs; None for other models, with unknown executions."""
         run = model.laws.get(model.executed.get("move", ""))
         if not isinstance(run, Run):
             return None
@@ -59,21 +64,21 @@ class Ramps(NamedTuple):
 
 
 def needed_about(model: Model, margin: float) -> float:
-    """Return what a robot needs about its axis, m: its body, a margin, and how far it is off its plan."""
+    """Return the space that a robot needs about its axis, m: its body, a margin, and its distance from the plan."""
     ramps = Ramps.of(model)
     reach = max((float(part.reach) for part in model.platform), default=0.0)
     return reach + margin + (0.0 if ramps is None else ramps.stray)
 
 
 def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[Trajectory, FloatArray]:
-    """What is done of a trajectory, and the time (n+1,), s, at which each planned state is passed.
+    """Return the execution of a trajectory, and the time (n+1,), s, at which each planned state is passed.
 
-    executed  the law by which the motions of a planned law are done; motions of others are done as planned
+    executed  law of execution by planned law; motions of other laws are executed as planned
 
-    Consecutive motions that go on in one line, and turn on it as much a metre, become one. Where nothing changes, what
-    is planned is what is done. What is punctual goes on no earlier than planned.
+    Consecutive motions in one line, with an equal turn per metre, become one. Without changes the plan itself is
+    returned. A punctual trajectory goes on no earlier than planned.
     """
-    if planned.punctual:  # what is planned from rest to rest has its own time, and is not quicker in one go
+    if planned.punctual:  # motions planned from rest to rest keep their times
         executed = {kind: becomes for kind, becomes in executed.items() if becomes != kind}
     ends, kinds = _runs(planned, executed)
     if kinds and kinds == planned.kinds:
@@ -86,30 +91,30 @@ def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> 
 def _in_time(
     planned: Trajectory, ends: list[int], done: Trajectory, passed: FloatArray
 ) -> tuple[Trajectory, FloatArray]:
-    """What is done, each motion in the middle of the time planned for it or as soon after as can be.
+    """Return an execution with each motion in the middle of its planned time, or as soon after as possible.
 
-    The robot stands before a motion whose time has not come; planned holds are nothing else.
+    The robot stands before a motion until its time has come; planned holds do the same.
     """
     times, when = planned.times[ends], passed.copy()
     begins, now = np.zeros(len(done)), 0.0
     for i, (kind, lasts) in enumerate(zip(done.kinds, done.durations.tolist(), strict=True)):
         last = i + 1 == len(done)
         begins[i] = now if kind == HOLD.kind else max(now, 0.5 * (times[i] + times[i + 1] - lasts))
-        when[ends[i]] = np.clip(times[i], now, begins[i])  # it may stand there for a while
+        when[ends[i]] = np.clip(times[i], now, begins[i])  # the robot may stand there
         inside = slice(ends[i] + 1, ends[i + 1] + 1)
         when[inside] = passed[inside] - done.times[i] + begins[i]
         if kind != HOLD.kind:
             now = begins[i] + lasts
-        elif last:  # nothing follows for which it would stand
+        elif last:  # no later motion to wait for
             now = max(now, float(times[i + 1]))
     when[ends[-1]] = now
     return _with_standing(done, begins, now), when
 
 
 def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajectory:
-    """The motions of a trajectory, but holds, beginning at some times (n,), s; it stands between, and up to a time.
+    """Return the motions of a trajectory, except holds, beginning at some times (n,), s, with standing between.
 
-    No hold is shorter than LEAST: a motion begins so much too early at most, and none after it for that reason.
+    No hold is shorter than LEAST: a motion begins at most that much too early, and none after it for that reason.
     """
     moves = [i for i, kind in enumerate(done.kinds) if kind != HOLD.kind]
     lasts, clock = done.durations, getattr(done.states, CLOCK, np.zeros(len(done) + 1))
@@ -132,7 +137,7 @@ def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajec
 
 
 def _runs(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], tuple[str, ...]]:
-    """Places of the states (e+1,) at which the executed motions begin and end, and their kinds (e,)."""
+    """Return indices of the states (e+1,) at which executed motions begin and end, and their kinds (e,)."""
     ends, kinds, laws = [0], list[str](), planned.model.laws
     for i, kind in enumerate(planned.kinds):
         becomes = executed.get(kind)
@@ -145,11 +150,11 @@ def _runs(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], 
 
 
 def _continues(law: Law, states: States, begin: int, i: int) -> bool:
-    """Whether motion i goes on as the one that began at state ``begin`` does; what stays in its place never does."""
+    """Return whether motion i continues the one that began at state ``begin``; motions in place never do."""
     if not {"x", "y"} <= law.varies:
         return False
     (x0, x1, x2), (y0, y1, y2) = ([getattr(states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y"))
-    if (x1, y1) in ((x0, y0), (x2, y2)):  # one of them goes nowhere, so in any direction
+    if (x1, y1) in ((x0, y0), (x2, y2)):  # a motion that goes nowhere has any direction
         return law.varies == {"x", "y"}
     ahead, along = np.arctan2(y2 - y1, x2 - x1), np.arctan2(y1 - y0, x1 - x0)
     if abs(wrap(ahead - along)) >= STRAIGHT:
@@ -163,7 +168,7 @@ def _continues(law: Law, states: States, begin: int, i: int) -> bool:
 
 
 def _passed(states: States, ends: list[int], done: Trajectory) -> FloatArray:
-    """When each planned state is passed: between the ends of a run, as soon as it has come so far."""
+    """Return the time at which each planned state is passed: within a run, when its distance is covered."""
     passed = np.zeros(states.size)
     passed[ends] = done.times
     longer = [(motion, *span) for motion, span in enumerate(pairwise(ends)) if span[1] - span[0] > 1]

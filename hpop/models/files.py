@@ -1,8 +1,7 @@
-"""Files of which a robot is made: named in a description by path and SHA-256, and found again when both have moved.
+"""Files of a robot, identified in a description by path and SHA-256, and found again after both have moved.
 
-In a description a file is a record, ``{"path": ..., "sha256": [...]}``, wherever it stands; so is a folder, without
-hashes. A front that is saved has in the place of the path the one as seen from its own folder, and says so by
-``"relative"``.
+In a description a file is a record, ``{"path": ..., "sha256": [...]}``; a folder is a record without hashes. In a saved
+front the path is relative to the front's folder, marked by ``"relative"``.
 """
 
 from __future__ import annotations
@@ -17,21 +16,21 @@ from hpop.errors import ModelError
 from hpop.world.files import place_seen_from, places_found_from, sha256
 
 Record = dict[str, Any]
-MOST_BYTES = 100_000_000  # of a file that is looked at
+MOST_BYTES = 100_000_000  # largest file that is hashed
 
 
 def record(path: str | os.PathLike[str], *hashes: str) -> Record:
-    """How a description names a file, or without hashes a folder."""
+    """Return the record of a file in a description, or of a folder, without hashes."""
     return {"path": os.path.abspath(path), "sha256": list(hashes)}
 
 
 def is_record(value: Any) -> TypeGuard[Mapping[str, Any]]:
-    """Whether a value is such a record."""
+    """Return whether a value is such a record."""
     return isinstance(value, Mapping) and {"path", "sha256"} <= value.keys() <= {"path", "sha256", "relative"}
 
 
 def seen_from(folder: str, description: Any) -> Any:
-    """A description whose records also say where the files are as seen from a folder."""
+    """Return a description with paths of files that are also relative to a folder."""
 
     def seen(one: Mapping[str, Any]) -> Record:
         path = one["path"]
@@ -44,11 +43,11 @@ def seen_from(folder: str, description: Any) -> Any:
 
 
 def found_from(folder: str, description: Any) -> Any:
-    """The description by whole paths, without what :func:`seen_from` added: the files that the folder sees are meant.
+    """Return the description with whole paths of files found from a folder, without marks of :func:`seen_from`.
 
-    Where the folder does not see one, a file of the same name in the folder is. Records of earlier versions hold whole
-    paths as well: where a file has changed, and that at the whole path has not, this is meant. A record of a file at
-    none of these places goes on saying where the folder would see it.
+    If a relative path leads nowhere, a file of the same name in the folder is taken. Records of earlier versions have
+    whole paths as well: if the relative file has changed, and that at the whole path has not, the latter is taken. The
+    record of a file that is nowhere keeps its relative path.
     """
 
     def found(one: Mapping[str, Any]) -> Record:
@@ -68,7 +67,7 @@ def found_from(folder: str, description: Any) -> Any:
 
 
 def path_of(given: Mapping[str, Any], what: str) -> Any:
-    """The path of a record; ModelError that names both places of a file that a front's folder does not see either."""
+    """Return the path of a record; ModelError with both places of a file that cannot be found."""
     path, there = given["path"], given.get("relative")
     if there is not None and not os.path.exists(str(path)):
         once = f"neither at {shown(path, 400)}, where it was, nor" if path != there else "not"
@@ -80,7 +79,7 @@ def path_of(given: Mapping[str, Any], what: str) -> Any:
 
 
 def _is(path: str, one: Mapping[str, Any]) -> bool:
-    """Whether a file has the first of a record's hashes."""
+    """Return whether a file has the first of a record's hashes."""
     try:
         return not one["sha256"] or sha256(read_regular(path, MOST_BYTES)) == one["sha256"][0]
     except (OSError, TypeError, LookupError):
@@ -88,7 +87,7 @@ def _is(path: str, one: Mapping[str, Any]) -> bool:
 
 
 def without_places(description: Any) -> Any:
-    """A description that does not say where its files are, if it has their hashes."""
+    """Return a description without paths of files that have hashes."""
     return _each_record(lambda one: {"sha256": one["sha256"]}, description)
 
 

@@ -1,7 +1,7 @@
-"""Joints by which parts and bodies of a robot in the plane follow a state: lifts, slides and hinges.
+"""Joints that carry parts and bodies of a robot in the plane: lifts, slides and hinges.
 
-A joint keeps what it carries upright, so a part on a lift or on a boom remains an upright prism. Joints stand in a
-chain, the one on the base first; places are those that parts and bodies have while every joint is at 0.
+A joint keeps its load upright, so a part on a lift or on a boom remains an upright prism. Joints form a chain, the one
+on the base first; positions of parts and bodies are given for every joint at 0.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from hpop.motions import Leg, States, StateSpace
 
 ALONG = ("up", "ahead", "left", "round")
 STEP = math.radians(5.0)
-"""Largest turn between the outlines that cover what a hinge sweeps."""
+"""Largest turn between the outlines that cover the area swept by a hinge."""
 BEYOND = 1e-6
-"""A joint may be so far beyond a stop, m or rad."""
+"""Tolerance beyond a stop, m or rad."""
 ALIGNED = 1e-9
-"""A joint that changes by less does not move, m or rad."""
+"""Least change of a joint that counts as a motion, m or rad."""
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Joint:
-    """A slide, or a hinge about an upright axis.
+    """Slide, or hinge about an upright axis.
 
     name          of its state
     along         "up", "ahead" or "left" of a slide; "round" of a hinge, counter-clockwise
@@ -76,7 +76,7 @@ class Joint:
 
     @property
     def stroke(self) -> float:
-        """How far a slide in the plane carries something at most, m."""
+        """Largest distance by which a slide moves its load in the plane, m."""
         return max(abs(self.low), abs(self.high)) if self.along in ("ahead", "left") else 0.0
 
 
@@ -89,7 +89,7 @@ def reach_of(point: tuple[float, float], on: Sequence[Joint]) -> float:
 
 
 class Carried(NamedTuple):
-    """A carried point (x, y) in the world, and its first and second derivatives by time, m, m/s and m/s²."""
+    """Carried point (x, y) in the world, and its first and second derivatives by time, m, m/s and m/s²."""
 
     place: tuple[Column, Column]
     velocity: tuple[Column, Column] = (0.0, 0.0)
@@ -103,7 +103,7 @@ def carried(
     rates: States | None = None,
     changes: States | None = None,
 ) -> Carried:
-    """Return where the joints and the base carry a point (ahead, left), m, and how fast, given the rates.
+    """Return position, velocity and acceleration of a point (ahead, left), m, carried by joints and base.
 
     changes : second derivatives of the states, for accelerations
     """
@@ -134,7 +134,7 @@ def _slid(
 def _turned(
     found: Carried, name: str, at: tuple[float, float], states: States, rates: States | None, changes: States | None
 ) -> Carried:
-    """Rotate about a point: p = a + R d, its rate R d' + w J R d, and so on, with w the rate of the angle."""
+    """Return a point rotated about another: p = a + R d, its rate R d' + w J R d, ..., with w the angle's rate."""
     angle = getattr(states, name)
     cos, sin = np.cos(angle), np.sin(angle)
 
@@ -164,7 +164,7 @@ def total(on: Sequence[Joint], along: str, states: States) -> Column:
 
 
 def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray, float]:
-    """Return points (n, 2), m, whose hull, grown by a radius, m, holds corners (c, 2) wherever the joints are."""
+    """Return points (n, 2) and a radius, m; their grown hull contains corners (c, 2) at all joint values."""
     points, grown = corners, 0.0
     for joint in reversed(on):
         if joint.along == "round":
@@ -200,7 +200,7 @@ def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joi
 
 
 def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Iterator[str]:
-    """Describe joints that are beyond a stop in states (N,), with the state where each is farthest beyond."""
+    """Yield joints that are beyond a stop in states (N,), with the state where each is farthest beyond."""
     for joint, low, high in _stops(space, joints):
         value = getattr(states, joint)
         for stop, beyond in ((low, -1.0), (high, 1.0)):
@@ -221,7 +221,7 @@ def beyond_stops(space: StateSpace, joints: Sequence[str], states: States) -> Bo
 
 
 def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, float, float]]:
-    """Return the joints that have stops, with these."""
+    """Yield the joints that have stops, with their stops."""
     for joint in joints:
         if joint not in space.turning:
             column = space.names.index(joint)
@@ -229,7 +229,7 @@ def _stops(space: StateSpace, joints: Sequence[str]) -> Iterator[tuple[str, floa
 
 
 def largest_change(joints: Sequence[Joint], start: States, end: States, lever: float) -> tuple[Column, Column]:
-    """Return bounds (M,), m and rad, on how far joints carry anything within a lever, m, of their axes."""
+    """Return bounds (M,), m and rad, on the motion by joints of any point within a lever, m, of their axes."""
     moved: Column = 0.0
     turned: Column = 0.0
     for joint in joints:
@@ -240,10 +240,10 @@ def largest_change(joints: Sequence[Joint], start: States, end: States, lever: f
 
 
 class Stations(NamedTuple):
-    """States of a model at one position of a lattice, and its motions in place.
+    """Stations of a lattice: states of a model at one position, and its motions in place.
 
     states    (S,)  x and y are 0
-    headings  (S,)  the heading of each, as its place among those of the lattice, along which its moves go
+    headings  (S,)  index of each state's heading among those of the lattice, along which its moves go
     motions         tails and heads (E,), stations, of the motions in place by kind
     """
 

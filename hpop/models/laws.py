@@ -1,15 +1,15 @@
 """Motion laws in the plane: straight moves and turns in place, as planned and as executed.
 
-Planned (one planning law for all planners, so that costs add up along edges):
+Planned motions (one planning law for all planners, so that costs add up along edges):
 
 - :class:`Move` at cruise speed v lasts L/v.
 - :class:`Turn` lasts its rest-to-rest time plus v/a, the loss of stopping and starting again, half of it standing
   before the turn and half after. For runs of at least v²/a metres that is exact, for shorter ones an upper bound.
 
-Executed (what the robot does): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn from rest to
-rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to what was planned.
+Executed motions (the robot's real ones): :class:`Run`, a straight move from rest to rest, and :class:`Spin`, a turn
+from rest to rest, both with trapezoidal speed profiles. The ramps at start and goal add the constant v/a to the plan.
 
-Curves, which are planned as they are executed, are in :mod:`hpop.models.driven`.
+Curves are planned as they are executed; :mod:`hpop.models.driven` has them.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from hpop.base.math import hypot, is_symbolic, smooth_abs, wrap
 from hpop.models.joints import Joint
 from hpop.motions import LawDefaults, Leg, Model, Phase, States, StateSpace
 
-TINY = 1e-12  # m or rad: below this a rest-to-rest time has no usable slope
-UNMOVED = 1e-6  # m: an end that is so near to a state is at its place
-ALIGNED = 1e-9  # rad: a turn by less is none
+TINY = 1e-12  # m or rad: below, a rest-to-rest time has no usable slope
+UNMOVED = 1e-6  # m: tolerance for equal positions
+ALIGNED = 1e-9  # rad: least angle of a turn
 
 
 def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[Phase, ...]:
@@ -95,7 +95,7 @@ class _InPlace(LawDefaults):
 
 @dataclass(frozen=True)
 class Move(_Straight):
-    """A straight move at cruise speed, m/s."""
+    """Straight move at cruise speed, m/s."""
 
     speed: float
     kind: str = "move"
@@ -107,7 +107,7 @@ class Move(_Straight):
 
 @dataclass(frozen=True)
 class Turn(_InPlace):
-    """A turn in place from rest to rest, with the loss of stopping and starting split before and after it."""
+    """Turn in place from rest to rest, with the loss of stopping and starting split before and after it."""
 
     turn_rate: float  # rad/s
     turn_acceleration: float  # rad/s²
@@ -121,7 +121,7 @@ class Turn(_InPlace):
 
 @dataclass(frozen=True)
 class Run(_Straight):
-    """A straight move from rest to rest."""
+    """Straight move from rest to rest."""
 
     speed: float  # m/s
     acceleration: float  # m/s²
@@ -133,7 +133,7 @@ class Run(_Straight):
 
 @dataclass(frozen=True)
 class Spin(_InPlace):
-    """A turn in place from rest to rest."""
+    """Turn in place from rest to rest."""
 
     turn_rate: float  # rad/s
     turn_acceleration: float  # rad/s²
@@ -145,7 +145,7 @@ class Spin(_InPlace):
 
 @dataclass(frozen=True)
 class JointMove(LawDefaults):
-    """A move of one joint from rest to rest while the base stands.
+    """Move of one joint from rest to rest while the base stands.
 
     kind          name of the law
     joint         the state that changes
@@ -189,7 +189,7 @@ class JointMove(LawDefaults):
 
 
 def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
-    """Return two laws of each joint: under its name as it is planned, under NAME_run as it is executed.
+    """Return two laws of each joint: the planned one by its name, the executed one by NAME_run.
 
     loss : s, that the base takes to stop for it and to start again
     """
@@ -220,7 +220,7 @@ def turn_move_turn(space: StateSpace, a: States, b: States, *, turn: str = "turn
 
 
 def cruise_speed(base: Model) -> float:
-    """Return the speed, m/s, at which a base in the plane goes straight on for one metre, as it is planned."""
+    """Return the planned speed, m/s, of a base in the plane on one metre straight ahead."""
     move = base.laws.get("move")
     if isinstance(move, Move):
         return move.speed
@@ -235,9 +235,10 @@ def cruise_speed(base: Model) -> float:
 
 @dataclass(frozen=True)
 class Unwind(Turn):
-    """A turn of the base during which the head turns back by the same angle, so that the view stays.
+    """Turn of the base during which the head turns back by the same angle, so that the view stays.
 
-    Both keep one profile, that of the slower: ``turn_rate`` and ``turn_acceleration`` are within the limits of both.
+    Base and head share one profile, that of the slower: ``turn_rate`` and ``turn_acceleration`` are within the limits
+    of both.
     """
 
     loss: float = 0.0
@@ -259,5 +260,5 @@ class Unwind(Turn):
         return (start.yaw - end.yaw if name == "pan" else end.yaw - start.yaw), 0.0
 
     def strays(self, start: States, end: States) -> Column:
-        """Return by how much (M,), rad, the view turns between the given ends."""
+        """Return the angle (M,), rad, by which the view turns between the given ends."""
         return smooth_abs((end.yaw - start.yaw) + (end.pan - start.pan))

@@ -1,4 +1,4 @@
-"""A robot whose camera pans and tilts on its base."""
+"""Robot with a camera that pans and tilts on its base."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from hpop.motions import (
 )
 from hpop.trajectories.trajectory import Trajectory
 
-ALIKE = 1e-9  # rad: two angles that differ by less are one
+ALIKE = 1e-9  # rad: tolerance for equal angles
 COARSEST = math.radians(90.0)  # between neighbouring pans
 FINER = math.radians(45.0)
 ALL_ROUND: Literal["all round"] = "all round"  # a pan without end stops
-FARTHEST_TURNED = 4.0 * math.pi  # rad: no cable is wound further
-CARRIES = frozenset({"plane", "rigid", "base", "camera"})  # what a base provides that can carry a head
+FARTHEST_TURNED = 4.0 * math.pi  # rad: farthest end stop of a cable
+CARRIES = frozenset({"plane", "rigid", "base", "camera"})  # capabilities of a base that can carry a head
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
         )
     column = space.names.index("pan")
     low, high = space.low[column], space.high[column]
-    first = math.ceil(low / step - ALIKE) + ("pan" in space.turning)  # all round, half a turn is there once
+    first = math.ceil(low / step - ALIKE) + ("pan" in space.turning)  # all round, half a turn occurs once
     pans = step * np.arange(first, math.floor(high / step + ALIKE) + 1, dtype=np.float64)
     if not pans.size:
         raise OptionError(
@@ -126,7 +126,7 @@ def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
 
 
 def _off(angles: FloatArray, step: float) -> FloatArray:
-    """Return how far (N,), rad, angles are from a multiple of a step."""
+    """Return the distance (N,), rad, of angles from a multiple of a step."""
     return np.asarray(angles - step * np.round(angles / step))
 
 
@@ -142,10 +142,11 @@ def _unwound(number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatAr
 @model("pan_tilt")
 @dataclass(frozen=True)
 class PanTilt(OnBase, PlanarModel):
-    """A base in the plane whose camera is on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
+    """Base in the plane with a camera on a pan-tilt head; states x, y (m), yaw, pan and tilt (rad).
 
-    base               a model in the plane without joints, which carries it: the head is where the base has its camera,
-                       and is taken to be within what holds that
+    base               a model in the plane without joints, which carries the head where the base has its own camera;
+                       the head
+                       is taken to be within the base's mast
     pan                rad     (low, high), the end stops that a cable sets, or "all round"; relative to the base, 0
                                ahead, counter-clockwise, continuous: a pan of -pi is not one of pi
     tilt               rad     (low, high), up positive; equal where the head does not tilt
@@ -153,11 +154,11 @@ class PanTilt(OnBase, PlanarModel):
     pan_acceleration   rad/s²
     tilt_rate          rad/s
     tilt_acceleration  rad/s²
-    field_of_view      rad     (horizontal, vertical) angles of what the camera sees, or None for all round
+    field_of_view      rad     (horizontal, vertical) angles of view, or None for all round
 
-    The head moves while the base stands (laws "pan" and "tilt"); and while the base turns in place, the head turns with
-    it ("turn") or turns back by the same angle, so that the view stays as it is ("unwind"). A turn of the head lasts
-    its rest-to-rest time plus v/a, as a turn of the base does; turning back keeps the limits of both.
+    The head moves while the base stands (laws "pan" and "tilt"). While the base turns in place, the head turns with it
+    ("turn") or turns back by the same angle, so that the view stays as it is ("unwind"). A turn of the head lasts its
+    rest-to-rest time plus v/a, as a turn of the base does; turning back keeps the limits of both.
     """
 
     joints: ClassVar[tuple[str, ...]] = ("pan", "tilt")
@@ -234,7 +235,7 @@ class PanTilt(OnBase, PlanarModel):
 
     @property
     def mounts(self) -> Mapping[str, Mount]:
-        """The base, and the point where the axes of the head meet."""
+        """Positions of the base, and of the point where the axes of the head meet."""
         return self.base.mounts
 
     @property
@@ -259,7 +260,7 @@ class PanTilt(OnBase, PlanarModel):
         return HeadTwistRate(self._mount(body), states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return what the base or the camera does in each motion, in closed form; a tilt does not count as a turn."""
+        """Return the motion of base or camera in each motion, in closed form; a tilt does not count as a turn."""
         body, law = super().body(name, motions), motions.law
         if name != "camera" or not isinstance(law, JointMove | Unwind):
             return body
@@ -287,7 +288,7 @@ class PanTilt(OnBase, PlanarModel):
         return stations(self.space, yaw)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Describe what the base cannot do, and a head beyond its end stops."""
+        """Yield what the base cannot do, and a head beyond its end stops."""
         yield from self.base.faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)
 

@@ -1,4 +1,4 @@
-"""Bodies mounted on a base that moves in the plane: their poses, twists, and what they do along its motions."""
+"""Bodies mounted on a base that moves in the plane: their poses, twists, and motions."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from hpop.motions.states import Vector
 @checked_arguments
 @dataclass(frozen=True)
 class Mount:
-    """Where a body is on the base: ahead and to the left of the axis, and above the floor, m.
+    """Position of a body on the base: ahead and to the left of the axis, and above the floor, m.
 
-    It looks where the base does, unless ``view`` is its yaw in the world, rad: of a picture turned back in software.
-    ``on`` are the joints that carry it, the one on the base first; it is in its place while all of them are at 0.
+    The body looks where the base does, unless ``view`` is its yaw in the world, rad: of a picture turned back in
+    software. ``on`` are the joints that carry it, the one on the base first; the position is for all of them at 0.
     """
 
     ahead: float = 0.0
@@ -87,7 +87,7 @@ class RigidPose:
 
 @dataclass(frozen=True)
 class RigidTwist:
-    """How fast a mounted body moves and turns; what is not read is not computed."""
+    """Velocity and rotation of a mounted body, computed when read."""
 
     mount: Mount
     states: States
@@ -111,7 +111,7 @@ class RigidTwist:
 
 @dataclass(frozen=True)
 class RigidTwistRate:
-    """How fast the twist of a mounted body changes."""
+    """Derivative of the twist of a mounted body."""
 
     mount: Mount
     states: States
@@ -162,7 +162,7 @@ class CarriedPose(RigidPose):
 
 @dataclass(frozen=True)
 class CarriedTwist(RigidTwist):
-    """How fast a carried body moves and turns."""
+    """Velocity and rotation of a carried body."""
 
     @property
     def velocity(self) -> Vector:
@@ -182,7 +182,7 @@ class CarriedTwist(RigidTwist):
 
 @dataclass(frozen=True)
 class CarriedTwistRate(RigidTwistRate):
-    """How fast the twist of a carried body changes."""
+    """Derivative of the twist of a carried body."""
 
     @property
     def velocity(self) -> Vector:
@@ -198,24 +198,24 @@ class CarriedTwistRate(RigidTwistRate):
 
 @runtime_checkable
 class PlanarLaw(Law, Protocol):
-    """A law of a base in the plane that knows the way and the rotation of its motions in closed form."""
+    """Law of a base in the plane with path length and rotation of its motions in closed form."""
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
-        """Path length (M,), m, of a point ``lever`` metres from the axis; along curves no less than that."""
+        """Return the path length (M,), m, of a point ``lever`` metres from the axis; along curves an upper bound."""
 
     def turned(self, start: States, end: States) -> Column:
-        """Signed rotation (M,), rad."""
+        """Return the signed rotation (M,), rad."""
 
 
 class PlanarCurve(PlanarLaw, Curve, Protocol):
-    """A law of curves in the plane."""
+    """Law of curves in the plane."""
 
     def swept(self, start: States, end: States) -> Column:
-        """Absolute rotation (M,), rad."""
+        """Return the absolute rotation (M,), rad."""
 
 
 def farthest(motions: Motions, lever: float) -> tuple[Column, Column]:
-    """How far (M,), m and rad, a point ``lever`` metres from the axis, or the axis, moves and turns at most."""
+    """Return bounds (M,), m and rad, on the motion of the axis and of points within ``lever`` metres of it."""
     m, law = motions, motions.law
     if isinstance(law, PlanarLaw):
         turned = cast(PlanarCurve, law).swept(m.start, m.end) if is_curve(law) else law.turned(m.start, m.end)
@@ -225,9 +225,9 @@ def farthest(motions: Motions, lever: float) -> tuple[Column, Column]:
 
 
 def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
-    """What a mounted body does in each of the motions: it turns with the base, and its lever lengthens its way.
+    """Return a mounted body's motion in each motion: it turns with the base, and its lever lengthens its path.
 
-    On curves a body off the axis goes now a longer, now a shorter way than it: that is integrated.
+    On curves the path of a body off the axis may be longer or shorter than the base's, and is integrated.
     """
     m, law = motions, cast(PlanarLaw, motions.law)
     rotation = law.turned(m.start, m.end)
@@ -256,7 +256,7 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
 
 
 def turned_body(name: str, motions: Motions) -> Body:
-    """Return what a body at its own distance from the axis does while nothing but the base moves, not along curves."""
+    """Return the motion of a body off the axis while only the base moves, not along curves."""
     m, law = motions, cast(PlanarLaw, motions.law)
     start, rotation = m.model.pose(name, m.start), law.turned(m.start, m.end)
     lever = hypot(start.x - m.start.x, start.y - m.start.y)
@@ -265,7 +265,7 @@ def turned_body(name: str, motions: Motions) -> Body:
 
 
 def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
-    """What a body that joints carry does in each of the motions: integrated where these move, else as a rigid one."""
+    """Return the motion of a body carried by joints: integrated where these move, else as of a rigid one."""
     law, joints = motions.law, {joint.name: joint.along for joint in mount.on}
     turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
     if isinstance(law, PlanarLaw) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:

@@ -1,8 +1,8 @@
-"""Motions: a batch of short movements under one law, which is all that a criterion ever sees.
+"""Motions: batches of short movements under one law, on which all criteria are defined.
 
 The edges of a lattice, the pieces of a trajectory and the intervals of a nonlinear program are all batches of motions.
-Columns have shape (M,), one entry a motion: NumPy arrays, or CasADi symbols that behave like them. A criterion written
-over motions therefore runs unchanged on graphs, on trajectories and inside nonlinear programs.
+Columns have shape (M,), one entry for each motion: NumPy arrays, or CasADi symbols that behave like them. A criterion
+written over motions therefore runs unchanged on graphs, on trajectories and inside nonlinear programs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A batch of motions under one law, and the integrals and worst moments of rates along them."""
+"""Batches of motions under one law, and the integrals and worst moments of rates along them."""
 
 from __future__ import annotations
 
@@ -37,15 +37,15 @@ from hpop.runtime import limits
 if TYPE_CHECKING:
     from hpop.world import World
 
-MOST_PIECES = 100_000  # of each phase
-SYMBOLIC_PANELS = 3  # panels a phase on symbols, unless the batch says otherwise
-ALIKE = 1e-9  # m or rad: two motions whose ends differ by no more are there and back again
-DIGITS = 9  # of the numbers by which such ends are found
+MOST_PIECES = 100_000  # pieces of a phase
+SYMBOLIC_PANELS = 3  # panels of a phase on symbols, unless the batch sets another number
+ALIKE = 1e-9  # m or rad: tolerance of the ends of motions there and back
+DIGITS = 9  # of the keys by which such motions are found
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
 
 
 class _Probe(NamedTuple):
-    """What a rate has read, by name (:class:`Instants`), and on symbols its value (M,) where it was asked."""
+    """Names that a rate has read (:class:`Instants`) and, on symbols, its value (M,) at the probed moment."""
 
     read: frozenset[str]
     value: Column | None
@@ -62,7 +62,7 @@ class Motions:
     start   states (M,) where each motion begins
     end     states (M,) where each motion ends; yaw is continuous, so ``end.yaw - start.yaw`` is the rotation
     t0      (M,) s start time of each motion, or None on a graph without time
-    panels  quadrature panels a phase; None takes as many as the lengths ask for, which symbols cannot know (they get 3)
+    panels  quadrature panels of a phase; None chooses by the lengths, which symbols do not have (they get 3)
     turns   (M,) rad, two columns: signed rotations of the turns that end in each motion along a curve; None where no
             motion knows its neighbours
     """
@@ -76,7 +76,7 @@ class Motions:
     panels: int | None = None
     turns: tuple[Column, Column] | None = None
 
-    whole: ClassVar[bool] = True  # each in the law's own time from its start to its end: alike if their ends are
+    whole: ClassVar[bool] = True  # whole motions in the law's own time: equal ends mean equal motions
 
     def __len__(self) -> int:
         return self.start.size
@@ -88,7 +88,7 @@ class Motions:
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """The law's timing of these motions."""
+        """Timing of these motions by their law."""
         return self.law.phases(self.start, self.end)
 
     @cached_property
@@ -98,10 +98,10 @@ class Motions:
 
     @cached_property
     def twins(self) -> IntArray:
-        """Of each motion (M,) the place of the one that goes back through the same states, or its own.
+        """Index, for each motion (M,), of the motion that goes back through the same states, or its own index.
 
-        What adds up along both alike is then added up for one of them. Only a law that says that it is ``reversible``
-        has such motions; of two the first in the batch is the place of both.
+        An integral that is equal both ways is then computed once. Only ``reversible`` laws have such motions; of two,
+        the first in the batch is the index of both.
         """
         places = np.arange(len(self))
         if self._symbolic or not self.law.reversible:
@@ -126,28 +126,28 @@ class Motions:
         return self.body("camera")
 
     def body(self, name: str) -> Body:
-        """What a body does in each motion; no model is asked what its bodies do while it holds."""
+        """Return a body's motion in each motion of the batch; during holds models are not called."""
         return standing(name, self) if self.stands else self.model.body(name, self)
 
     @property
     def stands(self) -> bool:
-        """Whether the robot holds: nothing of it moves."""
+        """True if the robot holds, so that nothing moves."""
         return stands(self.law)
 
     def integrate(self, rate: Rate, *, jumps: bool = False, detail: float | None = None) -> Column:
-        """Time integral (M,) of a rate along each motion.
+        """Return the time integral (M,) of a rate along each motion.
 
-        Gauss-Legendre with two nodes a panel; a panel is no longer than a field cell and turns no body by more than 10
-        degrees. Under a law whose ``quadrature`` is "adaptive" as :mod:`hpop.motions.quadrature` says, and once for
-        motions there and back (:attr:`twins`) if the rate reads states alone. A rate that reads nothing that changes
-        (the camera's position during a turn about it) is exact, and so is one that reads accelerations that stay the
-        same within each phase. Where a rate reads the time, no person walks farther in a panel than a field cell, and
-        panels end where somebody turns at a waypoint, comes or goes. While the robot holds only such a rate changes; a
-        panel then lasts no longer than a second.
+        The rule is Gauss-Legendre with two nodes in each panel; a panel is no longer than a field cell and turns no
+        body by more than 10 degrees. Under a law with ``quadrature`` "adaptive" it is that of
+        :mod:`hpop.motions.quadrature`, computed once for motions there and back (:attr:`twins`) if the rate reads
+        states alone. A rate that reads only constants (the camera's position during a turn about it) is exact, and so
+        is one that reads accelerations that are constant within each phase. Where a rate reads the time, no person
+        walks farther in a panel than a field cell, and panels end where a person turns at a waypoint, comes or goes.
+        During holds only such a rate changes; a panel then lasts no longer than a second.
 
-        An adaptive quadrature looks closer at a rate that ``jumps``, as counts do. A rate that changes within less than
-        two field cells says so by ``detail``, m: the robot and the fastest person together go no farther than half of
-        it in a panel, down to an eighth of a cell.
+        An adaptive quadrature is finer for a rate that ``jumps``, as counts do. For a rate that changes within less
+        than two field cells, ``detail``, m, is that length: the robot and the fastest person together go no farther
+        than half of it in a panel, down to an eighth of a cell.
         """
         probe = self._probe(rate, self._symbolic_nodes[0] if self._symbolic else 0.0)
         constant = self._constant(rate, probe)
@@ -155,7 +155,7 @@ class Motions:
             return constant * self.duration
         timed = "t" in probe.read
         if self._adaptive and probe.read <= set(self.start.names):
-            return self._integral_of_places(rate, jumps)
+            return self._integral_over_states(rate, jumps)
         total: Column = 0.0
         for phase in self.phases:
             mean = self._at_once(rate, phase, probe)
@@ -164,12 +164,12 @@ class Motions:
         return total
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
-        """Largest value (M,) of a rate along each motion, over panel ends and middles.
+        """Return the largest value (M,) of a rate along each motion, over panel ends and middles.
 
-        A rate that changes by at most c a metre is missed by at most c/4 of a field cell, by twice as much where people
+        If a rate changes by at most c per metre, the error is at most c/4 of a field cell, twice as much where people
         walk. Where a rate reads the time, the moments just before a person turns, comes or goes count as well.
-        ``detail`` is as in :meth:`integrate`. Motions there and back (:attr:`twins`) are looked at once if it reads
-        states alone.
+        ``detail`` is as in :meth:`integrate`. Motions there and back (:attr:`twins`) are computed once if the rate
+        reads states alone.
         """
         probe = self._probe(rate)
         constant = self._constant(rate, probe)
@@ -188,24 +188,25 @@ class Motions:
         return largest
 
     def moments(self, pieces: int) -> list[Instants]:
-        """Moments (M,) within each motion that cut each of its phases into so many equal times; without its ends."""
+        """Return moments (M,) that cut each phase into ``pieces`` equal times, without the ends of motions."""
         pieces = whole("pieces", pieces, 1, MOST_PIECES)
         shares = [(phase, i / pieces) for phase in self.phases for i in range(pieces)]
         return [self._instants(phase, share, None) for phase, share in shares[1:]]
 
     def _probe(self, rate: Rate, u: float = 0.0) -> _Probe:
-        """What a rate reads, learnt from one motion at its start; on symbols from all, whose value is kept."""
+        """Return the names that a rate reads, from one motion at its start; on symbols from all, with the value."""
         owner = None if self._symbolic else np.zeros(min(1, len(self)), dtype=np.int64)
         instants = self._instants(self.phases[0], u, owner)
         value = rate(instants)
         return _Probe(frozenset(instants.read), value if self._symbolic else None)
 
     def _constant(self, rate: Rate, probe: _Probe) -> Column | None:
-        """The rate (M,), if nothing that it reads changes within the motions; else None.
+        """Return the rate (M,) if nothing that it reads changes within the motions; else None.
 
-        Motions in a row that begin alike in that (the turns at one place of a lattice) are evaluated once.
+        Consecutive motions that begin alike in these states (the turns at one position of a lattice) are evaluated
+        once.
         """
-        kept = self._kept_states
+        kept = self._constant_states
         still = {second_derivative(name) for name in kept}
         if self.stands:
             still |= {first_derivative(name) for name in kept}
@@ -226,12 +227,12 @@ class Motions:
         return np.repeat(values, np.diff(np.append(first, len(self))))
 
     def _at_once(self, rate: Rate, phase: Phase, probe: _Probe) -> Column | None:
-        """The rate (M,) in a phase, if all that it reads stays the same there: second derivatives, of most laws.
+        """Return the rate (M,) in a phase if all that it reads is constant there: second derivatives, for most laws.
 
-        On symbols each is written once.
+        On symbols each expression is written once.
         """
         even = self.law.even if is_curve(self.law) else self.start.names
-        if not probe.read <= self._kept_states | {second_derivative(name) for name in even}:
+        if not probe.read <= self._constant_states | {second_derivative(name) for name in even}:
             return None
         if probe.value is not None and phase is self.phases[0]:
             return probe.value
@@ -240,7 +241,7 @@ class Motions:
         return value if instants.read <= probe.read else None  # it reads more elsewhere: take no shortcut
 
     @property
-    def _kept_states(self) -> frozenset[str]:
+    def _constant_states(self) -> frozenset[str]:
         """Names of the states that do not change within the motions."""
         return frozenset(self.start.names) - self.law.varies
 
@@ -256,7 +257,7 @@ class Motions:
         return [(i + g) / count for i in range(count) for g in GAUSS_NODES]
 
     def _at_nodes(self, rate: Rate, phase: Phase, probe: _Probe, nodes: list[float]) -> list[Column]:
-        """A rate of symbols at fractions of a phase's time; at the first of the first phase it is known."""
+        """Return a rate of symbols at fractions of a phase's time; its first value in the first phase is known."""
         known = [probe.value] if phase is self.phases[0] else []
         return known + [rate(self._instants(phase, u, None)) for u in nodes[len(known) :]]
 
@@ -280,16 +281,16 @@ class Motions:
 
     @property
     def _adaptive(self) -> bool:
-        """Whether the law names an adaptive quadrature for what is not fixed to so many panels."""
+        """True if the law has adaptive quadrature and the number of panels is not fixed."""
         return self.panels is None and not self._symbolic and self.law.quadrature == "adaptive"
 
     @cached_property
     def _turned(self) -> Column:
-        """How far (M,), rad, no body turns farther."""
+        """Bound (M,), rad, on the rotation of any body."""
         return self.model.extent(self)[1]
 
-    def _integral_of_places(self, rate: Rate, jumps: bool) -> FloatArray:
-        """Time integral (M,) of a rate that reads states alone."""
+    def _integral_over_states(self, rate: Rate, jumps: bool) -> FloatArray:
+        """Return the time integral (M,) of a rate that reads states alone."""
         nothing = 0.0 * self.duration
         whole = Phase(self.duration, nothing, 1.0 + nothing, "cruise")
         some = np.flatnonzero((self.duration > 0) & (self.twins == np.arange(len(self))))
@@ -297,14 +298,14 @@ class Motions:
         return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, pieces, jumps=jumps)[self.twins]
 
     def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
-        """The rate at fractions of a phase, of motions that are named."""
+        """Return the function that evaluates the rate at fractions of a phase of given motions."""
         return lambda u, owner: rate(self._instants(phase, u, owner))
 
     def _quadrature(self, phase: Phase, timed: bool, detail: float | None) -> Iterable[tuple[Nodes, dict[str, Column]]]:
-        """What `quadrature_nodes` gives, and the states at the nodes that criteria have read.
+        """Yield the nodes of `quadrature_nodes`, with the states at the nodes that criteria have read.
 
-        Of motions that are cut together they are kept for all criteria. Arrays alone are kept: moments refer to their
-        motions, and would only be freed by a collection of garbage.
+        For motions that are cut together the states are shared by all criteria. Only arrays are stored: moments refer
+        to their motions, and would only be freed by garbage collection.
         """
         kept: dict[tuple[int, bool, float | None], tuple[Nodes, dict[str, Column]]]
         kept = self.__dict__.setdefault("_quadratures", {})
@@ -338,7 +339,7 @@ class Motions:
         return largest
 
     def portions(self) -> Iterator[tuple[slice, Motions]]:
-        """The motions in runs of few enough panels that several criteria read the same nodes."""
+        """Yield runs of the motions with few enough panels that several criteria can share their nodes."""
         if not self.whole or self.panels is not None or self._symbolic or self._adaptive:
             yield slice(0, len(self)), self
             return
@@ -360,7 +361,7 @@ class Motions:
     def _instants(
         self, phase: Phase, u: Column, owner: IntArray | None, known: dict[str, Column] | None = None
     ) -> Instants:
-        """Moments at fraction ``u`` of a phase: of the motions ``owner``, or of all; ``known`` takes states read."""
+        """Return moments at fraction ``u`` of a phase, of all motions or of ``owner``; ``known`` collects states."""
         columns = {} if known is None else known
 
         def pick(column: Column) -> Column:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 NO_BODIES = frozenset(
     {"heading", "joints", "plane", "rigid", "spline", "turn-move", "wheels"}
-)  # what else models provide
+)  # further capabilities of models
 POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
 VELOCITY = ("vx", "vy", "vz")
 ROTATION = ("wx", "wy", "wz")
@@ -33,15 +33,15 @@ ROTATION = ("wx", "wy", "wz")
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Body:
-    """A moving body as a criterion sees it over a batch of motions.
+    """Motion of a body over a batch of motions, as criteria see it.
 
     start, end  poses at both ends of each motion
     length      (M,)  m    path length
-    turned      (M,)  rad  absolute rotation, about whatever axis
+    turned      (M,)  rad  absolute rotation, about any axis
     rotation    (M,)  rad  signed rotation about the vertical, counter-clockwise positive
     turns       columns (M,)  rad  signed rotations of the turns that end in each motion, 0 for none: the motion itself,
                       or maximal stretches of a curve in which the heading changes with one sign
-    stays       whether no motion of the batch moves the body from its place
+    stays       whether no motion of the batch translates the body
     steady      whether no motion of the batch turns it
     upright     whether no motion of the batch turns it about any axis but the vertical
     """
@@ -61,7 +61,7 @@ class Body:
 
 
 def standing(name: str, motions: Motions) -> Body:
-    """Return what a body does while the robot holds: nothing, for every model."""
+    """Return the motion of a body while the robot holds: none, for every model."""
     nothing = 0.0 * motions.duration
     start, end = (motions.model.pose(name, states) for states in (motions.start, motions.end))
     return Body(start, end, nothing, nothing, nothing, (nothing,), stays=True, steady=True, upright=True)
@@ -69,9 +69,9 @@ def standing(name: str, motions: Motions) -> Body:
 
 @checked_arguments
 def integrated(name: str, motions: Motions) -> Body:
-    """Return what a body does by integrating the model's twists: right for any model, exact for few.
+    """Return the motion of a body by integrating the model's twists: right for any model, exact for few.
 
-    A model that knows closed forms gives those (:meth:`hpop.motions.Model.body`).
+    A model with closed forms uses those instead (:meth:`hpop.motions.Model.body`).
     """
     m = motions
     rotation = m.integrate(lambda s: s.twist(name).rotation[2])
@@ -87,14 +87,14 @@ def integrated(name: str, motions: Motions) -> Body:
 
 @checked_arguments
 class Instants:
-    """Moments within motions, of which a rate is a function.
+    """Moments within motions: the argument of a rate.
 
-    ``s.camera`` and ``s.base`` are poses; ``s.twist("camera")`` says how fast a body moves and turns, and
-    ``s.twist_rate("camera")`` how fast that changes; ``s.speed``, ``s.turn_rate``, ``s.acceleration`` and
+    ``s.camera`` and ``s.base`` are poses; ``s.twist("camera")`` is the velocity and rotation of a body, and
+    ``s.twist_rate("camera")`` their derivative by time. ``s.speed``, ``s.turn_rate``, ``s.acceleration`` and
     ``s.turn_acceleration`` are the base's. ``s.state`` has the states and ``s.t`` the time.
 
-    Columns are computed when they are first read, and what was read is remembered: a rate that reads nothing that
-    changes during a motion is constant, and is then evaluated once.
+    Columns are computed when they are first read, and their names recorded: a rate that reads only columns that do not
+    change during a motion is constant, and is then evaluated once.
     """
 
     def __init__(
@@ -108,7 +108,9 @@ class Instants:
     ) -> None:
         self._model = model
         self._t = t
-        self.read = read = set[str]()  # functions that refer to it, not to these moments, let them be freed at once
+        self.read = read = set[
+            str
+        ]()  # functions refer to the set, not to these moments, so that the moments are freed at once
         self.state = LazyStates(names, size, column, read)
 
         def first(name: str) -> Column:

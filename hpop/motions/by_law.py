@@ -1,4 +1,4 @@
-"""Motions of trajectories law by law: as batches, and refused where they are not motions of their law."""
+"""Motions of trajectories grouped by law, and checks that they follow their laws."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from hpop.trajectories.trajectory import Trajectory
     from hpop.world import World
 
-STILL = 1e-6  # m or rad: a state that a motion does not change may differ by this at its ends
-LED = 1e-4  # m or rad: the end of a curve may be so far from where its law leads
-AT_REST = 1e-3  # m/s or rad/s: a curve that is no faster beside a hold is at rest, up to what a solver leaves
+STILL = 1e-6  # m or rad: tolerance for a state that a motion does not change
+LED = 1e-4  # m or rad: tolerance between the end of a curve and the end of its law
+AT_REST = 1e-3  # m/s or rad/s: solver's tolerance for the speed of a curve beside a hold
 
 
 def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
@@ -31,10 +31,10 @@ def extras(model: Model, kinds: Iterable[str]) -> tuple[str, ...]:
 
 
 def refuse_impossible(model: Model, law: Law, start: States, end: States, numbers: IntArray) -> None:
-    """Raise ModelError that names the worst of some motions (M,) of one law, if they are none of this law.
+    """Raise ModelError for the worst of some motions (M,) if they do not follow their law.
 
-    A law that does not vary a state would hide a jump in it from every criterion, and the states of a curve, which fix
-    its way, may not contradict each other.
+    A jump in a state that a law does not vary would be invisible to every criterion, and the states of a curve, which
+    fix its path, may not contradict one another.
     """
     for name in [name for name in model.space.names if name not in law.varies]:
         jump = np.abs(getattr(end, name) - getattr(start, name))
@@ -92,12 +92,12 @@ def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
 
 
 def batches(trajectories: Sequence[Trajectory], world: World) -> Iterator[tuple[IntArray, Motions]]:
-    """Yield the motions of many trajectories of one model law by law, with the index of each trajectory."""
+    """Yield the motions of many trajectories of one model law by law, with the index of each motion's trajectory."""
     if not trajectories:
         return
     model = trajectories[0].model
     names = dict.fromkeys(name for t in trajectories for name in t.states.names)
-    nothing = {len(t): np.full(len(t) + 1, np.nan) for t in trajectories}  # what its laws do not need
+    nothing = {len(t): np.full(len(t) + 1, np.nan) for t in trajectories}  # columns that its laws do not need
     states = States(**{n: np.concatenate([getattr(t.states, n, nothing[len(t)]) for t in trajectories]) for n in names})
     times = np.concatenate([t.times for t in trajectories])
     sizes = np.array([len(t) for t in trajectories])

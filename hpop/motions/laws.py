@@ -1,4 +1,4 @@
-"""Motion laws: their timing, the protocols that they follow, and the hold, which every robot has."""
+"""Motion laws: their timing, their protocols, and the hold, which every robot has."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ if TYPE_CHECKING:
     pass
 
 
-INSTANT = 1e-12  # s: a phase that lasts no longer is one by rounding, such as the cruise of a short turn
+INSTANT = 1e-12  # s: shorter phases are rounding errors, such as the cruise of a short turn
 _FOUND: dict[tuple[type, type], bool] = {}
-CLOCK = "clock"  # s, from any zero: the state whose differences are the durations of holds and curves
-LONGEST = 3600.0  # s, of all holds of a trajectory: more is given in another unit, and would be sampled without end
+CLOCK = "clock"  # s, from any zero: the state with the durations of holds and curves as differences
+LONGEST = 3600.0  # s, of all holds of a trajectory: more must be a mistake in the unit
 
 
 @checked_arguments
 class Phase(NamedTuple):
-    """A smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
+    """Smooth part of a law's timing: the share of the motion done goes from ``begin`` to ``end``.
 
     duration  (M,)  s
     begin     (M,)  share of the motion done when the phase begins
     end       (M,)  share done when it ends
-    shape     how the share grows within the phase: hold, cruise, speed-up or slow-down (constant acceleration); drive:
-              evenly, but the states do not change in proportion to it; ramp: part of a speed-up or slow-down
-    change    (M,)  of a ramp: by how much faster than on average it ends, as a share of that; -1 to 1
+    shape     growth of the share within the phase: hold, cruise, speed-up or slow-down (constant acceleration); drive:
+              even, but the states do not change in proportion to it; ramp: part of a speed-up or slow-down
+    change    (M,)  of a ramp: relative excess of the speed at its end over the mean; -1 to 1
     """
 
     duration: Column
@@ -73,12 +73,13 @@ class Phase(NamedTuple):
 
 
 class Law(Protocol):
-    """A motion law: how one kind of motion goes from its start state to its end state.
+    """Motion law: how one kind of motion goes from its start state to its end state.
 
     These may be left out, and have defaults:
 
-    extra       names of the states that the law needs beside the model's own; (). Where its duration is one, that is
-                the difference of ``clock``, s, from any zero
+    extra       names of the states that the law needs beside the model's own; (). A law with a duration among them has
+                it
+                as the difference of ``clock``, s, from any zero
     reversible  whether the motion from b to a goes through the states of the one from a to b; False
     quadrature  "adaptive" for integrals by :mod:`hpop.motions.quadrature`; None for panels
     """
@@ -110,7 +111,7 @@ class Law(Protocol):
 
 
 class LawDefaults:
-    """Defaults of what a law may leave out."""
+    """Defaults of a law's optional members."""
 
     extra: ClassVar[tuple[str, ...]] = ()
     reversible: ClassVar[bool] = False
@@ -119,29 +120,29 @@ class LawDefaults:
 
 @runtime_checkable
 class Coupled(Law, Protocol):
-    """A law whose states depend on each other, so that its motions do not lead to any end that is given."""
+    """Law with states that depend on one another, so that not every end can be reached from a start."""
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
         """Return first and second derivative of a state by the share of the motion done."""
 
     def strays(self, start: States, end: States) -> Column:
-        """Return how far (M,), m or rad, the end is from where the law leads from the start."""
+        """Return the distance (M,), m or rad, of the end from where the law leads from the start."""
 
 
 @runtime_checkable
 class Curve(Coupled, Protocol):
-    """A law of curves: what it varies is not in proportion to the share done, and its yaw rate may change its sign.
+    """Law of curves: its states are not in proportion to the share done, and its yaw rate may change its sign.
 
-    All others are taken to change their states evenly with the share, and each of their motions for one whole turn.
+    All other laws change their states evenly with the share, and each of their motions is one whole turn.
     """
 
     @property
     def extra(self) -> tuple[str, ...]:
-        """Names of the states that it needs beside the model's own."""
+        """Names of the states that the law needs beside the model's own."""
 
     @property
     def even(self) -> frozenset[str]:
-        """Names of the states whose second derivative by time stays the same within a motion."""
+        """Names of the states with a constant second derivative by time within a motion."""
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
         """Return the signed rotation (M,), rad, before and after the yaw rate changes sign, at most once."""
@@ -179,7 +180,7 @@ def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tu
 def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
     """Return states ``end`` (M,) where a law leads: turning columns the shorter way, half a turn left.
 
-    What a coupled law makes of the other states follows them: a head turns back half a turn clockwise.
+    The other states of a coupled law follow from these: a head turns back half a turn clockwise.
     """
     turning = law.varies & space.turning
     end = space.onward(start, end) if turning else end
@@ -189,11 +190,11 @@ def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
 
 
 class Leg(NamedTuple):
-    """One motion of each of M chains that lead from state to state.
+    """One motion in each of M chains of motions from state to state.
 
     kind     of its law
     end      states (M,) where it ends
-    present  (M,)  whether it is a motion; where not, its end is where the chain was before it
+    present  (M,)  whether the chain has this motion; otherwise its end is the chain's state before it
     """
 
     kind: str
@@ -204,9 +205,9 @@ class Leg(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True)
 class Hold(LawDefaults):
-    """A hold: nothing changes but the clock, whose difference is the duration.
+    """Hold: nothing changes but the clock, and its difference is the duration.
 
-    Motions of other laws pass the clock through unread.
+    Motions of other laws carry the clock along unread.
     """
 
     kind: str = "hold"

@@ -1,4 +1,4 @@
-"""What moves: the protocols of models and of their collisions, with the defaults of what may be left out."""
+"""Protocols of models and of their collisions, with defaults of optional members."""
 
 from __future__ import annotations
 
@@ -26,21 +26,23 @@ COLLISION_DEFAULTS: dict[str, Any] = {
     "posture_matters": False,
     "differs": lambda collision, before, x, y, within: np.ones(x.shape, dtype=np.bool_),
 }
-"""What a collision has of the contract without saying so."""
+"""Values of a collision's optional members."""
 
 
 class Collision(Protocol):
-    """A robot among what blocks it in a world: obstacles, keep-out zones, people who stand, the border of the map.
+    """Collision test of a robot in a world: with obstacles, keep-out zones, standing people and the map's border.
 
     These may be left out, and have defaults (:func:`collision_of`):
 
-    clearance        method of states (N,): distance (N,), m, of the whole robot from what blocks it; None
-    least_clearance  method of motions (M,) of laws that are not coupled and a distance: the least clearance (M,), m,
-                     along each, at most that distance; None where samples of ``clearance`` stand for it
-    is_uncompiled    whether the first question takes longer, for kernels that are not compiled yet; False
-    posture_matters  whether what is free depends on more than x, y and yaw, in the plane; False
-    differs          in the plane, method of the collision in a world before, positions (P,) and a distance, m: whether
-                     within it the robot may be free otherwise than before (P,); all may
+    clearance        method of states (N,): distance (N,), m, of the whole robot from all of these; None
+    least_clearance  method of motions (M,) of uncoupled laws and a distance: the least clearance (M,), m, along each,
+                     at
+                     most that distance; None to sample ``clearance`` instead
+    is_uncompiled    whether kernels must be compiled at the first call; False
+    posture_matters  whether collisions depend on more than x, y and yaw, in the plane; False
+    differs          in the plane, method of the collision in an earlier world, positions (P,) and a distance, m:
+                     whether
+                     within it the robot's collisions may differ from the earlier ones (P,); all may
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -50,11 +52,11 @@ class Collision(Protocol):
         """Return whether the robot is free all along each motion (M,), ends included."""
 
     def why_blocked(self, state: States) -> str:
-        """Say what blocks one state (1,) and what helps, without the last full stop; empty when it is free."""
+        """Return what blocks one state (1,) and what helps, without the last full stop; "" when it is free."""
 
 
 class WholeCollision(Collision, Protocol):
-    """A collision with everything that may be left out."""
+    """Collision test with all optional members."""
 
     @property
     def clearance(self) -> Callable[[States], FloatArray] | None: ...
@@ -71,7 +73,7 @@ class WholeCollision(Collision, Protocol):
 
 @checked_arguments
 def collision_of(model: Model, world: World) -> WholeCollision:
-    """Return the collision of a model with the whole contract."""
+    """Return the collision test of a model with all optional members."""
     return cast(WholeCollision, completed(model.collision(world), COLLISION_DEFAULTS))
 
 
@@ -82,11 +84,11 @@ def free_along(collision: Collision, motions: Motions) -> BoolArray:
 
 
 class PlaneCollision(Collision, Protocol):
-    """A collision in the plane, where whole regions are known to be free at every yaw."""
+    """Collision test in the plane, which knows regions that are free at every yaw."""
 
     @property
     def yaw_matters(self) -> bool:
-        """Whether a position that is not :meth:`clear` can still be free at some yaw."""
+        """True if a position that is not :meth:`clear` can still be free at some yaw."""
 
     @property
     def posture_matters(self) -> bool: ...
@@ -95,15 +97,15 @@ class PlaneCollision(Collision, Protocol):
         """Return whether each position (P,) is free at every yaw, and so is every turn there."""
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark positions (P,) within a distance, m, of which the robot may be free otherwise than in a world before."""
+        """Return where (P,), within a distance, m, collisions may differ from those in an earlier world."""
 
 
 class Separations(NamedTuple):
-    """Distances of bodies near each other, and their gradients by the states.
+    """Distances of bodies near one another, and their gradients by the states.
 
-    owner     (R,)    the state, of those asked about
+    owner     (R,)    index of the queried state
     distance  (R,)    m
-    gradient  (R, n)  by the columns of the model's space, m a unit
+    gradient  (R, n)  by the columns of the model's space, m per unit
     """
 
     owner: IntArray
@@ -112,7 +114,7 @@ class Separations(NamedTuple):
 
 
 class JointCollision(Collision, Protocol):
-    """A collision of a robot of joints, whose distances have gradients."""
+    """Collision test of a robot of joints, with distances that have gradients."""
 
     def separations(self, states: States, within: float) -> Separations:
         """Return the distances of all pairs of bodies nearer than ``within`` m in states (N,)."""
@@ -120,34 +122,35 @@ class JointCollision(Collision, Protocol):
 
 @runtime_checkable
 class Model(Protocol):
-    """A system: what moves, by which laws, and where its camera is.
+    """Robot model: a robot's states, motion laws, bodies and collisions, and its camera.
 
     These may be left out, and have defaults:
 
     name           in the registry; the name of the class
-    field_of_view  (horizontal, vertical) rad, what the camera sees at once; None for all round
-                   (:mod:`hpop.models.camera`)
-    bodies         method of the states (N,): what of the robot can stand in the way of its camera, and is drawn, as
+    field_of_view  (horizontal, vertical) rad of the camera; None for all round (:mod:`hpop.models.camera`)
+    bodies         method of the states (N,): bodies of the robot that can hide a target from its camera, and are drawn,
+                   as
                    pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); ()
-    parts          what collides, in a form of the model's own; ()
-    platform       upright prisms, :class:`hpop.models.base.Part`, that x, y and yaw place and in which the robot stays
-                   whatever its other states are; the parts of a model that provides "plane", () of others
-    mounts         where bodies are that the base carries, by name, as :class:`hpop.models.base.Mount`; {}
+    parts          collision geometry, in a form of the model's own; ()
+    platform       upright prisms, :class:`hpop.models.base.Part`, placed by x, y and yaw, that contain the robot
+                   whatever
+                   its other states are; the parts of a model that provides "plane", () of others
+    mounts         positions of bodies on the base, by name, as :class:`hpop.models.base.Mount`; {}
     joints         names of the states that are joints; ()
-    executed       the law by which motions of a planned law are done, by kind; {}
-    notes          what was assumed of the robot, in words, which fronts repeat; ()
+    executed       law of execution by the kind of a planned law; {}
+    notes          assumptions about the robot, in words, which fronts repeat; ()
     """
 
     @property
     def provides(self) -> frozenset[str]:
-        """What criteria and planners can ask for.
+        """Capabilities that criteria and planners require.
 
         "base", "camera"  bodies
-        "tool"            a body as well: what the robot works with
+        "tool"            a body as well: the robot's tool
         "joints"          angles or lengths that motors set; ``joints`` names these states, without those of the base
         "heading"         the base looks where it goes
-        "wheels"          two driven wheels or tracks at either side of an axis, as :class:`Wheeled` says
-        "plane"           x, y and yaw are among the states, and the robot is made of upright ``parts``, so that its
+        "wheels"          two driven wheels or tracks at either side of an axis, as by :class:`Wheeled`
+        "plane"           x, y and yaw are among the states, and the robot consists of upright ``parts``, so that its
                           collisions are a :class:`PlaneCollision`
         "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
         "rigid"           no states but x, y and yaw
@@ -156,7 +159,7 @@ class Model(Protocol):
 
     @property
     def space(self) -> StateSpace:
-        """Its states: columns in order."""
+        """State space: columns in order."""
 
     @property
     def laws(self) -> Mapping[str, Law]:
@@ -166,19 +169,19 @@ class Model(Protocol):
         """Return the pose of a body in each of the states."""
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return how fast a body moves and turns, given the first derivatives of the states by time."""
+        """Return the velocity and rotation of a body, given the first derivatives of the states by time."""
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
         """Return the time derivative of :meth:`twist`, given the second derivatives as well."""
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return what a body does in each motion: :func:`hpop.motions.integrated`, or a closed form."""
+        """Return a body's motion in each motion: :func:`hpop.motions.integrated`, or a closed form."""
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """Return bounds (M,), m and rad, on how far any body moves and turns; they choose quadrature panels."""
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return the motions, one after another, that lead from states a (M,) to b; NaN in b is left as it comes."""
+        """Return the motions, one after another, that lead from states a (M,) to b; NaN in b is a free value."""
 
     def collision(self, world: World) -> Collision:
         """Return the collision test of planning, which never calls a blocked motion free."""
@@ -187,13 +190,13 @@ class Model(Protocol):
         """Return the collision test of verification, which shares no geometry with :meth:`collision`."""
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return what the robot really does of a trajectory, and when (n+1,), s, it passes each planned state."""
+        """Return the robot's real motion along a trajectory, and the times (n+1,), s, of the planned states."""
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Say what the robot cannot do of a trajectory: "does not go ahead in motion 3, a move"."""
+        """Yield what the robot cannot do of a trajectory: "does not go ahead in motion 3, a move"."""
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return which motions (M,) of one law :meth:`faults` may find a fault in, for thousands at once."""
+        """Return which motions (M,) of one law need a check by :meth:`faults`, for thousands at once."""
 
     def describe(self) -> dict[str, Any]:
         """Return JSON-able name and parameters, enough to build the same model: ``{name: {parameter: value}}``."""
@@ -237,22 +240,22 @@ class Model(Protocol):
 
 
 class Wheeled(Model, Protocol):
-    """A model that provides "wheels": two driven wheels or tracks, at either side of the axis of its base.
+    """Model that provides "wheels": two driven wheels or tracks, at either side of the axis of its base.
 
-    Where it is "rigid" as well, curves are planned for it, by the law "drive" and within the limits of its base.
+    If the model is "rigid" as well, curves are planned for it, by the law "drive" and within the limits of its base.
     """
 
     @property
     def wheel_base(self) -> float:
-        """Distance between them, m."""
+        """Distance between the wheels, m."""
 
     @property
     def wheel_speed(self) -> float:
-        """Largest speed of each, m/s."""
+        """Largest speed of each wheel, m/s."""
 
     @property
     def wheel_acceleration(self) -> float:
-        """Largest acceleration of each, m/s²."""
+        """Largest acceleration of each wheel, m/s²."""
 
     @property
     def speed(self) -> float:
@@ -296,7 +299,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "executed": {},
     "notes": (),
 }
-"""What a model has of the contract without saying so."""
+"""Values of a model's optional members."""
 
 
 @checked_arguments
@@ -307,5 +310,5 @@ def laws_of(model: Model) -> Mapping[str, Law]:
 
 @checked_arguments
 def lacking(requires: Collection[str], model: Model, world: World) -> list[str]:
-    """Return what a criterion requires and neither the model nor the world has, sorted."""
+    """Return the requirements that neither the model nor the world provides, sorted."""
     return sorted(set(requires) - model.provides - world.contents)

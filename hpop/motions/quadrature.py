@@ -1,16 +1,17 @@
-"""Integrals of rates by adaptive rules, for laws under which a few moments of a motion say nearly all.
+"""Adaptive quadrature of rates, for laws with motions that a few moments describe almost completely.
 
-A motion is cut into even pieces, the more the farther it goes. Five nodes, even as well, interpolate the rate on a
-piece, and so do the first, the middle and the last alone. Where the two differ at the other nodes by more than a share
-of the whole, the piece is halved, which takes four nodes more. Values are compared, and not integrals, in which
-differences of both signs cancel; and as the ends are nodes, a kink near one is seen too. Interpolants of degree 2 and 4
-that agree to that share leave an error of about its square where a rate is smooth, and a tenth of it at a kink.
+A motion is cut into even pieces, more of them the farther it goes. On each piece the rate is interpolated at five even
+nodes, and also at the first, the middle and the last alone. If the two interpolants differ at the other nodes by more
+than a share of the whole, the piece is halved, which takes four nodes more. Values are compared, not integrals, in
+which differences of both signs cancel; and since the ends are nodes, a kink near one is seen too. Interpolants of
+degree 2 and 4 that agree to that share leave an error of about its square where a rate is smooth, and a tenth of it at
+a kink.
 
 A rate that jumps is no polynomial anywhere. It begins with more pieces, which are halved while the values within one
-differ, until what its length times the difference can hide is a share of the whole.
+differ, until the possible error, its length times the difference, is a share of the whole.
 
 A rate that reads the states alone is interpolated over the share of the motion done, and integrated over time exactly:
-one rule then serves all phases of a law's timing, whose joints would be kinks of the rate over time.
+one rule then serves all phases of a law's timing, between which the rate has kinks over time.
 """
 
 from __future__ import annotations
@@ -31,29 +32,29 @@ NODES = np.linspace(0.0, 1.0, 5)
 BOOLE = np.array([7.0, 32.0, 12.0, 32.0, 7.0]) / 90.0  # of means over a piece
 BETWEEN = np.array([[0.375, 0.75, -0.125], [-0.125, 0.75, 0.375]])  # a parabola by nodes 0, 2 and 4, at nodes 1 and 3
 POWERS = np.arange(5)
-OF_MOMENTS = np.linalg.inv(NODES ** POWERS[:, None])  # what moments of degree up to 4 make of the weights of the nodes
+OF_MOMENTS = np.linalg.inv(NODES ** POWERS[:, None])  # from moments of degree up to 4 to weights of the nodes
 LEGENDRE = 0.5 + 0.5 * np.polynomial.legendre.leggauss(5)[0]  # exact for polynomials of degree 9 in time
 LEGENDRE_WEIGHTS = 0.5 * np.polynomial.legendre.leggauss(5)[1]
-AGREE = 1e-3  # of the mean rate: by so much the interpolants of a piece that takes all of the time may differ
-HALVINGS = 10  # of a piece, at most: of a rate that jumps, a piece of 1/1024 is left
+AGREE = 1e-3  # of the mean rate: allowed difference of the interpolants of a piece that takes all the time
+HALVINGS = 10  # of a piece, at most: for a rate that jumps, down to 1/1024
 LONG = 3.0  # rad that a body turns at most in a piece at the beginning
-LONG_FOR_JUMPS = 0.6  # the same of rates that jump
-HIDDEN = 2e-2  # of the largest rate times the duration: what values that differ within a piece may hide
-GRAIN = 2.0**20  # of which fractions are multiples: adding up widths is exact, and what has ended has, under a root too
-BLOCK = 4096  # pieces at once: their columns stay in the processor's cache
+LONG_FOR_JUMPS = 0.6  # likewise, for rates that jump
+HIDDEN = 2e-2  # of the largest rate times the duration: allowed error by jumps within pieces
+GRAIN = 2.0**20  # fractions are multiples of 1/GRAIN, so that sums of widths are exact
+BLOCK = 4096  # pieces in a block: their columns fit the processor's cache
 
 ValuesAt = Callable[[FloatArray, IntArray], Column]
 """Values (N,) of a rate at fractions (N,) of the motion, of motions (N,)."""
 
 
 WeightsOf = Callable[[FloatArray, FloatArray, IntArray], FloatArray]
-"""What values (P, 5) at the nodes of pieces are multiplied by for the integrals over them.
+"""Weights (P, 5) of the values at the nodes of pieces, for the integrals over them.
 
 The pieces begin at fractions (P,) and have widths (P,), of motions (P,).
 """
 PANEL_ANGLE = np.deg2rad(10.0)  # a quadrature panel turns no body by more than this
 HELD = 1.0  # s: no panel of a hold lasts longer
-FASTEST = 10.0  # m/s: nobody runs faster; who is said to is looked at as often as one who does
+FASTEST = 10.0  # m/s: people who are said to be faster are sampled as if at this speed
 AT_ONCE = 2**18  # panels that are cut together
 INTEGRATED = "costs were integrated along motions"
 JUST = 1e-9  # s: a moment just before another
@@ -84,7 +85,7 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
                 for moment in moments:
                     moment += power
                     power = power * place
-        # By einsum: products with a matrix so small would be shared by threads that wait for each other.
+        # By einsum: for such small matrices, products by several threads would be slower.
         return np.asarray(np.einsum("ij,jp->pi", OF_MOMENTS, moments))
 
     return weights
@@ -135,7 +136,7 @@ def adaptive_integrals(
 
 
 def _blocks(size: int) -> list[slice]:
-    """Return slices of pieces whose columns fit the processor's cache."""
+    """Return slices of pieces with columns that fit the processor's cache."""
     return [slice(begin, begin + BLOCK) for begin in range(0, size, BLOCK)]
 
 
@@ -170,7 +171,7 @@ def _values(
 
 
 def _differences(values: FloatArray, *, jumps: bool) -> FloatArray:
-    """Return how far (P,) the values (P, 5) of a piece are from a parabola, or from each other if they jump."""
+    """Return the difference (P,) of the values (P, 5) of a piece from a parabola, or among one another if they jump."""
     if jumps:
         return np.asarray(values.max(axis=1) - values.min(axis=1))
     return np.asarray(np.abs(values[:, 1::2] - np.einsum("ij,pj->pi", BETWEEN, values[:, ::2])).max(axis=1))
@@ -186,7 +187,7 @@ def _may_stay_open(values: FloatArray, weights: FloatArray, owner: IntArray, siz
 
 
 class Nodes(NamedTuple):
-    """Nodes of a phase, of a run of motions or of a part of one motion.
+    """Nodes of a phase, in a run of motions or in a part of one motion.
 
     run     the motions
     owner   (N,) motion of each node
@@ -208,10 +209,10 @@ class Nodes(NamedTuple):
 def quadrature_nodes(
     motions: Motions, phase: Phase, within: FloatArray, timed: bool, detail: float | None = None
 ) -> Iterator[Nodes]:
-    """Yield the nodes of all motions, panels no coarser than promised.
+    """Yield the nodes of all motions, with panels as fine as promised.
 
-    About `AT_ONCE` panels are cut together, so that long motions take time and not memory; in between, the limits are
-    asked.
+    About `AT_ONCE` panels are cut together, so that long motions take bounded memory; between such blocks, limits are
+    checked.
     """
     panels = panel_counts(motions, phase, timed, detail)
     first, last = kinks_between(motions, phase) if timed else (0 * panels, 0 * panels)
@@ -272,7 +273,7 @@ def _kinks_in(
 def before_kinks(motions: Motions, phase: Phase) -> tuple[IntArray, FloatArray]:
     """Return motion and fraction of the phase's time just before every kink after its begin, up to its end.
 
-    A prediction that jumps has its new value at the kink itself: who leaves is there until just before.
+    A prediction that jumps has its new value at the kink itself: a person who leaves is present until just before.
     """
     return _kinks_in(motions, phase, slice(0, len(motions)), *kinks_between(motions, phase, JUST), before=JUST)
 
@@ -290,7 +291,8 @@ def kinks_between(motions: Motions, phase: Phase, beyond: float = 0.0) -> tuple[
 def panel_counts(motions: Motions, phase: Phase, timed: bool, detail: float | None = None) -> IntArray:
     """Return the number (M,) of panels in a phase: fixed, or so that none is longer or turns more than promised.
 
-    detail  m  of a rate's change: the robot and the fastest person together go no farther than half of it in a panel
+    detail  m  length within which a rate changes: the robot and the fastest person together move at most half of it in
+               a panel
     """
     if motions.panels is not None:
         return np.full(len(motions), motions.panels)

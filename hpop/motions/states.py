@@ -1,4 +1,4 @@
-"""States as named columns, the space that they lie in, and the pose that a model makes of them.
+"""States as named columns, their space, and the poses and twists of bodies.
 
 Every wrap of a state happens here: a column that turns is an angle in which 2 pi is a whole turn, such as a heading or
 a joint without end stops. A half turn is +pi, counter-clockwise, as in :func:`hpop.base.math.wrap`.
@@ -25,7 +25,7 @@ Vector = tuple[Column, Column, Column]
 Values = tuple[float | None, ...]
 StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
 MOST_SAMPLED = 10_000_000
-"""States that are drawn at once."""
+"""Largest number of states in one sample."""
 KINDS = {"m": "a position in m", "rad": "an angle in rad"}
 
 
@@ -65,7 +65,7 @@ class States:
 
 
 class Pose(Protocol):
-    """Where a body is: columns in m and rad, world frame (REP-103), yaw counter-clockwise, pitch up, roll to the right.
+    """Pose of a body: columns in m and rad, world frame (REP-103), yaw counter-clockwise, pitch up, roll to the right.
 
     ``ahead``, ``left`` and ``up`` are its axes, unit vectors.
     """
@@ -91,7 +91,7 @@ class Pose(Protocol):
 
 
 class Twist(Protocol):
-    """How fast a body moves and turns: three columns each, world frame; the number 0.0 for what is always zero."""
+    """Velocity and rotation of a body: three columns each, world frame; 0.0 for a component that is always zero."""
 
     @property
     def velocity(self) -> Vector: ...
@@ -100,7 +100,7 @@ class Twist(Protocol):
 
 
 class LazyStates(States):
-    """States whose columns are computed when read; the names that were read are recorded."""
+    """States with columns that are computed when read; the names that were read are recorded."""
 
     def __init__(self, names: tuple[str, ...], size: int, column: Callable[[str], Column], read: set[str]) -> None:
         self.__dict__.update(_names=names, _size=size, _column=column, _read=read)
@@ -125,25 +125,25 @@ class LazyStates(States):
 
 
 def picked_states(states: States, pick: Callable[[Column], Column]) -> States:
-    """Return states whose columns are picked only when they are read."""
+    """Return states with columns that are picked only when they are read."""
     return LazyStates(states.names, states.size, lambda name: pick(getattr(states, name)), set())
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class StateSpace:
-    """The states of a model: columns in order.
+    """State space of a model: columns in order.
 
     names    k of them
     units    of each: "m", "rad", ...
-    low      least value of each; where the column turns, from where to where a sample is drawn
-    high     greatest value of each
-    weights  m a unit: how far a robot moves in the time in which the column changes by one; of distances
+    low      least value of each; for a column that turns, the begin of the interval of samples
+    high     greatest value of each, or the end of that interval
+    weights  m per unit: how far a robot moves in the time in which the column changes by one; for distances
     turning  names of the columns in which 2 pi is a whole turn; their values have no limits
-    named    states that have a name, which may be given in their place
-    unnamed  why a name is none of theirs, by the name, where that is known; under "" why no other is
-    rest     values of some columns while the others change, if these have such: an arm is folded while its base drives;
-             half of what is drawn has them
+    named    states with a name, which may be given in their place
+    unnamed  reasons why a name is not in ``named``, by the name; under "" the reason for all others
+    rest     values of some columns while the others change, if there are such: an arm is folded while its base drives;
+             half of all samples have them
 
     >>> plane = StateSpace(("x", "y", "yaw"), ("m", "m", "rad"), (0, 0, -np.pi), (9, 9, np.pi), (1, 1, 0.5), {"yaw"})
     >>> print(plane)
@@ -183,7 +183,7 @@ class StateSpace:
         return frozenset(name for name, unit in zip(self.names, self.units, strict=True) if unit == "rad")
 
     def bounded(self, **bounds: tuple[float, float]) -> StateSpace:
-        """Return the space with (low, high) of some columns: a model's space does not know the world."""
+        """Return the space with (low, high) of some columns, for example from the world."""
         rows = (bounds.get(name, old) for name, *old in zip(self.names, self.low, self.high, strict=True))
         low, high = zip(*rows, strict=True)
         return replace(self, low=low, high=high)
@@ -208,7 +208,7 @@ class StateSpace:
         return tuple(None if np.isnan(value) else value for value in row)
 
     def by_name(self, values: Any, what: str) -> dict[str, Any]:
-        """Return the given value of each column, in order; QueryError for other columns than the model's."""
+        """Return the given value of each column, in order; QueryError for columns that the model does not have."""
         if isinstance(values, str):
             values = self.called(values, what)
         if isinstance(values, Mapping):
@@ -221,7 +221,7 @@ class StateSpace:
             raise QueryError(f"the {what} is {self}, got {shown(values)}") from None
 
     def called(self, name: str, what: str) -> Values:
-        """Return the state of a name; QueryError where there is none."""
+        """Return the state of a name; QueryError if there is none."""
         if name not in self.named:
             known = f"the name of one: {', '.join(self.named)}" if self.named else "a name, but this model names none"
             why = self.unnamed.get(name) or self.unnamed.get("")
@@ -230,7 +230,7 @@ class StateSpace:
         return self.named[name]
 
     def misfit(self, values: Mapping[Any, Any]) -> str:
-        """Say which columns are missing or unknown among given values; "" where all fit."""
+        """Return which columns are missing or unknown among given values; "" if all fit."""
         strange = [name for name in values if name not in self.names]
         lacking = [name for name in self.names if name not in values]
         faults = [f"lacks {', '.join(lacking)}"] * bool(lacking)
@@ -268,11 +268,11 @@ class StateSpace:
         return States(**columns)
 
     def turns(self, states: States) -> dict[str, Column]:
-        """Return by how much (N - 1,), rad, each turning column turns from state to state, the shorter way."""
+        """Return the angles (N - 1,), rad, by which each turning column turns from state to state, the shorter way."""
         return {name: wrap(np.diff(getattr(states, name))) for name in self.turning}
 
     def differences(self, a: States, b: States) -> dict[str, Column]:
-        """Return what must be added to a (M,) for b, by name, the shorter way round where a column turns."""
+        """Return the differences b - a (M,) by name, the shorter way round where a column turns."""
         onward = self.onward(a, b)
         return {name: getattr(onward, name) - getattr(a, name) for name in self.names}
 

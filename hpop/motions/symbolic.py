@@ -17,12 +17,12 @@ __all__ = ["SymbolicMotions", "lift", "sparse_lookup"]
 
 
 def sparse_lookup(quadratics: Any, size: int) -> Any:
-    """CasADi function from places (2, size) to values (1, size), whose derivatives are block-diagonal matrices.
+    """Return a CasADi function from positions (2, size) to values (1, size) with block-diagonal derivatives.
 
-    CasADi by itself takes products of mapped functions for dense: the Hessian of a polyline of 12 segments then costs
-    twice the time.
+    CasADi by itself treats derivatives of mapped functions as dense: the Hessian of a polyline of 12 segments then
+    costs twice the time.
 
-    quadratics : from places (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.symbols`
+    quadratics : from positions (2, size) to second-order expansions (8, size); see :mod:`hpop.world.fields.symbols`
     """
     table, column = casadi.MX.sym("table", 2, size), np.arange(size)
     _, _, value, *rest = casadi.vertsplit(quadratics(table))
@@ -38,7 +38,7 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
         outputs: list[Any] = [casadi.MX(sparsity, casadi.vec(entries))]
         jacobian = casadi.Function(f"jac_{name}", inputs, outputs, ["i0", "out_o0"], ["jac_o0_i0"])
         options: dict[str, Any] = {"enable_forward": False, "enable_reverse": False, "custom_jacobian": jacobian}
-        options["never_inline"] = True  # else CasADi differentiates what is called in Python
+        options["never_inline"] = True  # else CasADi differentiates functions called in Python
         return casadi.Function(name, [table], [values], ["i0"], ["o0"], options)
 
     gradient = with_jacobian("gradient", slopes, blocks, casadi.vertcat(second, mixed, mixed, other))
@@ -47,11 +47,11 @@ def sparse_lookup(quadratics: Any, size: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class SymbolicMotions:
-    """A batch of motions whose start and end states are symbols.
+    """Batch of motions with symbols as start and end states.
 
     vector   MX of all states, start columns then end columns, in the order of their names
     motions  the batch on those symbols
-    point    (2 * states * M,) the numbers that the symbols stand for
+    point    (2 * states * M,) numbers for the symbols
     """
 
     vector: Any
@@ -60,7 +60,7 @@ class SymbolicMotions:
 
     @classmethod
     def of(cls, motions: Motions) -> SymbolicMotions:
-        """Symbols in place of the states of a numeric batch."""
+        """Return a batch with symbols in place of the states of a numeric batch."""
         names, size = motions.start.names, len(motions)
         numbers = [getattr(states, name) for states in (motions.start, motions.end) for name in names]
         vector = casadi.MX.sym("states", 2 * len(names) * size)
@@ -79,11 +79,11 @@ class SymbolicMotions:
         return cls(vector, symbolic, np.concatenate(numbers))
 
     def function(self, column: Column) -> Any:
-        """CasADi function of numbers for the symbols: a column (M,) computed from them, and its Jacobian."""
+        """Return a CasADi function of the symbols: a column (M,) computed from them, and its Jacobian."""
         expression = casadi.MX(column) if not isinstance(column, np.ndarray) else casadi.MX(casadi.DM(column))
         return casadi.Function("f", [self.vector], [expression, casadi.jacobian(expression, self.vector)])
 
     def values_and_jacobian(self, column: Column) -> tuple[FloatArray, FloatArray]:
-        """A column (M,) computed from the symbols, and its Jacobian (M, 2 * states * M), at the numbers."""
+        """Return a column (M,) computed from the symbols, and its Jacobian (M, 2 * states * M), at the numbers."""
         value, jacobian = self.function(column)(self.point)
         return np.array(value).ravel(), np.array(jacobian)

@@ -1,11 +1,11 @@
-"""What a person prefers: weights of costs learnt from choices, the next question, and the best point of a front."""
+"""Preferences of a person: weights of costs learnt from choices, the next question, and the best point of a front."""
 
 from __future__ import annotations
 
-from hpop.preference.answers import Answer
+from hpop.preference.answers import PairAnswer
 from hpop.preference.people import People
 from hpop.preference.posterior import Best
 from hpop.preference.preference import Preference
 from hpop.preference.prior import Prior
 
-__all__ = ["Answer", "Best", "People", "Preference", "Prior"]
+__all__ = ["Best", "PairAnswer", "People", "Preference", "Prior"]

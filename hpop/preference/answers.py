@@ -1,13 +1,13 @@
 """Answers of a person, choices between two or ratings, and their probability.
 
 A trajectory costs ``w . z``, with z the costs as shares of the front's range and weights w >= 0: all costs are
-minimised, so a trajectory that costs more of everything is never preferred. Of two, the cheaper one is chosen as a
-Bradley-Terry model says, and now and then, by a lapse of attention, either::
+minimised, so a trajectory that costs more of everything is never preferred. Of two, the cheaper one is chosen by a
+Bradley-Terry model and, with a small probability of a lapse of attention, either one::
 
     P(a over b) = lapse / 2 + (1 - lapse) logistic(w . (z_b - z_a)),    w = sharpness x shares,   shares add up to 1
 
-Where a person may also say that there is no difference, ties are Davidson's (1970, "On extending the Bradley-Terry
-model to accommodate ties in paired comparison experiments"), with the symmetric form ``nu`` of their weight.
+If "no difference" is a possible answer, ties are Davidson's (1970, "On extending the Bradley-Terry model to accommodate
+ties in paired comparison experiments"), with the symmetric form ``nu`` of their weight.
 """
 
 from __future__ import annotations
@@ -24,24 +24,25 @@ from hpop.base.options import MOST, real, whole
 from hpop.base.scalars import python_value
 from hpop.base.text import HARMFUL, shown
 from hpop.errors import StudyError
-from hpop.preference.scale import Scale
+from hpop.preference.scale import CostScale
 
 LAPSE = 0.02
-"""Share of answers that say nothing."""
+"""Share of random answers."""
 BLOCK = 2**14
-"""Probabilities that are worked out at once: they stay in the processor's cache, which is three times as fast."""
+"""Probabilities in a block: they fit the processor's cache, which is three times as fast."""
 MOST_GAIN = 700.0
-"""Beyond which an answer is as improbable as a lapse: exponentials of more would overflow."""
+"""Gain beyond which an answer can only be a lapse; exponentials of more would overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """What was answered, as the model needs it: the order in which two were shown is in none of it.
+    """Answers as the model needs them, without the order in which two points were shown.
 
-    gains    (n, f)  what the one that was not chosen costs more, each cost as a share of its range; of a tie either way
+    gains    (n, f)  extra cost of the point that was not chosen, each cost as a share of its range; for a tie either
+                     sign
     tied     (n,)    whether there was no difference
-    offered  (n,)    whether that could be said
-    weight   (n,)    as how many answers each counts
+    offered  (n,)    whether "no difference" was a possible answer
+    weight   (n,)    number of answers that each counts for
     """
 
     gains: FloatArray
@@ -53,7 +54,7 @@ class Evidence:
         return len(self.gains)
 
     def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
-        """Return logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
+        """Return the logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
         logs = np.empty(len(weights))
         size = max(1, BLOCK // max(1, len(self)))
         for begin in range(0, len(weights), size):
@@ -67,11 +68,11 @@ class Evidence:
 
 
 def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
-    """Return logarithm of the probability of answers, arrays that broadcast.
+    """Return the logarithm of the probability of answers, arrays that broadcast.
 
-    gain     what the one that was not chosen costs more, w . (z_other - z_chosen)
-    tied     whether the answer was that there is no difference
-    offered  whether that could be answered
+    gain     extra cost of the point that was not chosen, w . (z_other - z_chosen)
+    tied     whether the answer was "no difference"
+    offered  whether "no difference" was a possible answer
     ties     Davidson's nu
     """
     gain = np.where(tied, np.abs(gain), np.maximum(gain, -MOST_GAIN))  # of ties the order changes not even a digit
@@ -83,10 +84,10 @@ def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: Flo
 
 
 def probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
-    """Return probabilities that the first, the second, and, where that may be said, neither of two is chosen.
+    """Return the probabilities of choosing the first, the second and, if "no difference" is possible, neither.
 
-    gain  what the second costs more than the first
-    ties  Davidson's nu, None where there is no such answer
+    gain  extra cost of the second
+    ties  Davidson's nu, None if "no difference" is not possible
     """
     size = np.exp(-np.abs(gain))
     nu = 0.0 if ties is None else ties * np.sqrt(size)
@@ -100,16 +101,16 @@ def probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray
 
 
 MOST_ANSWERS = 10_000
-"""Of one person, pairs made of ratings among them."""
+"""Largest number of answers of one person, pairs made of ratings included."""
 
 
-class Answer(NamedTuple):
-    """Which of two points of a front is preferred.
+class PairAnswer(NamedTuple):
+    """Answer about two points of a front: the preferred one.
 
     first, second  rows, in the order in which they were shown
-    chosen         the row that is preferred; None: there is no difference
+    chosen         the preferred row; None: no difference
     costs          of both, in the units of the preference
-    weight         as how many answers it counts: 1 but for pairs made of ratings
+    weight         number of answers it counts for: 1 except for pairs made of ratings
     """
 
     first: int
@@ -119,7 +120,7 @@ class Answer(NamedTuple):
     weight: float = 1.0
 
 
-def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: float = 1.0) -> Answer:
+def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: float = 1.0) -> PairAnswer:
     """Return an answer about rows of the costs (n, k) of a front, checked."""
     a, b = (whole(what, row, 0, len(costs) - 1, "a row of the front", error=StudyError)
             for what, row in (("the first", first), ("the second", second)))  # fmt: skip
@@ -129,18 +130,18 @@ def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: f
     if chosen is not None and chosen not in (a, b):
         raise StudyError(f"chosen of rows {a} and {b} is one of them, or None for no difference, got {shown(chosen)}")
     pair = tuple(costs[a].tolist()), tuple(costs[b].tolist())
-    return Answer(a, b, None if chosen is None else int(chosen), pair, weight)
+    return PairAnswer(a, b, None if chosen is None else int(chosen), pair, weight)
 
 
 def checked_question(question: Any) -> str:
     """Return the question in words; raise StudyError for anything else."""
     if not isinstance(question, str) or not question.strip() or len(question) > 100 or HARMFUL.search(question):
-        raise StudyError(f"a question is a word such as 'prefer' or 'comfort', got {shown(question)}")
+        raise StudyError(f"a question must be a word such as 'prefer' or 'comfort', got {shown(question)}")
     return question
 
 
-def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[Answer]:
-    """Answers from pairs (the row chosen, the other one), or from choices with ``first_row``, ``chosen_row``, ..."""
+def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[PairAnswer]:
+    """Return answers from pairs (chosen row, other row), or from choices with ``first_row``, ``chosen_row``, ..."""
     answers = []
     for choice in choices:
         if hasattr(choice, "chosen_row"):
@@ -155,10 +156,10 @@ def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[Answer]:
     return answers
 
 
-def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
-    """Return answers from ratings by row, more is better: the better one of each two, equal ones are no difference.
+def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[PairAnswer]:
+    """Return answers from ratings by row, more is better: the better one of each two; equal ones are no difference.
 
-    m ratings say no more than m - 1 comparisons in a row do, so each of the m (m - 1) / 2 pairs counts 2 / m.
+    m ratings hold no more information than m - 1 comparisons, so each of the m (m - 1) / 2 pairs counts 2 / m.
     """
     if not isinstance(ratings, Mapping) or len(ratings) < 2:
         raise StudyError(f"ratings are given by row, at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")
@@ -175,8 +176,8 @@ def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[Answer]:
     return answers
 
 
-def evidence(answers: Sequence[Answer], scale: Scale, *, ties: bool) -> Evidence:
-    """Return answers as the model takes them; ``ties``: whether "no difference" could be answered.
+def evidence(answers: Sequence[PairAnswer], scale: CostScale, *, ties: bool) -> Evidence:
+    """Return answers for the model; ``ties``: whether "no difference" was a possible answer.
 
     Raises StudyError for more answers than a file holds.
     """

@@ -1,10 +1,10 @@
-"""What earlier people tell of the next one: their shares of the costs, pooled in part, and what their profiles add.
+"""Prior of the next person from earlier people: their shares of the costs, partially pooled, and their profiles.
 
-Empirical Bayes: the shares of people are taken for draws of one Dirichlet distribution, whose concentrations are what
-makes the answers of all most probable, drawn towards those of a person of whom nothing is known; so a few people change
-little. Each person comes in as the draws of their own posterior, with all its doubt, and as shares of the mean ranges
-of all: who was asked about a front of other ranges is rescaled by units. From ``LEAST_PEOPLE`` people on the
-concentrations also depend on a profile (sickness in cars, experience of virtual reality, age), log-linearly.
+Empirical Bayes: the shares of people are taken as draws of one Dirichlet distribution. Its concentrations maximise the
+probability of all answers, shrunk towards those of an unknown person, so a few people change little. Each person enters
+by the draws of their own posterior, and so with its uncertainty, as shares of the mean ranges of all; a person who
+answered about a front of other ranges is rescaled by units. From ``LEAST_PEOPLE`` people on, the concentrations also
+depend log-linearly on a profile (sickness in cars, experience of virtual reality, age).
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, rescaled, str
 from hpop.preference.scale import Measure
 
 LEAST_PEOPLE = 20
-"""From which on a profile is used; of fewer it is reported alone."""
+"""Least number of people for which a profile is used; for fewer, associations are only reported."""
 DRAWS = 200
-"""Of the shares of each person."""
+"""Draws of the shares of each person."""
 OF_COSTS, OF_PROFILE = 0.5, 0.5
-"""Standard deviations, before any person, of the logarithms of concentrations, and of what a profile does to them."""
+"""Prior standard deviations of the logarithms of concentrations, and of the effects of a profile on them."""
 LOGS = -4.0, 6.0
 """Least and greatest logarithm of a concentration."""
 Profile = Mapping[str, float]
 
 
 class Association(NamedTuple):
-    """How a number of the profile goes with the expected share of a cost.
+    """Association of a number of the profile with the expected share of a cost.
 
-    correlation  Spearman's; NaN of fewer than three people, or where one of the two is the same of all
-    people       how many said that number
+    correlation  Spearman's; NaN for fewer than three people, or where one of the two is constant
+    people       number of people who gave that number
     """
 
     profile: str
@@ -54,8 +54,9 @@ class People:
     """Preferences of several people about one question, and their profiles.
 
     preferences  of people who answered the same question about the same costs
-    profiles     numbers by name, such as {"mssq": 12.5, "age_band": 3}, one profile a person, or none at all; what
-                 somebody did not say is left out
+    profiles     numbers by name, such as {"mssq": 12.5, "age_band": 3}, one profile for each person, or none at all;
+                 missing
+                 values are left out
     """
 
     preferences: Sequence[Preference]
@@ -88,14 +89,14 @@ class People:
 
     @property
     def uses_profile(self) -> bool:
-        """Whether there are people enough that a profile says what to expect of the next one."""
+        """True if there are enough people for a prior that depends on the profile."""
         return bool(self.names) and len(self) >= LEAST_PEOPLE
 
     def prior(self, profile: Profile | None = None) -> Prior:
         """Return the prior of the next person, with or without a profile, for :meth:`Preference.fit`.
 
-        A number beyond those of all these people counts as the nearest of theirs. Raises StudyError for a profile that
-        has what none of these people's has.
+        A number outside the range of these people's is clipped to it. Raises StudyError for a profile with a number
+        that none of them has.
         """
         if strange := sorted({*(profile or {})} - {*self.names}):
             known = ", ".join(self.names) or "none"
@@ -112,7 +113,7 @@ class People:
         )
 
     def associations(self) -> list[Association]:
-        """Return how each number of the profile goes with the expected share of each cost, over those who said it."""
+        """Return the association of each number of the profile with the expected share of each cost."""
         from scipy.stats import spearmanr
 
         found = []
@@ -142,7 +143,7 @@ class People:
         return tuple(one._replace(size=size) for one, size in zip(first, means.tolist(), strict=True))
 
     def _factors(self) -> FloatArray:
-        """Return by what the common ranges are greater than those that each person was asked about (people, f)."""
+        """Return the ratios of the common ranges to each person's ranges (people, f)."""
         return np.array([
             [stretched(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
             for person in self.preferences
@@ -156,7 +157,7 @@ class People:
         return np.array([numbers.get(name, np.nan) for name in self.names])
 
     def _design(self, table: FloatArray) -> FloatArray:
-        """Return the design matrix of the concentrations, a row a person: 1 and the scaled profile if used."""
+        """Return the design matrix of the concentrations, a row for each person: 1 and the scaled profile if used."""
         one = np.ones((len(table), 1))
         if not self.uses_profile:
             return one
@@ -167,7 +168,7 @@ class People:
         return np.hstack([one, np.where(np.isnan(scaled), 0.0, scaled)])
 
     def _fitted(self, design: FloatArray) -> FloatArray:
-        """Return logarithms of concentrations (1 + profile, f) that make the answers of all most probable."""
+        """Return the logarithms of concentrations (1 + profile, f) that make the answers of all most probable."""
         from scipy.optimize import minimize
         from scipy.special import logsumexp
 

@@ -1,14 +1,14 @@
-"""The posterior of a person's weights as weighted draws, the best point for the person, and the next question.
+"""Posterior of a person's weights as weighted draws, the best point for the person, and the next question.
 
-Draws of the prior are weighted by the probability of the answers. That is exact but for the number of draws: no normal
-approximation, which fails where a share may be 0. As answers come, fewer and fewer draws carry the weight. Once they
-count for less than ``LEAST_EFFECTIVE`` equal ones, they are drawn anew and each is moved by a random walk that keeps
-the posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). A share of 0 stays 0
-in that walk: the probability of caring for some costs only is the fraction of draws with such shares.
+Draws of the prior are weighted by the probability of the answers. That is exact up to the number of draws; a normal
+approximation would fail where a share may be 0. With more answers, fewer draws carry the weight. Once they count for
+less than ``LEAST_EFFECTIVE`` equal ones, they are resampled, and each is moved by a random walk that keeps the
+posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). A share of 0 stays 0 in
+that walk: the probability of caring for some costs only is the fraction of draws with such shares.
 
-Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): an answer tells
-most where it is open, and yet each person with certain weights would be sure of it. Pairs are drawn at random, and
-pairs among the present favourites are added.
+Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): the best
+question has an open answer, although each person with certain weights would be sure of it. Pairs are drawn at random,
+and pairs among the present favourites are added.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from hpop.preference.prior import Prior, shares_of
 COUNT = 20_000
 """Draws of the posterior."""
 LEAST_EFFECTIVE = 500
-"""Of equal draws, as how many the weighted ones count at least."""
+"""Least equivalent number of equal draws; below, draws are renewed."""
 RENEWED = 5_000
-"""Draws of equal weight that take their place: ten times as many as they counted for."""
+"""Number of renewed draws: ten times the equivalent number."""
 LEAST_ALIKE = 40
-"""Of equal draws, as how many those that care for the same costs count at least where their covariance is used."""
+"""Least equivalent number of draws that care for the same costs, for using their covariance."""
 STEPS = 12
-"""Of the random walk each time, by which duplicates part."""
+"""Steps of a random walk, which separate duplicates."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Weighted draws of shares (N, f), sharpness (N,) and ties (N,), the logarithms (N,) of their weights beside."""
+    """Weighted draws of shares (N, f), sharpness (N,) and ties (N,), with the logarithms (N,) of their weights."""
 
     shares: FloatArray
     sharpness: FloatArray
@@ -48,7 +48,7 @@ class Draws:
 
     @classmethod
     def of(cls, prior: Prior, f: int, count: int, rng: np.random.Generator) -> Draws:
-        """Return draws of the prior, all alike."""
+        """Return draws of the prior, with equal weights."""
         return cls(*prior.draw(f, count, rng), np.zeros(count))
 
     def __len__(self) -> int:
@@ -66,18 +66,18 @@ class Draws:
 
     @property
     def effective(self) -> float:
-        """As how many equal draws they count: 1 / sum of the squared probabilities (Kong 1992)."""
+        """Equivalent number of equal draws: 1 / sum of the squared probabilities (Kong 1992)."""
         return float(1.0 / (self.probability() ** 2).sum())
 
     def told(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return the draws after further answers; ``known`` has all answers, these among them."""
+        """Return the draws after further answers; ``known`` has all answers, including these."""
         draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
         return draws.renewed(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
 
     def renewed(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return draws of equal weight, not as many, each moved by the random walk.
+        """Return fewer draws, of equal weight, each moved by the random walk.
 
-        Where sharpness is 0 answers say nothing of shares, which are drawn from the prior itself.
+        Where sharpness is 0 answers carry no information on shares, which are drawn from the prior itself.
         """
         draws = self.equal(min(len(self), RENEWED), rng)
         sharp = draws.sharpness > 0
@@ -89,7 +89,7 @@ class Draws:
         return of_random._with(moved)
 
     def _walked(self, before: Draws, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Move each draw by a random walk that keeps the posterior; its steps are as long as weighted draws differ."""
+        """Return each draw moved by a random walk that keeps the posterior, with steps scaled to the weighted draws."""
         place, cared_for = _place(self), self.shares > 0
         groups = _groups(before, cared_for)
         density = _density(self, known, prior)
@@ -112,7 +112,7 @@ class Draws:
         return Draws(*(np.concatenate(pair) for pair in columns))
 
     def equal(self, count: int, rng: np.random.Generator) -> Draws:
-        """Return so many draws of equal weight, one for each equal part of the probability (systematic resampling)."""
+        """Return ``count`` draws of equal weight, one for each equal part of probability (systematic resampling)."""
         rows = self._rows(count, rng)
         return Draws(self.shares[rows], self.sharpness[rows], self.ties[rows], np.zeros(count))
 
@@ -123,9 +123,9 @@ class Draws:
 
 
 def _groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatArray]]:
-    """Rows of draws (N, f) that care for the same costs, and a root of the covariance of the weighted draws that do.
+    """Return rows of draws (N, f) that care for the same costs, with a root of their weighted covariance.
 
-    Where these are too few for a covariance, the root is diagonal, of the deviations among all draws.
+    Where they are too few for a covariance, the root is diagonal, of the deviations among all draws.
     """
     place, probability = _place(before), before.probability()
     middle = probability @ place
@@ -151,14 +151,14 @@ def _groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatAr
 
 
 def _best(dimensions: int) -> float:
-    """Return as how many deviations a step is best (Roberts and Rosenthal 2001, Statistical Science 16, 351-367)."""
+    """Return the best length of a step, in deviations (Roberts and Rosenthal 2001, Statistical Science 16, 351-367)."""
     return float(2.38 / np.sqrt(dimensions))
 
 
 def _place(draws: Draws) -> FloatArray:
-    """Return draws where they have no bounds (N, f + 2): logarithms of shares, less their mean, sharpness and ties.
+    """Return draws in unbounded coordinates (N, f + 2): logarithms of shares, less their mean, sharpness and ties.
 
-    The logarithm of a share of 0 is 0, which counts for nothing.
+    The logarithm of a share of 0 is 0, and is ignored.
     """
     cared_for = draws.shares > 0
     logs = np.log(np.where(cared_for, draws.shares, 1.0))
@@ -172,27 +172,28 @@ def _from_place(place: FloatArray, cared_for: BoolArray) -> Draws:
 
 
 def _density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
-    """Return logarithm (N,) of the posterior's density where there are no bounds, but for a constant."""
+    """Return the logarithm (N,) of the posterior's density in unbounded coordinates, up to a constant."""
     of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
     return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
 
 
 NEAR = 0.02
-"""Expected regret up to which a point is as good as the best, a share of the range of what the points cost a person."""
+"""Expected regret up to which a point is as good as the best, a share of the range of the person's costs."""
 CELLS = 4_000_000
-"""Costs of points by draws that are held at once."""
+"""Costs of points by draws in one block."""
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Best:
-    """The best point for a person.
+    """Best point of a front for a person.
 
     row          of the front: the least expected cost
     point        of that row
     probability  (n,)  of each row, that it is the best one
-    regrets      (n,)  what each row is expected to cost more than the best one, as a share of the range of what the
-                       rows cost this person
+    regrets      (n,)  expected extra cost of each row over the best one, as a share of the range of the person's costs
+                       of
+                       the rows
     near         rows with an expected regret of at most 2 % more than the best one's, the least first
     """
 
@@ -215,14 +216,14 @@ class Best:
 
 
 def row_of(rows: FloatArray, shares: FloatArray) -> int:
-    """Return the row of (n, f) of least expected cost for mean shares (f,); among equals no dominated one."""
+    """Return the row of (n, f) with the least expected cost for mean shares (f,); among equals no dominated one."""
     return least(rows @ shares, rows.sum(axis=1))
 
 
 def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
     """Return the probability of each of the rows (n, f) to be the best, and its expected regret, by equal draws.
 
-    Of rows that cost a person the same who cares for some of the costs only, one counts: that of the least sum.
+    Of rows with equal costs to a person who cares for some of the costs only, the one with the least sum counts.
     """
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows = rows[order]
@@ -241,7 +242,7 @@ def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
 
 
 def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
-    """Return the same of one row, in less than half the time."""
+    """Return the probability and the expected regret of one row, in less than half the time."""
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows, row = rows[order], int(np.flatnonzero(order == row)[0])
     costs = draws.shares @ rows.T  # (draws, n)
@@ -255,9 +256,9 @@ def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float
 PAIRS = 400
 """Pairs that are drawn at random."""
 FAVOURITES = 8
-"""Rows that are most often the best, of which all pairs are looked at."""
+"""Rows that are most often the best; all their pairs are candidates."""
 NOTICEABLE = 0.05
-"""What two shown together differ by in some cost at least, a share of its range."""
+"""Least difference of a pair in some cost, a share of its range."""
 
 
 def most_telling(
@@ -268,7 +269,7 @@ def most_telling(
     *,
     ties: bool,
 ) -> tuple[int, int] | None:
-    """Return the pair of rows to ask about, the first shown left; None where none is left that differs.
+    """Return the pair of rows to ask about, the first shown left; None if none remains that differs.
 
     Parameters
     ----------
@@ -277,10 +278,10 @@ def most_telling(
     draws
         Of the weights, of equal weight.
     asked
-        Pairs that were asked already, in the order in which they were shown: none comes again so, and the other way
-        round only where no new one is left.
+        Earlier pairs, in the order in which they were shown: none is repeated, and its reverse only if there is no new
+        pair.
     ties
-        Whether "no difference" can be answered.
+        Whether "no difference" is a possible answer.
     """
     pairs = _candidates(rows, draws, rng)
     numbers = {a * len(rows) + b for a, b in asked}
@@ -309,7 +310,7 @@ def information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
 
 
 def _candidates(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
-    """Pairs of rows (m, 2) that differ noticeably: of few rows all, else some at random and those of the favourites."""
+    """Return pairs of rows (m, 2) that differ noticeably: all of few rows, else random and favourite ones."""
     n = len(rows)
     if n * (n - 1) // 2 <= PAIRS:
         pairs = np.column_stack(np.triu_indices(n, 1))

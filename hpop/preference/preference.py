@@ -1,4 +1,4 @@
-"""What a person prefers, learnt from choices between trajectories: weights of the costs, with how sure they are."""
+"""Preference of a person, learnt from choices between trajectories: weights of the costs, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from hpop.base.text import counted
 from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import storage
-from hpop.preference.answers import Answer, answer_of, checked_question, evidence, of_choices, of_ratings
+from hpop.preference.answers import PairAnswer, answer_of, checked_question, evidence, of_choices, of_ratings
 from hpop.preference.posterior import COUNT, NEAR, Best, Draws, judged, judged_alone, most_telling, row_of
 from hpop.preference.prior import Prior
-from hpop.preference.scale import Feature, Scale, fingerprint
+from hpop.preference.scale import CostScale, Feature, fingerprint
 
 QUESTIONS = 12
-"""After which nobody is asked any more, where it is not said otherwise."""
+"""Default number of questions after which asking stops."""
 SURE = 0.8
-"""Probability of the best row from which on it needs no more questions."""
+"""Probability of the best row above which no more questions are needed."""
 NOT_RANDOM = 0.1
-"""Probability that answers are just anything below which these two rules hold."""
+"""Probability of random answers below which these two rules apply."""
 ASKING = 1_000
-"""Draws by which the next question is chosen, and whether there is to be one."""
+"""Draws for choosing the next question, and for deciding whether to ask one."""
 JUDGING = 2_000
-"""Draws by which the best row is judged."""
+"""Draws for choosing the best row."""
 PREFER, COMFORT = "prefer", "comfort"
 
 
@@ -40,28 +40,28 @@ PREFER, COMFORT = "prefer", "comfort"
 class Preference:
     """Weights of a front's costs for one person and one question, as a posterior; :meth:`fit` makes one.
 
-    What is preferred is not what is most comfortable (Becerra et al. 2020): ask each as a question of its own.
+    The preferred trajectory need not be the most comfortable (Becerra et al. 2020): ask each as a question of its own.
 
-    scale     costs by name and unit, and what of them is 0 and 1
+    scale     costs by name and unit, and the values that are 0 and 1 on the scale
     question  "prefer", "comfort", or other words
-    answers   what it was learnt from
+    answers   the data
     draws     of the posterior, weighted
-    prior     what was thought before
-    ties      whether "no difference" could be answered
-    seed      of all that is drawn: the same answers give the same preference
-    front     SHA-256 of the costs that were asked about
-    points    the front that is asked about, None of one that was read from a file (see :meth:`on`)
+    prior     the belief before any answer
+    ties      whether "no difference" was a possible answer
+    seed      of all random draws: equal answers give an equal preference
+    front     SHA-256 of the costs of the front
+    points    the front; None for a preference read from a file (see :meth:`on`)
 
-    Guarantees: no weight is negative, so a dominated point is never best; the order in which two were shown, and a
-    change of units, change nothing. Of people as the prior has them, those who care for some of the costs only among
-    them, intervals hold at least as often as they say.
+    Guarantees: no weight is negative, so a dominated point is never best; the order in which two points were shown, and
+    a change of units, change nothing. For people as the prior has them, including those who care for some of the costs
+    only, intervals hold at least as often as they say.
 
-    Cost: some 10 ms a question, 30 to 55 ms where draws are made anew, 2 ms for the best row, of some hundred points.
+    Cost: some 10 ms for each question, 30 to 55 ms if draws are renewed, 2 ms for the best row, of some hundred points.
     """
 
-    scale: Scale
+    scale: CostScale
     question: str
-    answers: tuple[Answer, ...]
+    answers: tuple[PairAnswer, ...]
     draws: Draws
     prior: Prior
     ties: bool
@@ -83,25 +83,25 @@ class Preference:
         seed: int = 0,
         count: int = COUNT,
     ) -> Self:
-        """Return the preference that choices between points of a front show; without any, what is thought of anybody.
+        """Return the preference learnt from choices between points of a front; without any, the prior belief.
 
         Parameters
         ----------
         front : front of at least two points
-        choices : pairs of rows, (the one chosen, the other), or choices as a study's answers have them; these may be
-            ties
+        choices : pairs of rows, (chosen, other), or choices from a study's answers, which may be ties
         ratings : by row, more is better; they count as pairs within the person, see :func:`~answers.of_ratings`
-        question : what was asked, "prefer" or "comfort"
-        features : by cost: "log", or a number above which the cost counts once more; see :class:`Scale`
-        ties : whether "no difference" could be answered; by default whether it was
-        prior : by default that of anybody; see :meth:`People.prior`, which is rescaled by units where ranges differ
-        seed : of what is drawn
+        question : "prefer" or "comfort"
+        features : by cost: "log", or a number above which the cost counts once more; see :class:`CostScale`
+        ties : whether "no difference" was a possible answer; by default whether it occurs
+        prior : by default that of an unknown person; see :meth:`People.prior`, which is rescaled by units where ranges
+            differ
+        seed : of the random draws
         count : draws of the posterior
 
-        Raises StudyError for rows that the front does not have, and for what is no choice.
+        Raises StudyError for rows that the front does not have, and for invalid choices.
         """
         seed = whole("seed", seed, 0, MOST_SEED, error=StudyError)
-        scale = Scale.of(front, features)
+        scale = CostScale.of(front, features)
         costs = np.asarray(front.costs)
         answers = of_choices(choices, costs) + ([] if ratings is None else of_ratings(ratings, costs))
         # In any order: sorted ones would drive the draws where the posterior is not, and back.
@@ -114,17 +114,17 @@ class Preference:
         return empty._told(answers)
 
     def told(self, first: int, second: int, chosen: int | None) -> Self:
-        """Return the preference after one more answer: rows that were shown, and which was chosen; None, no difference.
+        """Return the preference after one more answer: two shown rows, and the chosen one; None for no difference.
 
         Raises StudyError for rows that the front does not have.
         """
         return self._told([answer_of(first, second, chosen, self.scale.costs_on(self._points()))])
 
-    def _told(self, more: Iterable[Answer]) -> Self:
+    def _told(self, more: Iterable[PairAnswer]) -> Self:
         answers, draws = list(self.answers), self.draws
         new = list(more)
         if not self.ties and any(answer.chosen is None for answer in new):
-            raise StudyError("no difference was no answer here; give ties=True from the first question on")
+            raise StudyError('"no difference" was not a possible answer; give ties=True from the first question on')
         known = evidence([*answers, *new], self.scale, ties=self.ties)
         for i, answer in enumerate(new, len(answers)):
             draws = draws.told(known[i : i + 1], known[: i + 1], self.prior, np.random.default_rng([self.seed, 1, i]))
@@ -140,16 +140,17 @@ class Preference:
 
     @property
     def weights(self) -> dict[str, float]:
-        """Expected share of each cost, of its range over the front that was asked about; they add up to 1.
+        """Expected share of each cost, of its range over the front; they add up to 1.
 
-        That is, where there is a preference at all; :attr:`random` says how sure that is, and intervals have it within.
+        The shares assume that there is a preference at all; :attr:`random` says how probable it is that there is none,
+        and intervals include that.
         """
         return dict(zip(self.scale.columns, self._shares.tolist(), strict=True))
 
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
-        """Return for each cost an interval that holds its share with a probability, as much left out below as above.
+        """Return an interval for each cost that holds its share with probability ``level``, symmetric in its tails.
 
-        Its ends are 0 and 1 where it is probable enough that the person does not care for a cost, or for no other one.
+        Its ends are 0 and 1 if it is probable enough that the person does not care for a cost, or for no other one.
         """
         level = real("level", level, 0.01, 0.999, "a probability", error=StudyError)
         probability, found = self.draws.probability(), {}
@@ -163,18 +164,18 @@ class Preference:
 
     @property
     def random(self) -> float:
-        """Probability that the person answers just anything."""
+        """Probability that the person answers at random."""
         return float(self.draws.probability()[self.draws.sharpness == 0].sum())
 
     @property
     def can_be_seen(self) -> bool:
-        """Whether the answers show a preference at all: it is more probable than that they are just anything."""
+        """True if a preference is more probable than random answers."""
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
-        """Return the point of least expected cost, of the front that was asked about or another one.
+        """Return the point of least expected cost, of the front of the questions or of another one.
 
-        Raises StudyError where that lacks a cost.
+        Raises StudyError for a front without one of the costs.
         """
         front = self._points() if front is None else front
         row = self.row(front)
@@ -185,7 +186,7 @@ class Preference:
         return Best(row, front[row], probability, regrets, (row, *rest))
 
     def row(self, front: Front[Any]) -> int:
-        """Return the row of least expected cost: what ``front.select(preference=...)`` takes."""
+        """Return the row of least expected cost, for ``front.select(preference=...)``."""
         if not len(front):
             raise StudyError("the front has no points to choose from")
         return row_of(self.scale.rows_on(front), self._shares)
@@ -209,7 +210,7 @@ class Preference:
         return most_telling(self.scale.scaled(costs), self._equal(ASKING), asked, rng, ties=self.ties)
 
     def why_stop(self, most: int = QUESTIONS) -> str:
-        """Return why no more need be asked, in words; "" where it is worth it."""
+        """Return why no more questions are needed, in words; "" if one is worth asking."""
         if len(self.answers) >= most:
             return f"{counted(most, 'question')} asked"
         if not self.answers or self.random >= NOT_RANDOM:
@@ -225,14 +226,14 @@ class Preference:
     # Files
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the preference to a JSON file ``hpop-preference``, whole or not at all. OSError where it cannot."""
+        """Write the preference to a JSON file ``hpop-preference``, complete or not at all; OSError if that fails."""
         storage.write(path, self._stored())
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read what :meth:`save` wrote; StudyError where it is something else, OSError where it cannot be read.
+        """Read a file from :meth:`save`; StudyError if it is something else, OSError if it cannot be read.
 
-        It knows no front: see :meth:`on`, or give one to :meth:`best`.
+        It has no front: see :meth:`on`, or give one to :meth:`best`.
         """
         stored = storage.read(path)
         draws = Draws(stored.shares, stored.sharpness, stored.ties_nu, np.zeros(len(stored.ties_nu)))
@@ -261,7 +262,7 @@ class Preference:
 
     @cached_property
     def _shares(self) -> FloatArray:
-        # Of those who have a preference: what anybody else is given costs nothing that answers could tell.
+        # Only draws with a preference: regret is not defined for random answers.
         probability = self.draws.probability() * (self.draws.sharpness > 0)
         if not probability.any():
             probability = self.draws.probability()
@@ -272,11 +273,11 @@ class Preference:
 
     def _points(self) -> Front[Any]:
         if self.points is None:
-            raise StudyError("this preference was read from a file and knows no front; give it one: person.on(front)")
+            raise StudyError("this preference was read from a file and has no front; give it one: person.on(front)")
         return self.points
 
-    def _is_about(self, answer: Answer, costs: FloatArray) -> bool:
-        """Return whether an answer is about rows of these costs, and not of those of another front."""
+    def _is_about(self, answer: PairAnswer, costs: FloatArray) -> bool:
+        """Return whether an answer is about rows of these costs, not of another front's."""
         rows = (answer.first, answer.second)
         return max(rows) < len(costs) and all(
             tuple(costs[row].tolist()) == known for row, known in zip(rows, answer.costs, strict=True)

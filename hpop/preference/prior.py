@@ -1,4 +1,4 @@
-"""What is thought of a person before any answer."""
+"""Prior belief about a person, before any answer."""
 
 from __future__ import annotations
 
@@ -23,41 +23,43 @@ SHARPNESS = 15.0
 """Median of the sharpness: over the whole range of its one cost a person errs once in 3 million times."""
 
 MOST_APART = 1.1
-"""Ratio of ranges up to which shares of a logarithmic cost are about the same: it has no unit to be rescaled by."""
+"""Ratio of ranges up to which shares of a logarithmic cost may be kept: they cannot be rescaled by units."""
 MOST_SPREAD = 10.0
-"""Of a logarithm: beyond, what is drawn would overflow."""
+"""Largest spread of a logarithm; beyond, draws would overflow."""
 MOST_STRETCH = 1e6
 """Ratio of ranges that a prior is rescaled by, at most."""
 MOST_COSTS = 1000
-"""Costs that shares are drawn of."""
+"""Largest number of costs."""
 MOST_DRAWN = 30_000_000
-"""Shares that are drawn at once."""
+"""Largest number of shares in one draw."""
 LEAST_LOG = -600.0
-"""Of a share beside the greatest: its logarithm is taken again."""
+"""Least logarithm of a share relative to the greatest."""
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Prior:
-    """Shares of a Dirichlet distribution, sharpness and ties of logarithmic normal ones, all independent.
+    """Prior of a Dirichlet distribution for shares, and independent log-normal ones for sharpness and ties.
 
-    Some people answer just anything: their sharpness is 0. Without them the question that tells most is never one whose
-    answer is known beforehand, so nothing would tell a person without a preference from a fastidious one.
+    Some people answer at random: their sharpness is 0. Without them, the most informative question would always have an
+    open answer, so nothing could distinguish a person without a preference from a fastidious one.
 
     Some people care for some of the costs only: the shares of the other costs are 0. Without them no interval would
-    hold 0 or 1, for a Dirichlet distribution has no probability there (George and McCulloch 1993, "Variable selection
-    via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). Of f costs each number from 1 to
-    f - 1 is alike probable, and so is each choice of so many; their shares are Dirichlet with these concentrations.
+    hold 0 or 1, because a Dirichlet distribution has no probability there (George and McCulloch 1993, "Variable
+    selection via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). Of f costs each number
+    from 1 to f - 1 is equally probable, and so is each choice of that many; their shares are Dirichlet with these
+    concentrations.
 
-    concentration    of the shares, one for each cost; none: 1 for all, so that all shares are alike probable
+    concentration    of the shares, one for each cost; none: 1 for all, so that all shares are equally probable
     sharpness        median
     spread           standard deviation of the sharpness's logarithm
-    random           share of people who answer just anything
+    random           share of people who answer at random
     ties             median of Davidson's nu
     ties_spread      standard deviation of its logarithm
     selective        share of people who care for some of the costs only
-    about            what the shares are of, by name, unit and range, of the front that earlier people were asked about;
-                     none: of any front that is asked about. On another front it is rescaled by units: see :meth:`on`
+    about            columns of the shares by name, unit and range, of the front that earlier people answered about;
+                     none: any
+                     front. On another front it is rescaled by units: see :meth:`on`
     """
 
     concentration: tuple[float, ...] = ()
@@ -81,10 +83,10 @@ class Prior:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)
 
     def on(self, measures: Sequence[Measure]) -> Prior:
-        """Return the same, of shares of other ranges: what a unit is thought to count stays.
+        """Return the prior for shares of other ranges, such that the weight of a unit stays.
 
-        A cost that is the same all over one of two fronts keeps its share. StudyError where costs or units differ, and
-        for a logarithmic cost of another range.
+        A cost that is constant on one of two fronts keeps its share. StudyError where costs or units differ, and for a
+        logarithmic cost of another range.
         """
         if not self.about:
             return self
@@ -119,11 +121,11 @@ class Prior:
         return np.array(self.concentration)
 
     def draw(self, f: int, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Draw shares (N, f), sharpness (N,) and ties (N,); the first ones are of people who answer just anything.
+        """Return draws of shares (N, f), sharpness (N,) and ties (N,), first those of people who answer at random.
 
         The share of a cost that a person does not care for is 0, that of any other is above 0.
         """
-        # By gamma variables in logarithms: no share is 0 that was merely small.
+        # By gamma variables in logarithms, so that small shares do not become 0.
         shape = self.concentrations(f)
         count = whole("count", count, 0, MOST_DRAWN // f, "a number of people", error=StudyError)
         logs = np.log(rng.standard_gamma(shape + 1.0, (count, f))) + np.log(rng.random((count, f))) / shape
@@ -134,7 +136,7 @@ class Prior:
         return *rescaled(shares, sharpness, self._factors(f)), ties
 
     def _cared_for(self, f: int, count: int, rng: np.random.Generator) -> BoolArray:
-        """Return which costs each of so many people cares for (N, f)."""
+        """Return which costs each of ``count`` people cares for (N, f)."""
         cared_for = np.ones((count, f), dtype=bool)
         if f > 1:
             selective = rng.random(count) < self.selective
@@ -145,8 +147,8 @@ class Prior:
     def log_density(self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray) -> FloatArray:
         """Return the logarithm (N,) of the density over logarithms of ratios of shares, sharpness and ties.
 
-        It leaves out a constant, and how probable it is to care for just these costs. Ratios are those of the costs
-        that a person cares for.
+        It omits a constant, and the probability of caring for just these costs. Ratios are those of the costs that a
+        person cares for.
         """
         of_shares, of_others = self.log_densities(shares, sharpness, ties)
         return np.asarray(of_shares + of_others)
@@ -154,7 +156,7 @@ class Prior:
     def log_densities(
         self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the same of shares (N,), and of sharpness and ties (N,), apart.
+        """Return the log densities of shares (N,), and of sharpness and ties (N,), separately.
 
         Over ratios the Dirichlet density has one more of each share, which is its Jacobian. That of other ranges is 1.
         StudyError where sharpness or ties are not positive.
@@ -169,12 +171,12 @@ class Prior:
         return np.asarray(of_shares), np.asarray(-0.5 * (of_sharpness + of_ties))
 
     def _factors(self, f: int) -> FloatArray:
-        """Return by what a range of the front asked about is greater than that of which the shares are (f,)."""
+        """Return the ratios (f,) of the front's ranges to the ranges of the shares."""
         return np.array(self._stretch) if self._stretch else np.ones(f)
 
 
 def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
-    """Return shares (N, f) by their logarithms, each row but for a constant; 0 of what is not cared for."""
+    """Return shares (N, f) from their logarithms, each row up to a constant; 0 for costs not cared for."""
     logs = np.where(cared_for, logs, -np.inf)
     logs -= logs.max(axis=1, keepdims=True)
     shares = np.where(cared_for, np.exp(np.maximum(logs, LEAST_LOG)), 0.0)
@@ -184,7 +186,7 @@ def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
 def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
     """Return the logarithm (...) of the Dirichlet density of the shares (..., f) above 0, over logarithms of ratios.
 
-    concentrations  (..., f), of which those of shares of 0 do not count
+    concentrations  (..., f); those of shares of 0 are ignored
     """
     cared_for = shares > 0
     logs = np.log(np.where(cared_for, shares, 1.0))
@@ -194,7 +196,10 @@ def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
 
 
 def rescaled(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Shares (N, f) and sharpness (N,) of ranges so many times as great, (f,) or (N, f): a unit weighs the same."""
+    """Return shares (N, f) and sharpness (N,) for ranges multiplied by factors, (f,) or (N, f).
+
+    The weight of a unit stays.
+    """
     if (factors == 1.0).all():
         return shares, sharpness
     weights = shares * factors
@@ -203,7 +208,7 @@ def rescaled(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> 
 
 
 def stretched(known: Measure, other: Measure) -> float:
-    """How many times as great the range of the other one is; 1 where one of both says nothing. StudyError by units."""
+    """Return the ratio of another range to a known one; 1 if one of them is 0. StudyError if the units differ."""
     if known.unit != other.unit:
         raise StudyError(
             f"people were asked about {shown(known.name)} in {shown(known.unit)}, here it is in {shown(other.unit)}; "

@@ -1,7 +1,7 @@
-"""What costs are for a preference: as shares of a front's range, one column a cost or, where asked for, a bent one.
+"""Scale of costs for a preference: shares of a front's range, one column for each cost and each bend.
 
-The scale is that of the front that was asked about, by units: on another front a metre weighs as much as it did there,
-however far that front reaches.
+The scale is that of the front of the questions, by units: on another front a metre weighs as much as it did there,
+however wide that front is.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from hpop.frontier.choosing import ROUNDING
 
 LOG = "log"
 BENT = 9.0
-"""Of a logarithmic cost: at the ideal a unit counts 1 + BENT times as much as at the nadir."""
+"""Bend of a logarithmic cost: at the ideal a unit counts 1 + BENT times as much as at the nadir."""
 Feature = str | float
-"""How a cost is bent: "log", or a number in its unit above which it counts more."""
+"""Bend of a cost: "log", or a number in its unit above which it counts more."""
 
 
 class Measure(NamedTuple):
-    """What a share is of: a column of costs, its unit, and its range in that unit; 0 where it says nothing."""
+    """Column of a cost with its unit, and its range in that unit, which is 0 for a constant."""
 
     name: str
     unit: str
@@ -38,11 +38,11 @@ class Measure(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Scale:
-    """Costs by name and unit, and what of them is 0 and what 1.
+class CostScale:
+    """Scale of costs by name and unit, from 0 to 1.
 
     ideal     (k,)   the least of the front, in the units
-    span      (k,)   its range; 0 where the cost is the same all over the front, and says nothing of a preference
+    span      (k,)   its range; 0 where the cost is constant, and has no effect on a preference
     features  by name of a cost: "log", a unit near the ideal counts more; or a number in its unit, above which the cost
               counts once more, with a share of its own
     """
@@ -58,10 +58,10 @@ class Scale:
             self._check(name, feature)
 
     @classmethod
-    def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> Scale:
-        """Return the scale of a front; StudyError where it has fewer than two points, or for what is no feature."""
+    def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> CostScale:
+        """Return the scale of a front; StudyError for fewer than two points, or an invalid feature."""
         if not isinstance(front, Front):
-            raise StudyError(f"a preference is learnt about a front, such as problem.solve() gives, got {shown(front)}")
+            raise StudyError(f"a preference needs a front, such as problem.solve() returns, got {shown(front)}")
         if len(front) < 2:
             raise StudyError(
                 f"of {counted(len(front), 'point')} there is nothing to prefer; take a front of at least two, "
@@ -75,13 +75,13 @@ class Scale:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What has a share of its own: a cost, or what of it is above a number."""
+        """Names of columns with a share of their own: a cost, or its excess above a number."""
         above = [f"{name} above {bound:g}" for name, bound in self._above]
         return (*self.names, *above)
 
     @property
     def measures(self) -> tuple[Measure, ...]:
-        """What the share of each column is of; the unit of a logarithmic cost says that it is one."""
+        """Measures of the columns; the unit of a logarithmic cost is marked."""
         found = []
         for name, unit, span in zip(self.names, self.units, self.span.tolist(), strict=True):
             found.append(Measure(name, f"{LOG} {unit}" if self.features.get(name) == LOG else unit, span))
@@ -103,7 +103,7 @@ class Scale:
         return np.column_stack(columns)
 
     def places_on(self, front: Front[Any]) -> list[int]:
-        """Return where a front has the costs of this scale; StudyError that names what it lacks."""
+        """Return the columns of a front that have the costs of this scale; StudyError that names missing costs."""
         places = []
         for name, unit in zip(self.names, self.units, strict=True):
             if name not in front.names:
@@ -122,7 +122,7 @@ class Scale:
         return places
 
     def costs_on(self, front: Front[Any]) -> FloatArray:
-        """Return the costs (n, k) of a front in the order of this scale; StudyError that names what it lacks."""
+        """Return the costs (n, k) of a front in the order of this scale; StudyError that names missing costs."""
         return np.asarray(front.costs[:, self.places_on(front)])
 
     def rows_on(self, front: Front[Any]) -> FloatArray:
@@ -144,7 +144,7 @@ class Scale:
 
     @staticmethod
     def _bent(share: FloatArray) -> FloatArray:
-        """Return a logarithmic cost, from 0 at the ideal to 1 at the nadir; below the ideal it goes straight on."""
+        """Return a logarithmic cost, from 0 at the ideal to 1 at the nadir; below the ideal it is linear."""
         below = np.minimum(share, 0.0)
         return np.asarray((BENT * below + np.log1p(BENT * np.maximum(share, 0.0))) / np.log1p(BENT))
 
@@ -164,6 +164,6 @@ class Scale:
 
 
 def fingerprint(front: Front[Any]) -> str:
-    """Return SHA-256 of a front's names, units and costs: what was asked about, whatever file it is in."""
+    """Return the SHA-256 of a front's names, units and costs, to identify it in any file."""
     text = json.dumps([front.names, front.units, front.costs.tolist()], allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

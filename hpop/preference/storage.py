@@ -1,7 +1,7 @@
-"""The file of a preference: strict JSON, read without running anything.
+"""File of a preference: strict JSON, read without running code.
 
-Written whole or not at all. It holds the costs by name and unit with their scale, draws of the posterior of equal
-weight, and the answers, so that asking can go on. Reading checks every key, type and number.
+It is written completely or not at all. It holds the costs by name and unit with their scale, draws of the posterior of
+equal weight, and the answers, so that asking can go on. Reading checks every key, type and number.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from hpop.base.options import MOST_SEED
 from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.frontier.strict_json import Kinds, numbers, parse, parts, pieces
-from hpop.preference.answers import MOST_ANSWERS, Answer, checked_question
+from hpop.preference.answers import MOST_ANSWERS, PairAnswer, checked_question
 from hpop.preference.prior import Prior
-from hpop.preference.scale import Measure, Scale
+from hpop.preference.scale import CostScale, Measure
 
 SCHEMA = "hpop-preference"
 VERSION = 1
 SIZE_LIMIT = 16 * 1024**2
-"""Bytes."""
+"""Largest size of a file, in bytes."""
 DRAWS = 2_000
 """Draws that a file holds."""
 MOST_CRITERIA = 100
@@ -49,11 +49,11 @@ _DRAWS: Kinds = {"shares": dict, "sharpness": list, "ties": list}
 
 
 class Stored(NamedTuple):
-    """What a file holds; shares (D, f), sharpness (D,) and Davidson's nu (D,) of draws of equal weight."""
+    """Contents of a file; shares (D, f), sharpness (D,) and Davidson's nu (D,) of draws of equal weight."""
 
-    scale: Scale
+    scale: CostScale
     question: str
-    answers: tuple[Answer, ...]
+    answers: tuple[PairAnswer, ...]
     prior: Prior
     ties: bool
     seed: int
@@ -64,7 +64,7 @@ class Stored(NamedTuple):
 
 
 def write(path: str | os.PathLike[str], stored: Stored) -> None:
-    """Write a preference, in place of a file that is there. OSError where it cannot be written."""
+    """Write a preference, replacing an existing file. OSError if it cannot be written."""
     target = Path(path)
     if not target.parent.exists():
         raise FileNotFoundError(errno.ENOENT, "the folder for the preference is not there; make it first", str(path))
@@ -74,7 +74,7 @@ def write(path: str | os.PathLike[str], stored: Stored) -> None:
 
 
 def read(path: str | os.PathLike[str]) -> Stored:
-    """Read and check a preference; StudyError for a file that is none, OSError for one that cannot be opened."""
+    """Return a checked preference; StudyError for another kind of file, OSError for one that cannot be opened."""
     try:
         data = read_regular(path, SIZE_LIMIT)
     except OSError as error:
@@ -97,7 +97,7 @@ def _refuse(path: str | os.PathLike[str], expected: str, found: str) -> NoReturn
 
 def _document(stored: Stored) -> dict[str, Any]:
     scale, prior = stored.scale, dataclasses.asdict(stored.prior)
-    del prior["_stretch"]  # follows from what it is about, and the scale
+    del prior["_stretch"]  # follows from ``about`` and the scale
     return {
         "schema": SCHEMA,
         "version": VERSION,
@@ -128,7 +128,7 @@ def _document(stored: Stored) -> dict[str, Any]:
 
 
 def _rounded(column: FloatArray) -> list[float]:
-    """Return six digits, far more than so many draws tell."""
+    """Return numbers of six digits, far more than the precision of the draws."""
     return [float(f"{value:.6g}") for value in column.tolist()]
 
 
@@ -158,7 +158,7 @@ def _stored(given: Any) -> Stored:
     )
 
 
-def _scale(criteria: list[Any], features: dict[str, Any]) -> Scale:
+def _scale(criteria: list[Any], features: dict[str, Any]) -> CostScale:
     rows = [parts(one, "a criterion", _CRITERION) for one in criteria]
     names, units, ideal, span = zip(*rows, strict=True)
     if len(set(names)) < len(names):
@@ -167,11 +167,11 @@ def _scale(criteria: list[Any], features: dict[str, Any]) -> Scale:
     size = _limited(list(span), "range", len(names), 0, MOST_COST)
     if ((size > 0) & (size < 1 / MOST_COST)).any():
         raise ValueError(f"a range below {1 / MOST_COST:g}")
-    return Scale(names, units, low, size, features)
+    return CostScale(names, units, low, size, features)
 
 
-def _prior(given: dict[str, Any], scale: Scale) -> Prior:
-    # Files of before had neither; everybody cared for all costs.
+def _prior(given: dict[str, Any], scale: CostScale) -> Prior:
+    # Earlier files had neither, and all people cared for all costs.
     concentration, about, *rest = parts({"about": [], "selective": 0.0, **given}, "the prior", _PRIOR)
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
@@ -185,17 +185,17 @@ def _prior(given: dict[str, Any], scale: Scale) -> Prior:
     return prior
 
 
-def _answer(given: Any, k: int) -> Answer:
+def _answer(given: Any, k: int) -> PairAnswer:
     first, second, chosen, costs, weight = parts(given, "an answer", _ANSWER)
     if len(costs) != 2 or not all(isinstance(one, list) for one in costs):
         raise ValueError("costs of an answer that are not those of two rows")
     pair = tuple(tuple(_limited(one, "the costs of an answer", k, -MOST_COST, MOST_COST).tolist()) for one in costs)
     if min(first, second) < 0 or first == second or chosen not in (first, second, None) or not 0 < weight <= 1:
-        raise ValueError(f"an answer that makes no sense: {shown(given)}")
-    return Answer(first, second, chosen, (pair[0], pair[1]), float(weight))
+        raise ValueError(f"an invalid answer: {shown(given)}")
+    return PairAnswer(first, second, chosen, (pair[0], pair[1]), float(weight))
 
 
-def _draws(given: dict[str, Any], scale: Scale) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _draws(given: dict[str, Any], scale: CostScale) -> tuple[FloatArray, FloatArray, FloatArray]:
     shares, sharpness, ties = parts(given, "draws", _DRAWS)
     columns = parts(shares, "the shares", dict.fromkeys(scale.columns, list))
     size = len(ties)
@@ -210,7 +210,7 @@ def _draws(given: dict[str, Any], scale: Scale) -> tuple[FloatArray, FloatArray,
 
 
 def _limited(values: list[Any], name: str, size: int, least: float, most: float) -> FloatArray:
-    """Return a column of so many numbers between two."""
+    """Return a column of ``size`` numbers between two limits."""
     column = numbers(values, name, size)
     if size and not least <= column.min() <= column.max() <= most:
         raise ValueError(f"numbers from {column.min():g} to {column.max():g} in {name}, not from {least:g} to {most:g}")

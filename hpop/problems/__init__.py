@@ -1,1 +1,1 @@
-"""Problems, how planners solve them, and the fronts that come of it, verified and extended."""
+"""Problems, their solution by planners, and the resulting fronts, verified and extended."""

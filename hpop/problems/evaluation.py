@@ -1,4 +1,4 @@
-"""Criteria evaluated on trajectories that exist: further columns of a front, and traces along one trajectory."""
+"""Criteria evaluated on given trajectories: further columns of a front, and traces along one trajectory."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from hpop.frontier.union import each_claim
 from hpop.motions import Motions, States, laws_of
 from hpop.planners.objectives import edge_objectives
 from hpop.problems.front import Front, question_of
-from hpop.trajectories.history import Pieces, PiecesHistory
+from hpop.trajectories.history import PiecesHistory, TrajectoryPieces
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world import World
 
-ALSO = "also"  # key of a front's problem: what was evaluated beside what it asks for
-PIECE = 0.1  # s: motions are cut into pieces of at most about this duration,
-AGREES = 0.02  # a criterion whose pieces add up to something else, as a share of its value, is traced motion by motion
+ALSO = "also"  # key of a front's problem: criteria evaluated beside those of the problem
+PIECE = 0.1  # s: largest duration of a piece of a motion, approximately
+AGREES = 0.02  # share of a motion's cost by which its pieces may differ; else it is traced motion by motion
 
 
 def evaluated(
@@ -37,7 +37,7 @@ def evaluated(
     _check_answers(problem, front)
     known = {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
     columns = front.names + front.reported_names
-    wanted = made(problem, also, [criterion for name, criterion in known.items() if name in columns])
+    wanted = requested(problem, also, [criterion for name, criterion in known.items() if name in columns])
     if not wanted:
         return front
     values = trajectory_costs(wanted, front.trajectories, problem.world, say=say)
@@ -55,13 +55,14 @@ def evaluated(
     )
 
 
-def made(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[Criterion]) -> list[Criterion]:
+def requested(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[Criterion]) -> list[Criterion]:
     """Return the requested criteria, each once, without those that exist.
 
-    Raises CriterionError for what robot and world do not have, and for two of one name with different parameters.
+    Raises CriterionError for requirements that robot and world lack, and for two criteria of one name with different
+    parameters.
     """
     if isinstance(also, str | Mapping) or not isinstance(also, Sequence):
-        raise CriterionError(f"also is a list of criteria such as ['sickness', 'rotation'], got {shown(also)}")
+        raise CriterionError(f"also must be a list of criteria such as ['sickness', 'rotation'], got {shown(also)}")
     known, wanted = {criterion.name: criterion for criterion in there}, list[Criterion]()
     for criterion in map(make_criterion, also):
         other = known.setdefault(criterion.name, criterion)
@@ -70,8 +71,8 @@ def made(problem: Problem, also: Sequence[CriterionSpec], there: Sequence[Criter
             wanted.append(criterion)
         elif plain(describe_criterion(criterion)) != plain(describe_criterion(other)):
             raise CriterionError(
-                f"{criterion.name!r} is there already with other parameters, {shown(other)}, and a name stands for one "
-                f"column; got {shown(criterion)}"
+                f"{criterion.name!r} has a column already, with other parameters, {shown(other)}; got "
+                f"{shown(criterion)}. A name stands for one column: leave one of them out"
             )
     return wanted
 
@@ -85,14 +86,14 @@ def criteria_of(front: Front) -> list[Criterion]:
 
 
 def claimable(problem: Problem) -> dict[str, Criterion]:
-    """Return the criteria whose costs a front of this problem may hold, stand-ins of means included."""
+    """Return the criteria that may have costs in a front of this problem, stand-ins of means included."""
     additive = [c for c in problem.criteria if c.aggregate != "trajectory"]
     optimised = edge_objectives(additive, "front").optimised if additive else ()
     return {criterion.name: criterion for criterion in (*optimised, *problem.criteria)}
 
 
 def _check_answers(problem: Problem, front: Front) -> None:
-    """Raise QueryError where the front's costs are of another world, robot or criteria."""
+    """Raise QueryError if the front's costs are of another world, robot or criteria."""
     if front.problem is None:
         return
     asked, answered = question_of(plain(problem.describe())), question_of(front.problem)
@@ -104,23 +105,25 @@ def _check_answers(problem: Problem, front: Front) -> None:
         )
 
 
-FEWEST, MOST = 100, 4000  # and into more where the trajectory is short, and into fewer where it is long
+FEWEST, MOST = 100, 4000  # pieces of a trajectory: bounds that change PIECE for short and long ones
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Trace:
-    """Criteria along a trajectory, piece by piece.
+    """Trace of criteria along a trajectory, piece by piece.
 
-    pieces      n, short ones of the motions of the trajectory
+    pieces      n, short pieces of the trajectory's motions
     criteria    k
-    cost        (k,)    value on the whole trajectory
-    running     (n, k)  value over everything up to the end of each piece: total, mean, worst, or value with memory;
-                        where each motion ends, what its motions cost so far
-    rate        (n, k)  sum: cost a second in the piece (of an instantaneous piece, 0); time-mean: mean over the piece;
-                        max: worst in the piece; with memory: growth of the running value a second
+    cost        (k,)    cost of the whole trajectory
+    running     (n, k)  cost up to the end of each piece: total, mean, worst, or value with memory; at the end of each
+                        motion
+                        it is the cost of the motions so far
+    rate        (n, k)  sum: cost per second in the piece (0 if it has no duration); time-mean: mean over the piece;
+                        max:
+                        worst in the piece; with memory: growth of the running value per second
     """
 
-    pieces: Pieces
+    pieces: TrajectoryPieces
     criteria: tuple[Criterion, ...]
     cost: FloatArray
     running: FloatArray
@@ -138,7 +141,7 @@ class Trace:
 
     @property
     def states(self) -> States:
-        """States (n+1,) at those times: where on the map each piece is."""
+        """States (n+1,) at those times."""
         return self.pieces.states
 
     def __repr__(self) -> str:
@@ -149,9 +152,9 @@ class Trace:
 def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> Trace:
     """Trace criteria along a trajectory under the planning law.
 
-    What the pieces of a motion cost is scaled, a little, to what the motion costs. Where a criterion says something of
-    whole motions, so that pieces do not add up to it, its cost is spread over the pieces in proportion to their
-    duration, and what it counts is counted where the motion ends.
+    Costs of pieces are scaled slightly to the cost of their motion. If a criterion measures whole motions, so that its
+    pieces do not add up to them, the cost of a motion is spread over its pieces in proportion to their duration, and
+    counts are counted at the end of the motion.
     """
     pieces = in_pieces(trajectory)
     cost = trajectory_costs(criteria, [trajectory], world)[0]
@@ -162,17 +165,17 @@ def trace(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
     return Trace(pieces, tuple(criteria), cost, running, rate)
 
 
-def in_pieces(trajectory: Trajectory) -> Pieces:
-    """Cut motions into short pieces, as a finer lattice would; planned turns of the base stay whole.
+def in_pieces(trajectory: Trajectory) -> TrajectoryPieces:
+    """Return motions cut into short pieces, as by a finer lattice; planned turns of the base stay whole.
 
-    Those stand before they turn and after, for what stopping and starting costs the moves beside them: when something
-    arises within one means little, and maps show each as one dot.
+    Such a turn stands still before and after it, which belongs to the moves beside it. So the time at which a cost
+    arises within a turn means little, and maps show each turn as one dot.
     """
     piece = max(min(PIECE, trajectory.duration / FEWEST), trajectory.duration / MOST) or 1.0
     counts = np.maximum(1, np.ceil(trajectory.durations / piece)).astype(np.int64)
     laws = laws_of(trajectory.model)
-    whole = [laws[kind].varies == {"yaw"} and _stands(trajectory, i) for i, kind in enumerate(trajectory.kinds)]
-    return Pieces(trajectory, np.where(whole, 1, counts))
+    uncut = [laws[kind].varies == {"yaw"} and _stands(trajectory, i) for i, kind in enumerate(trajectory.kinds)]
+    return TrajectoryPieces(trajectory, np.where(uncut, 1, counts))
 
 
 def _stands(trajectory: Trajectory, i: int) -> bool:
@@ -181,7 +184,7 @@ def _stands(trajectory: Trajectory, i: int) -> bool:
     return any(phase.shape == "hold" for phase in laws_of(trajectory.model)[trajectory.kinds[i]].phases(*ends))
 
 
-def _along(criterion: Criterion, value: float, pieces: Pieces, world: World) -> tuple[FloatArray, FloatArray]:
+def _along(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World) -> tuple[FloatArray, FloatArray]:
     """Return the running value (n,) and the rate (n,) of one criterion over the pieces."""
     duration = pieces.durations
     if criterion.aggregate == "trajectory":
@@ -195,8 +198,8 @@ def _along(criterion: Criterion, value: float, pieces: Pieces, world: World) -> 
     return np.cumsum(costs), _ratio(costs, duration)
 
 
-def _remembered(criterion: Criterion, value: float, pieces: Pieces, world: World) -> FloatArray:
-    """Return running values (n,) of a criterion with memory; even between motions if pieces do not agree."""
+def _remembered(criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World) -> FloatArray:
+    """Return running values (n,) of a criterion with memory; interpolated between motions if pieces do not agree."""
     running: FloatArray = running_values(criterion, PiecesHistory(world, pieces.trajectory, pieces))
     if np.isclose(running[-1:], value, rtol=1e-9, atol=1e-3 * criterion.quantum).all():
         return running
@@ -204,8 +207,8 @@ def _remembered(criterion: Criterion, value: float, pieces: Pieces, world: World
     return np.asarray(np.interp(pieces.times[1:], whole.times, np.append(0.0, running_costs(criterion, whole, world))))
 
 
-def _piece_costs(criterion: Criterion, pieces: Pieces, world: World) -> FloatArray:
-    """Return costs (n,) of pieces that add up to the motions' costs, or whose worst is theirs."""
+def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -> FloatArray:
+    """Return costs (n,) of pieces, scaled so that their sum, or their worst, is that of the motions."""
     whole, owner = pieces.trajectory, pieces.owner
     costs = _each(criterion, pieces.batches(world), len(pieces))
     motions = _each(criterion, whole.batches(world), len(whole))
@@ -230,7 +233,7 @@ def _each(criterion: Criterion, batches: Iterator[tuple[IntArray, Motions]], cou
     return costs
 
 
-def _shares(pieces: Pieces, *, counts: bool) -> FloatArray:
+def _shares(pieces: TrajectoryPieces, *, counts: bool) -> FloatArray:
     """Return the share (n,) of each piece in its motion: of its duration, or all counts in the last piece."""
     last = np.diff(pieces.owner, append=len(pieces.trajectory)) > 0
     lasts = pieces.trajectory.durations[pieces.owner]

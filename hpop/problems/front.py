@@ -1,4 +1,4 @@
-"""The front of trajectories: what a problem's solution is."""
+"""Front of trajectories: the solution of a problem."""
 
 from __future__ import annotations
 
@@ -29,28 +29,28 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
 
 FOR_YOU = "for you"
-"""What a person prefers goes by, beside the knee."""
+"""Name of the point that a person prefers."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Point(frontier.Point[Trajectory]):
-    """One point of a front of trajectories; see :class:`hpop.frontier.Point`."""
+    """Point of a front of trajectories; see :class:`hpop.frontier.Point`."""
 
     @property
     def trajectory(self) -> Trajectory:
-        """The trajectory that has these costs."""
+        """Trajectory that has these costs."""
         return self.item
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Front(frontier.Front[Trajectory]):
-    """Non-dominated trajectories, one a cost vector; see :class:`hpop.frontier.Front` for choosing and union."""
+    """Non-dominated trajectories, one for each cost vector; see :class:`hpop.frontier.Front` for choosing and union."""
 
     def _point(self, row: int) -> Point:
         return Point(**self._fields_of(row))
 
-    if TYPE_CHECKING:  # each point that is given out has a trajectory
+    if TYPE_CHECKING:  # points have trajectories
 
         @overload
         def __getitem__(self, index: int | np.integer[Any], /) -> Point: ...
@@ -83,18 +83,18 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """The trajectories, in the order of the rows of ``costs``."""
+        """Trajectories, in the order of the rows of ``costs``."""
         return self.items
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know of the runs: a stand-in objective, what blocks the way."""
+        """Notes of the runs for the user, such as a stand-in objective, or obstacles that block the path."""
         several = (run.get("notes") for run in self.runs)
         return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
 
     @property
     def inactive(self) -> tuple[str, ...]:
-        """Criteria whose cost is the same all over the front, so that they decide nothing; none of a single point."""
+        """Criteria with one and the same cost all over the front, which decide nothing; none for a single point."""
         if len(self) < 2:
             return ()
         same = (self.integers == self.integers[0]).all(axis=0)
@@ -102,26 +102,28 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def evaluated(self) -> tuple[str, ...]:
-        """Criteria that no run searched for: evaluated on what was found, in which other trajectories may be better."""
+        """Criteria that no run optimised, only evaluated; other trajectories may be better in them."""
         known = [names for run in self.runs if isinstance(names := run.get("evaluated"), list)]
         if not known or len(known) < len(self.runs):
             return ()
         return tuple(name for name in self.names if all(name in names for names in known))
 
     def named(self, preference: Preferring | None = None) -> dict[str, Point]:
-        """The points worth a name: the knee and the least in each criterion, of those found if only evaluated.
+        """Return named points: the knee, and the least in each criterion ("of those found" if only evaluated).
 
-        With the ``preference`` of a person first of all what is best "for you".
+        With the ``preference`` of a person, the first is the best point "for you".
         """
         if not len(self):
             return {}
-        found = self.evaluated
-        least = {f"least {name}" + " of those found" * (name in found): self.best(name) for name in self.names}
-        yours = {} if preference is None else {FOR_YOU: self.select(preference=preference)}
-        return {**yours, "knee": self.knee(), **least}
+        evaluated = self.evaluated
+        least = {
+            f"least {name}{' of those found' if name in evaluated else ''}": self.best(name) for name in self.names
+        }
+        preferred = {} if preference is None else {FOR_YOU: self.select(preference=preference)}
+        return {**preferred, "knee": self.knee(), **least}
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: the points worth a name, what is claimed, a picture where hpop.view is imported."""
+        """Return HTML for a notebook: the named points, the claim, and a picture where hpop.view is imported."""
         units = dict(zip(self.names + self.reported_names, self.units + self.reported_units, strict=True))
         headings = [name if unit == "1" else f"{name} ({unit})" for name, unit in units.items()]
         marks: dict[int, list[str]] = {}
@@ -137,11 +139,11 @@ class Front(frontier.Front[Trajectory]):
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """The problem, wherever its files lie: what is in them is known by its hash."""
+        """Problem without the paths of its files, which are identified by their hashes."""
         return self.problem and question_of(self.problem)
 
     def by_group(self) -> dict[str, dict[str, FloatArray]]:
-        """Costs (n,) by group and criterion: performance P, comfort C, robot R, others O; a group may be empty."""
+        """Return costs (n,) by group (P performance, C comfort, R robot, O others; may be empty) and criterion."""
         columns = dict(zip(self.names, self.costs.T, strict=True))
         group_of = dict(zip(self.names, self.groups, strict=True))
         return {group: {name: columns[name] for name in self.names if group_of[name] == group} for group in GROUPS}
@@ -157,7 +159,7 @@ class Front(frontier.Front[Trajectory]):
 
         States and motions that several trajectories share are written once
         (:meth:`hpop.trajectories.motion_table.MotionTable.describe`). The files of the world are named as seen from the
-        front's folder, not by whole paths: moved together, the front and its map are found again.
+        front's folder: if moved together, the front and its map are found again.
 
         Parameters
         ----------
@@ -176,8 +178,8 @@ class Front(frontier.Front[Trajectory]):
 
         Parameters
         ----------
-        decode : turns what ``encode`` made of a trajectory back into it; without ``encode``, what
-            :meth:`Trajectory.describe` says of it
+        decode : turns the JSON from ``encode`` back into a trajectory; without ``encode``, the JSON is that of
+            :meth:`Trajectory.describe`
 
         Raises FrontFileError when the file does not hold a front of trajectories.
         """
@@ -197,12 +199,12 @@ class Front(frontier.Front[Trajectory]):
 
 
 def question_of(problem: Mapping[str, Any]) -> dict[str, Any]:
-    """The description of a problem without the places of its files: these are known by their hashes."""
+    """Return the description of a problem without the paths of its files, which are identified by their hashes."""
     return _changed(problem, without_places, files.without_places)
 
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:
-    """The robot of a saved problem."""
+    """Return the robot of a saved problem."""
     if problem is None:
         raise FrontFileError(
             f"{path}: expected a front with its problem and model, as `hpop plan` writes it; this one has none, as "
@@ -218,7 +220,7 @@ def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | Non
 
 
 def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, Any]) -> tuple[Trajectory, ...]:
-    """The trajectories that are stored together."""
+    """Return trajectories that are stored together."""
     try:
         return MotionTable.from_description(model, items).trajectories()
     except (ModelError, ValueError) as error:
@@ -226,13 +228,13 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
 
 
 def seen_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """A problem whose files, of world, model and criteria, are also named as seen from the folder of a front's file."""
+    """Return a problem in which files of world, model and criteria are also named relative to a front's folder."""
     folder = _folder(path)
     return _changed(problem, partial(seen_from, folder), partial(files.seen_from, folder))
 
 
 def found_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
-    """A problem whose files are found from the folder of a front's file."""
+    """Return a problem in which files are found relative to a front's folder."""
     folder = _folder(path)
     return _changed(problem, partial(found_from, folder), partial(files.found_from, folder))
 
@@ -242,6 +244,6 @@ def _folder(path: str | os.PathLike[str]) -> str:
 
 
 def _changed(problem: Mapping[str, Any], world: Callable[[Any], Any], model: Callable[[Any], Any]) -> dict[str, Any]:
-    """A problem with what is made of the descriptions of its world, and of its model, as of criteria."""
+    """Return a problem with changed descriptions of its world, its model and its criteria."""
     changes = {"world": world, "model": model, "criteria": model}
     return {key: changes[key](value) if key in changes else value for key, value in problem.items()}

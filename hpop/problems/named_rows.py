@@ -1,4 +1,4 @@
-"""Rows of a front as a person asks for them: by their numbers, or by a name such as "knee" or "least turns"."""
+"""Rows of a front by number, or by a name such as "knee" or "least turns"."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MOST_LETTERS = 40  # of a name in the name of a file
 
 @dataclass(frozen=True)
 class NamedRow:
-    """A row of a front, and what it was asked for as: "knee", "least turns", or "" of a number."""
+    """Row of a front with the name by which it was requested: "knee", "least turns", or "" for a number."""
 
     point: Point
     name: str
 
     @property
     def number(self) -> int:
-        """Its number in the front, counted from 0."""
+        """Row number in the front, counted from 0."""
         return self.point.index
 
     def __str__(self) -> str:
@@ -33,59 +33,59 @@ class NamedRow:
 
     @property
     def stem(self) -> str:
-        """What files of it are called: letters, digits and underscores, such as ``knee_70`` or ``row_3``."""
+        """Stem of names of files about the row: letters, digits and underscores, such as ``knee_70`` or ``row_3``."""
         letters = NO_LETTERS.sub("_", self.name).strip("_")[:MOST_LETTERS]
         return f"{letters or 'row'}_{self.number}"
 
 
 def named_rows(front: Front, asked: Sequence[int | str]) -> tuple[NamedRow, ...]:
-    """The rows that are asked for, each once, in that order.
+    """Return the requested rows, each once, in order of the request.
 
     Parameters
     ----------
-    asked : numbers, counted from 0; "knee"; "least NAME" or the NAME of a criterion, for the least in that
+    asked : numbers, counted from 0; "knee"; "least NAME" or the NAME of a criterion, for the least in that criterion
 
-    Raises OptionError for a front without rows and for a number that is none of its rows, UnknownName for other names.
+    Raises OptionError for a front without rows and for a number out of range, UnknownName for other names.
     """
     if isinstance(asked, str) or not isinstance(asked, Iterable):
-        raise OptionError(f"rows is a list of numbers and names, such as ['knee', 3], got {shown(asked)}")
+        raise OptionError(f"rows must be a list of numbers and names, such as ['knee', 3], got {shown(asked)}")
     if not len(front):
         raise OptionError(f"the front has no trajectories; its search ended with {shown(front.status)}")
     names = front.named()
-    found: dict[int, NamedRow] = {}
-    for one in asked:
-        row = _number(front, one)
+    rows: dict[int, NamedRow] = {}
+    for request in asked:
+        row = _number(front, request)
         if row is not None:
-            found.setdefault(row, NamedRow(front[row], ""))
+            rows.setdefault(row, NamedRow(front[row], ""))
         else:
-            name = name_meant(names, one)
+            name = name_meant(names, request)
             point = names[name]
-            found.setdefault(point.index, NamedRow(point, name))
-    return tuple(found.values())
+            rows.setdefault(point.index, NamedRow(point, name))
+    return tuple(rows.values())
 
 
-def _number(front: Front, one: object) -> int | None:
-    """The row of a number, also where that is text; None for a name."""
-    if isinstance(one, str) and NUMBER.fullmatch(one.strip()) and one.strip() not in front.names:
-        one = int(one)
-    if isinstance(one, str):
+def _number(front: Front, request: object) -> int | None:
+    """Return the row of a number, also in text; None for a name."""
+    if isinstance(request, str) and NUMBER.fullmatch(request.strip()) and request.strip() not in front.names:
+        request = int(request)
+    if isinstance(request, str):
         return None
-    row = int(python_value(one)) if is_whole(one) else -1
+    row = int(python_value(request)) if is_whole(request) else -1
     if not 0 <= row < len(front):
         last = len(front) - 1
         kind = f"the front has rows 0 to {last:,}" if last else "the front has row 0 alone"
-        raise OptionError(f"no row {shown(one)}: {kind}; `hpop show` lists them")
+        raise OptionError(f"no row {shown(request)}: {kind}; `hpop show` lists them")
     return row
 
 
-def name_meant(names: Iterable[str], one: object) -> str:
-    """The name of a point that is meant: as it is, or a criterion's; UnknownName where there is none."""
-    several = list(names)
-    meant = str(one).strip()
-    for known in several:
-        if known in (meant, f"least {meant}", f"{meant} of those found", f"least {meant} of those found"):
-            return known
+def name_meant(names: Iterable[str], request: object) -> str:
+    """Return the full name of a point by that name or a criterion's; raise UnknownName if there is none."""
+    choices = list(names)
+    meant = str(request).strip()
+    for name in choices:
+        if name in (meant, f"least {meant}", f"{meant} of those found", f"least {meant} of those found"):
+            return name
     raise UnknownName(
-        f"no row is called {shown(meant)}.{did_you_mean(meant, several)} Rows are numbers, or one of "
-        f"{', '.join(map(printable, several))}"
+        f"no row is called {shown(meant)}.{did_you_mean(meant, choices)} Rows are numbers, or request of "
+        f"{', '.join(map(printable, choices))}"
     )

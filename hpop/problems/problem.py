@@ -1,4 +1,4 @@
-"""A planning problem: world, model, start, goal and criteria; what planners solve and fronts answer."""
+"""Planning problem: world, model, start, goal and criteria."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ from hpop.world.content.predictions import bounded, with_people
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Problem:
-    """A planning problem: all non-dominated trajectories of a model in a world, from start to goal.
+    """Planning problem: find all non-dominated trajectories of a model in a world, from start to goal.
 
     world     obstacles and free space
     model     the robot with its camera
     start     a state of the model, in the order of ``model.space.names`` or by name: (x m, y m, yaw rad)
-    goal      a state; angles that are None, such as the yaw, are free there. Or what a body shall be at, an
-              :class:`hpop.goals.Goal` such as ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``. Or a list
-              of these, of which any will do
+    goal      a state; angles that are None, such as the yaw, are free there. Or a goal for a body, an
+              :class:`hpop.goals.Goal`
+              such as ``{"look_at": {"target": (2, 1, 1.5), "distance": (1, 2)}}``. Or a list of alternatives
     criteria  names, instances, or ``{name: {parameter: value}}``, all minimised
-    quanta    steps in which costs are compared, in their units, by name, where they are not those that criteria declare
+    quanta    resolution at which costs are compared, in their units, by name, where it differs from the criteria's own
     horizon   s, up to which people are predicted; None: until they leave the map or come to an obstacle
 
-    The world's people are those of the world given, their predictions cut where they cannot be true
-    (:func:`hpop.world.content.predictions.bounded`); ``notes`` say how each ends. Planning, costs and pictures are of
-    these.
+    The problem's world has people with predictions cut where they become impossible
+    (:func:`hpop.world.content.predictions.bounded`); ``notes`` say how each ends. Planning, costs and pictures use that
+    world.
 
-    ``read_seconds``, s, and ``read_memory``, bytes that stay of it, are what reading its files took: the limits of a
-    planner cover it.
+    ``read_seconds``, s, and ``read_memory``, bytes that stay allocated, are the cost of reading its files, which the
+    limits of a planner include.
 
-    Raises QueryError, CriterionError or UnknownName for what makes no sense.
+    Raises QueryError, CriterionError or UnknownName for invalid arguments.
     """
 
     world: World
@@ -78,39 +78,39 @@ class Problem:
         horizon: float | None = None,
     ) -> None:
         if not isinstance(world, World):
-            raise MapError(f"a problem's world is one such as hpop.World.from_geojson(path), got {shown(world)}")
+            raise MapError(f"world must be a World, such as hpop.World.from_geojson(path), got {shown(world)}")
         if isinstance(model, type) or not isinstance(model, Model):
             raise ModelError(
-                f"a problem's model is one such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
+                f"model must be a robot model, such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
                 f"{_lacks(model)}"
             )
         laws_of(completed(model, MODEL_DEFAULTS))
         if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
-            raise CriterionError(f"criteria is a list such as ['turns', 'length'], got {shown(criteria)}")
-        made = tuple(make_criterion(spec) for spec in criteria)
-        repeated = sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1})
+            raise CriterionError(f"criteria must be a list such as ['turns', 'length'], got {shown(criteria)}")
+        checked = tuple(make_criterion(spec) for spec in criteria)
+        repeated = sorted({c.name for c in checked if sum(c.name == other.name for other in checked) > 1})
         if repeated:
             raise CriterionError(f"each criterion may be listed once, got {', '.join(repeated)} more than once")
         if horizon is not None:
             horizon = float(real("horizon", horizon, LEAST, MOST, "a time in s", error=QueryError))
         people, notes = bounded(world, horizon)
         world = with_people(world, people)
-        for criterion in made:
+        for criterion in checked:
             check_usable(criterion, model, world)
-        _check_stand_ins(made)
-        made = with_quanta(made, quanta)
+        _check_stand_ins(checked)
+        checked = with_quanta(checked, quanta)
         begin = model.space.state(start, what="start")
         world, touching = left(world, model, begin)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "horizon", horizon)
-        unseen = notes_on_landmarks(world, model, begin, made)
+        unseen = notes_on_landmarks(world, model, begin, checked)
         object.__setattr__(self, "notes", (*notes, *touching, *unseen))
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", model.space.values(begin))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
         if absent := sorted(self.target.requires - model.provides):
             raise QueryError(f"the goal {self.goal} requires {', '.join(absent)}, which the model does not have")
-        object.__setattr__(self, "criteria", made)
+        object.__setattr__(self, "criteria", checked)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
 
     def __repr__(self) -> str:
@@ -127,12 +127,12 @@ class Problem:
 
     @property
     def target(self) -> Goal:
-        """The goal as states of which any will do, also where it is one."""
+        """Goal as an object, also where it is a single state."""
         return cast(Goal, GoalSet((self.goal,))) if isinstance(self.goal, tuple) else self.goal
 
     @property
     def goals(self) -> tuple[Values, ...]:
-        """The states of which any will do, angles that are free None; QueryError where the goal is no list of them."""
+        """States of the goal, any one sufficient, free angles None; QueryError if the goal is no list of states."""
         if self.target.listed:
             return self.target.listed
         raise QueryError(f"this needs a goal that is a state, or a list of states, got {shown(self.goal)}")
@@ -145,14 +145,15 @@ class Problem:
         executor: Executor | None = None,
         **options: Any,
     ) -> Front:
-        """Return the front of the trajectories that one planner, or several together, find.
+        """Return the front of the trajectories found by one planner, or by several together.
 
         Parameters
         ----------
         planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
         progress : True shows a line on the terminal; a function is called now and then with a
-            :class:`hpop.runtime.status.Progress`. The logger "hpop" hears of stages (DEBUG), and what each planner
-            found (INFO)
+            :class:`hpop.runtime.status.Progress`. The logger "hpop" reports stages (DEBUG) and the result of each
+            planner
+            (INFO)
         executor : where planners that sweep run their jobs (processes, Dask, ...); the front is the same with any
         """
         several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
@@ -188,15 +189,15 @@ class Problem:
         return solving.front(self, candidates, progress)
 
     def keeping(self, margin: float) -> Problem:
-        """Return the problem of a robot that keeps a margin, m, from people who stand; itself where none does."""
+        """Return the problem with a margin, m, to people who stand; the problem itself if there are none."""
         if not margin or not self.world.content.bodies:
             return self
         return replace(self, world=self.world.keeping(margin))
 
     def at(self, state: StateSpec, t: float) -> Problem:
-        """Return the problem asked from another state, ``t`` seconds from now.
+        """Return the problem from another state, ``t`` seconds from now.
 
-        People who move are where they are predicted to be by then, and go on as predicted now; all else stays.
+        People who move are at their predicted positions then, and go on as predicted; the rest of the problem stays.
         """
         t = real("t", t, 0, MOST, "a time in s", error=QueryError)
         world = with_people(self.world, tuple(person.later(t) for person in self.world.content.people))
@@ -211,20 +212,20 @@ class Problem:
     def evaluate(self, of: Trajectory | Front, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float] | Front:
         """Return a trajectory's cost in each criterion, by name; or a front with further criteria.
 
-        Of a front, which must answer this problem (any start and goal), what ``also`` names is evaluated on its
-        trajectories and becomes further reported columns. They are not optimised, and the certificate says so: other
-        trajectories may be better in them. Saved with the front they are re-evaluated by ``hpop show`` as all costs.
+        A front must answer this problem (any start and goal). The criteria in ``also`` are evaluated on its
+        trajectories and become further reported columns. They are not optimised, and the certificate says so: other
+        trajectories may be better in them. Saved with the front, ``hpop show`` re-evaluates them as all costs.
 
         Parameters
         ----------
         also : further criteria, in the forms of a problem's own: ``["sickness", {"obstruction": {"radius": 1.0}}]``
 
-        Raises CriterionError for what the robot or the world does not have, or a name with other parameters than the
-        front's column; QueryError for the front of another problem.
+        Raises CriterionError for a requirement that the robot or the world lacks, or a name with other parameters than
+        the front's column; QueryError for the front of another problem.
         """
         if isinstance(of, Front):
             return evaluation.evaluated(self, of, also)
-        criteria = [*self.criteria, *evaluation.made(self, also, self.criteria)]
+        criteria = [*self.criteria, *evaluation.requested(self, also, self.criteria)]
         values = trajectory_costs(criteria, [_checked_trajectory(of)], self.world)[0]
         return dict(zip((c.name for c in criteria), values.tolist(), strict=True))
 
@@ -246,7 +247,7 @@ class Problem:
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Problem:
-        """Rebuild a problem; raises the error of the part that does not fit, QueryError when a part is missing."""
+        """Return a problem from its description; raise the error of a wrong part, or QueryError for a missing one."""
         try:
             world, model = description["world"], description["model"]
             start, goal, criteria = description["start"], description["goal"], description["criteria"]
@@ -269,12 +270,12 @@ class Problem:
 
 
 def _lacks(model: Any) -> str:
-    """Return the attributes that a model of one's own lacks, as text; "" for anything else."""
+    """Return the missing attributes of a user's model, as text; "" for objects that are no model at all."""
     members = [name for name in vars(Model) if not name.startswith("_")]
     absent = [name for name in members if not hasattr(model, name)]
     if isinstance(model, type) or not 0 < len(absent) < len(members) - 1:
         return ""
-    return f", which lacks {', '.join(absent)}; hpop.models.base.PlanarModel has what follows from parts and laws"
+    return f", which lacks {', '.join(absent)}; hpop.models.base.PlanarModel derives most of them from parts and laws"
 
 
 def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
@@ -297,14 +298,14 @@ def _checked_trajectory(trajectory: Trajectory) -> Trajectory:
 
 @checked_arguments
 class Planning:
-    """A planner for many queries with their own start and goal, in one world with one robot and fixed criteria.
+    """Planner for many queries, each with its own start and goal, in one world with one robot and fixed criteria.
 
-    The planner's graph is anchored at the world where its family can be, as the lattice's can; so its free states, its
-    arcs and their costs are computed for the first query and used by all others. Start and goal are joined to the
-    graph, as they are to any (:mod:`hpop.planners.graphs.joined_ends`). A graph that is drawn for each query, such as a
-    roadmap, is built anew.
+    If the planner's graph family can be anchored at the world, as the lattice can, its free states, arcs and costs are
+    computed for the first query and used by all others. Start and goal are joined to the graph
+    (:mod:`hpop.planners.graphs.joined_ends`). A graph that is drawn for each query, such as a roadmap, is built anew.
 
-    Fronts are exact on that graph. They differ from those of ``Problem.solve``, whose lattice goes through the start.
+    Fronts are exact on that graph. They differ from those of ``Problem.solve``, where the lattice goes through the
+    start.
 
     >>> import hpop, shapely
     >>> world = hpop.World.from_polygons([shapely.box(3, 0, 4, 3)], extent=shapely.box(0, 0, 8, 6))
@@ -322,7 +323,7 @@ class Planning:
         planner: PlannerSpec = "lattice",
         **question: Any,
     ) -> None:
-        """Keep what all queries share.
+        """Make a planner for the queries.
 
         Parameters
         ----------
@@ -334,7 +335,7 @@ class Planning:
         self._question = question
 
     def problem(self, start: StateSpec, goal: GoalSpec) -> Problem:
-        """Return the problem of a query; raises QueryError for ends that make no sense."""
+        """Return the problem of a query; raise QueryError for invalid ends."""
         return Problem(self.world, self.model, start, goal, self.criteria, **self._question)
 
     def solve(self, start: StateSpec, goal: GoalSpec) -> Front:
@@ -342,19 +343,19 @@ class Planning:
         return self.front(self.problem(start, goal))
 
     def front(self, problem: Problem) -> Front:
-        """Return the front of a problem by the planner that keeps its graph, without stages before the last."""
+        """Return the front of a problem by the planner and its kept graph, without early stages."""
         return last_answer(problem, self.planner)
 
     def updated(self, world: World) -> Planning:
-        """Return planning in a changed world, which computes again only what the change touches.
+        """Return the planning in a changed world, which computes again only the parts that the change touches.
 
         Arcs of the lattice are checked again where the robot may meet the change. Costs are computed again for those
-        arcs, and for all arcs by criteria that read of the world what changed: its obstacles, people or zones.
+        arcs, and for all arcs by criteria that depend on the changed content: obstacles, people or zones.
         """
         changed = Planning(world, self.model, self.criteria, self.planner, **self._question)
         family, margin = self.planner.graph_of_drives, self.planner.margin
         if family is not None:
-            made = with_quanta(tuple(map(make_criterion, self.criteria)), self._question.get("quanta"))
-            criteria = edge_objectives(made, self.planner.name).optimised
+            checked = with_quanta(tuple(map(make_criterion, self.criteria)), self._question.get("quanta"))
+            criteria = edge_objectives(checked, self.planner.name).optimised
             family.update(self.world.keeping(margin), world.keeping(margin), self.model, criteria)
         return changed

@@ -1,4 +1,4 @@
-"""How a problem is solved: planners one after the other, their candidates re-evaluated, the fronts joined."""
+"""Solution of a problem: planners run in turn, their candidates are re-evaluated and their fronts joined."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towar
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-SEEN = 0.05  # m: radius of the ball about a target, of which some is to be seen
+TARGET_RADIUS = 0.05  # m: radius of the ball about a target, part of which should be visible
 RAYS = 37
 StageCallback = Callable[[Front], None]
-SOME = 4_000  # points that are made, re-evaluated and saved within half a second
-SOME_WITH_MEMORY = 40  # where criteria look at each trajectory by itself, which takes some 8 ms each
+SOME = 4_000  # points that are re-evaluated and saved within half a second
+SOME_WITH_MEMORY = 40  # points, with criteria of the whole trajectory, which take about 8 ms each
 
 
 def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
-    """Say from where trajectories end whose camera looks at a target that something hides."""
-    looks = [(one, one.looked_at) for one in goal.alternatives() if one.looked_at is not None]
+    """Return notes on trajectories that end looking at a target behind an obstacle."""
+    looks = [(look, look.looked_at) for look in goal.alternatives() if look.looked_at is not None]
     if not looks or not len(trajectories):
         return ()
     names = model.space.names
@@ -73,15 +73,15 @@ def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Seque
 def _hidden(world: World, model: Model, states: States, target: tuple[float, float, float]) -> BoolArray:
     """Return whether solids hide all of a ball about a target from cameras in states (N,)."""
     pose = model.pose("camera", states)
-    place = rows((pose.x, pose.y, pose.z), states.size)
+    camera = rows((pose.x, pose.y, pose.z), states.size)
     share = surfaces_of(world).blocked(
-        Surfaces.of([]), np.empty((0, states.size, 4, 4)), place, *towards_ball(place, target, SEEN, RAYS)
+        Surfaces.of([]), np.empty((0, states.size, 4, 4)), camera, *towards_ball(camera, target, TARGET_RADIUS, RAYS)
     )
     return np.asarray(share >= 1.0 - 1e-9)
 
 
 def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iterable[Criterion]) -> tuple[str, ...]:
-    """Say which landmarks obstacles wall in, if a criterion needs landmarks."""
+    """Return a note on landmarks that obstacles wall in, if a criterion needs landmarks."""
     if not world.content.landmarks or not any("landmarks" in criterion.requires for criterion in criteria):
         return ()
     pose = model.pose("camera", start)
@@ -89,17 +89,17 @@ def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iter
     walled = [mark for mark in world.content.landmarks if _walled_in(world, mark, camera)]
     if not walled:
         return ()
-    who = [f"{mark.name!r} at ({mark.x:.4g}, {mark.y:.4g})" for mark in walled]
+    walled_names = [f"{mark.name!r} at ({mark.x:.4g}, {mark.y:.4g})" for mark in walled]
     return (
-        f"landmarks that are walled in, and seen from nowhere else: {some(who)}; obstacles close about them (a white "
-        "letter on a dark pedestal is free ground within an obstacle): move them, or mend the map",
+        f"landmarks walled in by obstacles, so that they cannot be seen: {some(walled_names)} (a white letter on a "
+        "dark pedestal is free ground within an obstacle): move them, or mend the map",
     )
 
 
 def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
     """Return whether obstacles at all heights between a landmark and a camera separate the two.
 
-    What contains the landmark hides nothing, so it is not walled in by that.
+    Obstacles that contain the landmark do not count.
     """
     low, high = sorted((mark.z, camera[2]))
     if world.has_heights:
@@ -111,12 +111,12 @@ def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
     else:
         region = world.ground.free_space((low, high)).region
     parts = shapely.get_parts(region)
-    place, eye = shapely.Point(mark.x, mark.y), shapely.Point(camera[:2])
-    own, other = (parts[shapely.intersects(parts, point)] for point in (place, eye))
-    return bool(own.size and other.size) and not any(one.equals(two) for one in own for two in other)
+    position, eye = shapely.Point(mark.x, mark.y), shapely.Point(camera[:2])
+    around_mark, around_eye = (parts[shapely.intersects(parts, point)] for point in (position, eye))
+    return bool(around_mark.size and around_eye.size) and not any(a.equals(b) for a in around_mark for b in around_eye)
 
 
-GRACE, MOST_GRACE = 0.03, 0.3  # of a time limit, and s, by which the evaluation of what was found may pass it
+GRACE, MOST_GRACE = 0.03, 0.3  # share of a time limit, and s, by which the evaluation of results may pass it
 
 
 @checked_arguments
@@ -188,8 +188,8 @@ def last_answer(problem: Problem, planner: Planner) -> Front:
 def front(problem: Problem, candidates: Candidates, progress: ProgressCallback | None = None) -> Front:
     """Re-evaluate candidates by the problem's criteria and keep the non-dominated ones; report progress.
 
-    Every reported cost is the criterion's own value on the returned trajectory. If one differs from what the planner
-    added up by more than the planner's tolerance, the certificate says so: that is a bug.
+    Every reported cost is the criterion's own value on the returned trajectory. If one differs from the planner's sum
+    by more than the planner's tolerance, the certificate says so: that is a bug.
     """
     objectives = (*candidates.objectives, *candidates.filters)
     means = [c for c in problem.criteria if c not in objectives]
@@ -203,8 +203,8 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
     for criterion, most in zip(objectives, costs.max(axis=0, initial=0.0).tolist(), strict=True):
         if most > MAX_QUANTA * criterion.quantum:
             raise CriterionError(
-                f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, more quanta of "
-                f"{criterion.quantum:g} than a double tells apart; take a coarser quantum, or shorter motions"
+                f"{criterion.name} costs {most:.3g} {criterion.unit} on a trajectory, which is more quanta of "
+                f"{criterion.quantum:g} than float64 resolves; take a coarser quantum, or shorter motions"
             )
     optimised = costs[:, : len(candidates.objectives)]
     off = np.abs(optimised - candidates.planned) > candidates.tolerance + 1e-9 * np.abs(optimised)
@@ -244,9 +244,9 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
 
 
 def _spending(problem: Problem, planner: Planner) -> Spending:
-    """Return the time that a planner may spend, on what it finds as well.
+    """Return the time that a planner may spend, including the evaluation of its results.
 
-    Reading the map is part of it for a planner that says what it may spend on that.
+    Reading the map is included for a planner with a limit on that.
     """
     if isinstance(planner, Limited):
         return Spending(Budget(planner.budget().time_limit), spent=problem.read_seconds)
@@ -254,7 +254,7 @@ def _spending(problem: Problem, planner: Planner) -> Spending:
 
 
 def _until_limit(spending: Spending) -> float | None:
-    """Return the seconds until the limit, and a part of those by which it may be passed: none is worth few points."""
+    """Return the seconds until the limit, plus the grace by which evaluation may pass it: no grace gives few points."""
     limit, until = spending.limits.time_limit, spending.until_limit()
     return None if limit is None or until is None else until + min(GRACE * limit, MOST_GRACE)
 
@@ -262,7 +262,7 @@ def _until_limit(spending: Spending) -> float | None:
 def _stages(
     problem: Problem, planner: Planner, progress: ProgressCallback | None, executor: Executor | None
 ) -> Iterator[Candidates]:
-    """Yield a planner's candidates, in stages; an unusable end gets the map's notes."""
+    """Yield a planner's candidates, in stages; add the map's notes to an error about start or goal."""
     try:
         yield from stages_of(planner, problem, progress, executor)
     except QueryError as error:
@@ -300,7 +300,7 @@ def _evaluated(
 def _save_some(
     problem: Problem, before: Front | None, stages: Candidates | None, stage: StageCallback | None, last: Candidates
 ) -> bool:
-    """Hand over some of many points that an interrupted planner found; return whether there were so many."""
+    """Pass some of many points of an interrupted planner to ``stage``; return whether there were that many."""
     number = SOME_WITH_MEMORY if any(c.aggregate == "trajectory" for c in problem.criteria) else SOME
     if stage is None or last.status is not Status.INTERRUPTED or len(last.trajectories) <= number:
         return False
@@ -326,18 +326,18 @@ def _check_joinable(planners: Iterable[Planner]) -> None:
 
 
 def _check_checkpoints(planners: Iterable[Planner]) -> None:
-    """Raise OptionError where two searches would be kept in one file: each would find the other one's there."""
-    kept: dict[str, str] = {}
+    """Raise OptionError if two searches share a checkpoint file, where each would find the other's search."""
+    searches_by_file: dict[str, str] = {}
     for planner in planners:
         for name, checkpoint in _checkpoints(planner):
             file = os.path.realpath(checkpoint.path)
-            if file in kept:
+            if file in searches_by_file:
                 raise OptionError(
-                    f"{kept[file]} and {name} would keep their searches in one checkpoint, "
+                    f"{searches_by_file[file]} and {name} would keep their searches in one checkpoint, "
                     f"{shown(os.fspath(checkpoint.path))}; give each a file of its own among its options, or plan them "
                     "one at a time"
                 )
-            kept[file] = name
+            searches_by_file[file] = name
 
 
 def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:

@@ -1,4 +1,4 @@
-"""Is a front what it claims? Costs re-evaluated, ends compared, collisions checked in space by python-fcl."""
+"""Verification of a front: costs re-evaluated, ends compared, collisions checked in space by python-fcl."""
 
 from __future__ import annotations
 
@@ -24,26 +24,26 @@ from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.content.predictions import with_stops
 
-SAME = 1e-9  # relative: a re-evaluated cost is the same number but for the order of a sum
-CLOSE = 1e-5  # m or rad: two states written in decimals are the same
-HEADING_CLOSE = 5e-3  # rad: a yaw of three decimals was put on the planner's heading
-SPOKEN = 100  # trajectories between two reports, where each is looked at by itself
-TOGETHER = 2**10  # motions that are looked at between two reports
-MOST_TURNED = 1e4  # rad: yaws beyond are no trajectory, and would take for ever to check
+SAME = 1e-9  # relative: costs differ by less if only the order of a sum differs
+CLOSE = 1e-5  # m or rad: rounding of states written in decimals
+HEADING_CLOSE = 5e-3  # rad: rounding of a yaw of three decimals to the planner's heading
+PROGRESS_EVERY = 100  # trajectories between two progress reports
+TOGETHER = 2**10  # motions checked between two progress reports
+MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take for ever to check
 
 
 def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None = None) -> list[str]:
-    """Faults of a front of this problem, in words; none if it holds what it claims.
+    """Return the faults of a front of this problem, in words; none if its claims hold.
 
-    Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart
-    than 5 cm or 3 degrees, the ends from the problem; people who move are looked for every hundredth of a second
-    (:mod:`.contacts`), about the plan and about what is executed of it. What trajectories share is checked once. Fronts
-    of earlier versions, whose lattice put the goal on its nearest position, say so in the provenance ("goal_offset"):
-    no more than half a diagonal of a "step" is believed.
+    Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart than
+    5 cm or 3 degrees, the ends from the problem. People who move are checked every hundredth of a second
+    (:mod:`.contacts`), for the plan and for its execution. Motions that trajectories share are checked once. In fronts
+    of earlier versions the lattice put the goal on its nearest position, with a "goal_offset" in the provenance: up to
+    half a diagonal of a "step" is accepted.
 
     Parameters
     ----------
-    say : called now and then with what is being checked and how far that is
+    say : called now and then with the current check and its progress
     """
     if not len(front):
         return [*_declared_faults(problem, front)]
@@ -65,13 +65,13 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
 
 
 def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None) -> Iterator[str]:
-    """Contact with people who move, and what is nearer to them than the planner says that it keeps."""
+    """Yield contacts with people who move, and distances below the planner's declared margin."""
     people = problem.world.content.people
     left = problem.world.content.left
     if not left and not any(person.moves for person in people):
         return
     for i, trajectory in enumerate(front.trajectories):
-        if say is not None and i % SPOKEN == 0:
+        if say is not None and i % PROGRESS_EVERY == 0:
             say(f"people who move about {i:,} of {len(front):,} trajectories")
         margin = front.provenance[i].get("margin")
         kept = min(max(float(margin), 0.0), MOST) if isinstance(margin, int | float) else 0.0
@@ -90,17 +90,17 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
 
 
 def _numbers(given: Any) -> list[int]:
-    """Return the numbers of people that a provenance names; none where it names something else."""
+    """Return the numbers of people that a provenance names; none where it holds something else."""
     return [number for number in given if isinstance(number, int)] if isinstance(given, list) else []
 
 
 def lost_trajectories(problem: Problem, front: Front) -> list[str]:
-    """The trajectories that leave the map, where nothing of them can be evaluated, or turn without end."""
+    """Return faults of trajectories that leave the map, where they cannot be evaluated, or turn without end."""
     return _lost(problem, MotionTable.of(front.trajectories)) if len(front) else []
 
 
 def _lost(problem: Problem, table: MotionTable) -> list[str]:
-    """The same of a table; states that trajectories share are looked at once."""
+    """Return these faults for a table; states that trajectories share are checked once."""
     lost = ~on_map(problem, table.states)
     for name in problem.model.space.turning:
         lost |= ~(np.abs(getattr(table.states, name)) <= MOST_TURNED)
@@ -108,20 +108,20 @@ def _lost(problem: Problem, table: MotionTable) -> list[str]:
 
 
 def _known(problem: Problem, front: Front) -> dict[str, Criterion]:
-    """Criteria whose costs this front may hold: what was evaluated beside, and above all those of its problem."""
+    """Return the criteria that this front may have costs of: those of its problem, and those evaluated besides."""
     return {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
 
 
 def _declared_faults(problem: Problem, front: Front) -> Iterator[str]:
-    """Criteria that are not the problem's, or are said to be what they are not."""
+    """Yield faults of the columns: criteria that are not the problem's, or with a wrong declaration."""
     every = _known(problem, front)
     names = [*front.names, *front.reported_names]
     unknown = [name for name in names if name not in every]
     if unknown:
-        yield f"costs of {', '.join(unknown)} are saved, which the problem does not ask for"
+        yield f"costs of {', '.join(unknown)} are saved, but are not among the problem's criteria"
     lacking = [c.name for c in problem.criteria if c.name not in names]
     if lacking:
-        yield f"costs of {', '.join(lacking)} are not saved, which the problem asks for"
+        yield f"costs of {', '.join(lacking)} are not saved, although they are among the problem's criteria"
     for name, unit in zip(names, [*front.units, *front.reported_units], strict=True):
         if name in every and unit != every[name].unit:
             yield f"{name} is saved in {unit!r}, but its unit is {every[name].unit!r}"
@@ -148,7 +148,7 @@ def _cost_faults(
 
 
 def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
-    """Trajectories (n,) to look at one by one: ends that are not the problem's, motions that the model doubts."""
+    """Return which trajectories (n,) need a check one by one: other ends than the problem's, or doubtful motions."""
     first, last = table.states.take(table.first), table.states.take(table.last)
     suspects = ~_Miss.of(problem, problem.start, first).none
     if problem.target.listed:
@@ -163,10 +163,10 @@ def _suspects(problem: Problem, table: MotionTable) -> BoolArray:
 
 
 class _Miss(NamedTuple):
-    """By how much states (M,) miss an end.
+    """Distance of states (M,) from an end.
 
-    distance  m    in the columns that are lengths
-    others    rad  in each of the others; nothing where the end leaves it free
+    distance  m    over the columns that are lengths
+    others    rad  in each of the other columns; 0 where the end leaves it free
     """
 
     distance: FloatArray
@@ -174,7 +174,7 @@ class _Miss(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem, end: Values, states: States) -> _Miss:
-        """The miss of an end of the problem."""
+        """Return the miss of an end of the problem."""
         space = problem.model.space
         differences = space.differences(space.state(end, free=space.angles), states)
         off = {name: np.nan_to_num(np.abs(change)) for name, change in differences.items()}
@@ -183,12 +183,12 @@ class _Miss(NamedTuple):
 
     @property
     def most(self) -> float:
-        """The largest of the others."""
+        """Largest angle of the miss."""
         return max((float(off.max(initial=0.0)) for off in self.others.values()), default=0.0)
 
     @property
     def none(self) -> BoolArray:
-        """Whether each state (M,) is at the end."""
+        """True for each state (M,) that is at the end."""
         close = self.distance <= CLOSE
         for off in self.others.values():
             close &= off <= HEADING_CLOSE
@@ -196,7 +196,7 @@ class _Miss(NamedTuple):
 
 
 def _offset(provenance: Mapping[str, Any]) -> float:
-    """How far from the goal the planner says that it ended, m, within what its step allows."""
+    """Return the planner's declared distance from the goal, m, within the limits of its step."""
     offset, step = (provenance.get(key) for key in ("goal_offset", "step"))
     if not (isinstance(offset, int | float) and isinstance(step, int | float) and max(abs(offset), abs(step)) <= MOST):
         return 0.0
@@ -221,12 +221,12 @@ def _end_faults(problem: Problem, trajectory: Trajectory, offset: float) -> Iter
 
 
 def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
-    """Whether each trajectory (n,) is free at densely sampled states; motions that many share are checked once."""
+    """Return whether each trajectory (n,) is free at densely sampled states; shared motions are checked once."""
     return _free(problem, MotionTable.of(trajectories)) if trajectories else np.ones(0, dtype=bool)
 
 
 def _free(problem: Problem, table: MotionTable, say: Callable[[str], None] | None = None) -> BoolArray:
-    """Whether each trajectory (n,) of a table is free."""
+    """Return whether each trajectory (n,) of a table is free."""
     judge = problem.model.judge(problem.world)
     colliding = np.zeros(len(table), dtype=bool)
     done = 0

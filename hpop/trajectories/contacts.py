@@ -1,8 +1,7 @@
-"""Contact with people who move: whether a trajectory comes too near to somebody, looked at moment by moment.
+"""Contact of a trajectory with people who move, checked moment by moment.
 
-It shares no geometry and no rule with the planners that keep clear: the robot's outline is put where it is, every
-hundredth of a second, and an uncertain person wherever it may be, at points that stand for equal shares of its normal
-distribution.
+This check shares no geometry and no rule with the planners that keep clear. The robot's outline is placed every
+hundredth of a second. An uncertain person is placed at points that stand for equal shares of the normal distribution.
 """
 
 from __future__ import annotations
@@ -23,13 +22,13 @@ from hpop.world.content.people import Person
 
 STEP = 0.01  # s between moments
 TOGETHER = 2**16  # moments
-TOUCH = 1e-3  # m: surfaces may touch, and what happens between moments is not seen
-RISK = 0.05  # of what is predicted at a moment may be contact
-UNSURE = 0.01  # by which the share that is found may be off: one point of POINTS is far less
+TOUCH = 1e-3  # m: tolerance for touching surfaces and for motion between moments
+RISK = 0.05  # accepted share of a prediction in contact at a moment
+UNSURE = 0.01  # tolerance for the computed share; one point of POINTS is far less
 POINTS = 1000
-PLACED = 64  # moments of which all these points are looked at together
+PLACED = 64  # moments whose points are computed together
 FARTHEST = 4.0  # standard deviations, beyond which there is no point
-SOON = 1.0  # s: who comes within a margin by then may be left, as one who was within it at first
+SOON = 1.0  # s: a person who comes within a margin by then counts as within it from the start
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 
@@ -40,12 +39,12 @@ def contact(
     margin: float = 0.0,
     left: Collection[int] = (),
 ) -> str:
-    """In words, when a robot of some upright parts first touches somebody, or is nearer than a margin, m; "" if never.
+    """Return a description of the first contact, or of the first distance below a margin, m; "" if there is none.
 
-    Of somebody uncertain, or with several futures, when that is so in more than 5 % of what is predicted. A robot that
-    begins within a margin, or into whose margin somebody comes within a second, may leave; so may one that begins in
-    contact, as long as it does not make the gap smaller by itself. Of those who stand the ones whom it leaves count, by
-    number.
+    For a person who is uncertain or has several futures, it is the first moment at which more than 5 % of the
+    prediction is too near. A robot that begins within a margin, or is approached within a second, may leave; so may one
+    that begins in contact, as long as its own motion does not make the gap smaller. Of people who stand, those count by
+    number that the robot leaves (``left``).
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
@@ -59,22 +58,22 @@ def contact(
 def first_contact(
     parts: Sequence[Any], people: Sequence[Person], trajectory: Trajectory, margin: float, *, begin: float = 0.0
 ) -> tuple[float, str] | None:
-    """When, s, a robot of some parts is first nearer than a margin, m, to somebody, who stands or moves, and to whom.
+    """Return the time, s, at which a robot is first nearer than a margin, m, to any person, and the person.
 
-    begin  s, of the trajectory, from when on people are as they are predicted; when is told from then on
+    begin  s, of the trajectory, at which the predictions of people begin; the returned time counts from then
     """
     return _first_of_all(parts, people, _moments(trajectory, begin), margin, range(len(people)))
 
 
 class _Moments(NamedTuple):
-    """When it is looked, s, (N,) and where the robot is then."""
+    """Moments of a check: times, s, (N,), and states of the robot."""
 
     times: FloatArray
     states: States
 
 
 def _moments(trajectory: Trajectory, begin: float = 0.0) -> list[_Moments]:
-    """All moments from a time on, s, from which they count."""
+    """Return all moments from a time on, s, from which they count."""
     duration = trajectory.duration - begin
     count = math.ceil(duration / STEP) + 1
     parts = (np.arange(first, min(first + TOGETHER, count)) for first in range(0, count, TOGETHER))
@@ -89,7 +88,10 @@ def _first_of_all(
     margin: float,
     left: Collection[int] = (),
 ) -> tuple[float, str] | None:
-    """When, s, the robot is first too near to somebody who moves, or is left, by number, and to whom."""
+    """Return the time, s, at which the robot is first too near to a person, and the person.
+
+    People who move count, and those who are left, by number.
+    """
     found = [
         (moment, person.name or f"person {number}")
         for number, person in enumerate(people)
@@ -99,7 +101,7 @@ def _first_of_all(
 
 
 def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], margin: float) -> float | None:
-    """The first moment, s, at which one person is too near; with a margin, but for one from which the robot leaves."""
+    """Return the first moment, s, at which one person is too near, unless the robot leaves that person's margin."""
     uncertain = any(likely.spread or likely.growth for _, likely in person.hypotheses)
     leaves, parts_from = margin > 0.0, margin == 0.0  # it may still be leaving; or parting from contact
     for times, states in moments:
@@ -121,7 +123,7 @@ def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], ma
 
 
 def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray) -> int:
-    """How many moments after its beginning a robot is still in contact, and does not make a gap smaller by itself.
+    """Return how many moments a robot stays in contact from its beginning without making the gap smaller by itself.
 
     A person may follow faster than the robot leaves.
     """
@@ -129,11 +131,11 @@ def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatAr
     until = int(apart[0]) if apart.size else near.size
     for _, likely in person.hypotheses:
         x, y = (np.broadcast_to(column, times.shape)[:until] for column in likely.at(times))
-        places = np.stack([x, y], axis=1)
-        gap = _distance(parts, states.take(np.arange(until)), places)
-        if gap[0] >= person.radius - TOUCH:  # where the person is predicted to be there is no contact
+        positions = np.stack([x, y], axis=1)
+        gap = _distance(parts, states.take(np.arange(until)), positions)
+        if gap[0] >= person.radius - TOUCH:  # no contact at the predicted position
             return 0
-        own = _distance(parts, states.take(np.arange(1, until)), places[:-1]) - gap[:-1]
+        own = _distance(parts, states.take(np.arange(1, until)), positions[:-1]) - gap[:-1]
         nearer = np.append(0.0, np.cumsum(np.maximum(own, np.diff(gap)).clip(max=0.0)))
         shrinks = np.flatnonzero(nearer < -TOUCH)
         until = int(shrinks[0]) if shrinks.size else until
@@ -141,7 +143,7 @@ def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatAr
 
 
 def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArray, margin: float) -> FloatArray:
-    """How much (N,) of what is predicted at times (N,), s, is too near: 0 or 1 of somebody whose place is sure."""
+    """Return the share (N,) of the prediction at times (N,), s, that is too near: 0 or 1 for a certain position."""
     x, y = (np.broadcast_to(column, times.shape) for column in person.at(times))
     there = np.broadcast_to(np.asarray(person.there(times), float), times.shape) > 0
     deviation = np.broadcast_to(np.asarray(person.deviation(times), float), times.shape)
@@ -155,25 +157,25 @@ def _share(parts: Sequence[Any], person: Person, states: States, times: FloatArr
     for begin in range(0, unsure.size, PLACED):
         some = unsure[begin : begin + PLACED]
         middle = np.stack([x[some], y[some]], axis=1)[:, None]
-        places = middle + deviation[some, None, None] * _normal()  # (n, POINTS, 2)
+        positions = middle + deviation[some, None, None] * _normal()  # (n, POINTS, 2)
         here = states.take(np.repeat(some, POINTS))
-        share[some] = (_distance(parts, here, places.reshape(-1, 2)) < least).reshape(-1, POINTS).mean(axis=1)
+        share[some] = (_distance(parts, here, positions.reshape(-1, 2)) < least).reshape(-1, POINTS).mean(axis=1)
     return share
 
 
-def _distance(parts: Sequence[Any], states: States, places: FloatArray) -> FloatArray:
-    """Distance (N,), m, of places (N, 2) from the robot in states (N,); 0 within it."""
-    x, y = places[:, 0] - states.x, places[:, 1] - states.y
+def _distance(parts: Sequence[Any], states: States, positions: FloatArray) -> FloatArray:
+    """Return the distance (N,), m, of positions (N, 2) from the robot in states (N,); 0 within it."""
+    x, y = positions[:, 0] - states.x, positions[:, 1] - states.y
     cos, sin = np.cos(states.yaw), np.sin(states.yaw)
     ahead, left = cos * x + sin * y, cos * y - sin * x
-    nearest = np.full(len(places), np.inf)
+    nearest = np.full(len(positions), np.inf)
     for part in parts:
         nearest = np.minimum(nearest, _to_hull(part.corners, ahead, left) - part.radius)
     return np.asarray(np.maximum(nearest, 0.0))
 
 
 def _to_hull(corners: Sequence[tuple[float, float]], x: FloatArray, y: FloatArray) -> FloatArray:
-    """Distance (N,), m, of points from the convex hull of some corners; 0 within it."""
+    """Return the distance (N,), m, of points from the convex hull of some corners; 0 within it."""
     ring = shapely.get_coordinates(shapely.convex_hull(shapely.MultiPoint(corners)))
     if len(ring) == 1:
         return np.asarray(np.hypot(x - ring[0, 0], y - ring[0, 1]))
@@ -191,7 +193,7 @@ def _to_hull(corners: Sequence[tuple[float, float]], x: FloatArray, y: FloatArra
 
 @cache
 def _normal() -> FloatArray:
-    """Points (POINTS, 2) that stand for equal shares of a standard normal distribution: a spiral of golden angles."""
+    """Return points (POINTS, 2) with equal shares of a standard normal distribution: a spiral of golden angles."""
     number = np.arange(POINTS)
     radius = np.sqrt(-2.0 * np.log1p(-(number + 0.5) / POINTS))
     return np.stack([radius * np.cos(number * GOLDEN), radius * np.sin(number * GOLDEN)], axis=1)

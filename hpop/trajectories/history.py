@@ -1,4 +1,4 @@
-"""A whole trajectory in time order, as criteria with memory see it.
+"""History of a whole trajectory in time order, for criteria with memory.
 
 Sickness builds up and decays, a landmark is seen once or never, a curve changes its sign: such a criterion declares
 ``aggregate="trajectory"`` and its ``cost(m)`` gets a :class:`History` instead of a batch of motions under one law. It
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-class Track(Instants):
+class SampledTrajectory(Instants):
     """Moments of an executed trajectory at ``times`` (N,), s, with its real speed ramps."""
 
     def __init__(self, executed: Trajectory, times: FloatArray) -> None:
@@ -43,10 +43,10 @@ class Track(Instants):
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """All motions of one trajectory, in time order.
+    """History of one trajectory: all its motions in time order.
 
     world       the workspace
-    trajectory  as planned; ``executed`` is what the robot does of it
+    trajectory  as planned; ``executed`` is the robot's real motion
     """
 
     world: World
@@ -57,7 +57,7 @@ class History:
 
     @property
     def model(self) -> Model:
-        """The system that moves."""
+        """Model that moves."""
         return self.trajectory.model
 
     @property
@@ -79,7 +79,7 @@ class History:
 
     @property
     def executed(self) -> Trajectory:
-        """What the robot does, from rest to rest."""
+        """Executed trajectory, from rest to rest."""
         return self._execution[0]
 
     @property
@@ -87,22 +87,22 @@ class History:
         """Executed time (M+1,), s, at which each planned state is passed."""
         return self._execution[1]
 
-    def track(self, step: float) -> Track:
+    def track(self, step: float) -> SampledTrajectory:
         """Return samples of the execution every ``step`` seconds at most, evenly spaced, both ends included."""
         lasts = self.executed.duration
         count = max(2, int(np.ceil(lasts / step - 1e-9)) + 1)
         return self.at(np.linspace(0.0, lasts, count))
 
-    def at(self, times: FloatArray) -> Track:
+    def at(self, times: FloatArray) -> SampledTrajectory:
         """Return moments (N,) of the execution, s; before its start and after its end the robot stands."""
-        return Track(self.executed, times)
+        return SampledTrajectory(self.executed, times)
 
     def at_motion_ends(self, times: FloatArray, values: FloatArray) -> FloatArray:
         """Return running values (N,) at executed times, read where each planned motion (M,) is completed."""
         return np.interp(self.passed[1:], times, values)
 
     def once(self, key: Hashable, make: Callable[[], T]) -> T:
-        """Return what several criteria derive from these motions, computed by the first of them."""
+        """Return a value that several criteria derive from these motions, computed by the first of them."""
         if key not in self._derived:
             self._derived[key] = make()
         derived: T = self._derived[key]
@@ -119,9 +119,9 @@ class History:
 
 @dataclass(frozen=True, eq=False)
 class Sections(Motions):
-    """A batch of sections of motions under one law.
+    """Batch of sections of motions under one law.
 
-    timing  phases of the whole motions, clipped to the sections, with shares of these
+    timing  phases of the whole motions, clipped to the sections, with shares of the whole motions
     """
 
     timing: tuple[Phase, ...] = ()
@@ -130,7 +130,7 @@ class Sections(Motions):
 
     @cached_property
     def phases(self) -> tuple[Phase, ...]:
-        """The timing of the whole motions."""
+        """Timing of the whole motions, clipped."""
         return self.timing
 
 
@@ -147,7 +147,7 @@ def sections(
     Parameters
     ----------
     whole : the motions (M,)
-    owner : (P,) place of the motion of which each is a part
+    owner : (P,) index of each section's motion
     since, until : (P,) s from the start of the motion
     ends : states (P,) at these moments
     turns : (P,) rad, two columns, as of :class:`Motions`
@@ -181,8 +181,8 @@ def _clipped(whole: Motions, owner: IntArray, since: FloatArray, until: FloatArr
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Pieces:
-    """The motions of a trajectory, each cut into pieces of equal duration.
+class TrajectoryPieces:
+    """Motions of a trajectory, each cut into pieces of equal duration.
 
     trajectory  m motions
     counts      (m,)  pieces of each motion
@@ -196,7 +196,7 @@ class Pieces:
 
     @cached_property
     def owner(self) -> IntArray:
-        """Place (n,) of the motion of which each piece is a part."""
+        """Index (n,) of each piece's motion."""
         return numbered(self.counts)[0]
 
     @cached_property
@@ -222,7 +222,7 @@ class Pieces:
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
         """Yield the pieces law by law, each group with its indices in time order."""
         until = self._since + (self.trajectory.durations / self.counts)[self.owner]
-        # What turns along curves end in a piece depends on nothing but its ends.
+        # The turns along curves that end in a piece depend only on its ends.
         turns = Trajectory(self.trajectory.model, self.states, self.kinds).turns
         for motions, whole in self.trajectory.batches(world):
             (place,) = np.isin(self.owner, motions).nonzero()
@@ -241,14 +241,14 @@ class Pieces:
         return within * (self.trajectory.durations / self.counts)[owner]
 
     def __repr__(self) -> str:
-        return f"<Pieces: {len(self):,} of {self.trajectory!r}>"
+        return f"<TrajectoryPieces: {len(self):,} of {self.trajectory!r}>"
 
 
 @dataclass(frozen=True, eq=False)
 class PiecesHistory(History):
-    """A trajectory as criteria with memory see it, its running values asked at the end of each piece."""
+    """History of a trajectory with running values at the end of each piece."""
 
-    pieces: Pieces
+    pieces: TrajectoryPieces
 
     def __len__(self) -> int:
         return len(self.pieces)

@@ -1,7 +1,7 @@
-"""The distinct motions of many trajectories: what a large front shares is kept, evaluated and checked once.
+"""Distinct motions of many trajectories, so that a large front stores, evaluates and checks shared motions once.
 
-Trajectories of one front go mostly through the same states: of five million motions on a lattice some ten thousand
-differ. States are the same if their numbers are, bit for bit.
+Trajectories of one front share most of their states: of five million motions on a lattice some ten thousand differ.
+States are equal if their numbers are equal bit for bit.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.world import World
 
-BLOCK = 2**16  # motions in a batch, so that what is evaluated along them takes bounded memory
+BLOCK = 2**16  # motions in a batch, so that evaluations take bounded memory
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionTable:
-    """Trajectories of one model as a table of the states and motions that they share.
+    """Table of the states and motions that trajectories of one model share.
 
-    model    the system that moves
-    states   (S,) columns: distinct states, NaN where a column is one that no motion there needs
+    model    the model that moves
+    states   (S,) columns: distinct states, NaN in a column that no motion at the state needs
     laws     names of the motions' laws
-    law      (M,) of each distinct motion, as its place in ``laws``
+    law      (M,) law of each distinct motion, as index into ``laws``
     start    (M,) state in which each motion begins
     end      (M,) state in which each motion ends
     first    (n,) state in which each trajectory begins
@@ -59,7 +59,7 @@ class MotionTable:
 
     @classmethod
     def of(cls, trajectories: Sequence[Trajectory]) -> MotionTable:
-        """The table of one trajectory or more."""
+        """Return the table of one trajectory or more."""
         several = [t.states for t in trajectories]
         names = dict.fromkeys(name for states in several for name in states.names)
         counts = np.array([len(t.kinds) for t in trajectories], dtype=np.int64)
@@ -94,7 +94,7 @@ class MotionTable:
 
     @cached_property
     def owner(self) -> IntArray:
-        """The trajectory (N,) that each of the motions belongs to."""
+        """Trajectory (N,) of each of the motions."""
         return np.repeat(np.arange(self.counts.size), self.counts)
 
     @cached_property
@@ -108,25 +108,25 @@ class MotionTable:
 
     @cached_property
     def curved(self) -> BoolArray:
-        """Which motions (M,) go along curves, so that what they are depends on their neighbours."""
+        """Mask (M,) of motions along curves, which depend on their neighbours."""
         laws = laws_of(self.model)
         return np.array([is_curve(laws[name]) for name in self.laws], dtype=bool)[self.law]
 
     @cached_property
     def timed(self) -> BoolArray:
-        """Which motions (M,) need states beside the model's own, as holds and curves do."""
+        """Mask (M,) of motions that need states beside the model's own, as holds and curves do."""
         return np.array([bool(extras(self.model, (name,))) for name in self.laws], dtype=bool)[self.law]
 
     def having(self, motions: BoolArray) -> BoolArray:
-        """Which trajectories (n,) have one of some motions (M,)."""
+        """Return which trajectories (n,) have one of some motions (M,)."""
         return np.bincount(self.owner[motions[self.motions]], minlength=self.counts.size) > 0
 
     def through(self, states: BoolArray) -> BoolArray:
-        """Which trajectories (n,) pass one of some states (S,)."""
+        """Return which trajectories (n,) pass one of some states (S,)."""
         return states[self.first] | self.having(states[self.end])
 
     def sums(self, each: FloatArray) -> FloatArray:
-        """Sum (n,) of a value of each distinct motion (M,) over each trajectory, law by law."""
+        """Return the sum (n,) of a value of each distinct motion (M,) over each trajectory, law by law."""
         total = np.zeros(self.counts.size)
         for i in range(len(self.laws)):
             of_law = self._of_law(i)
@@ -134,19 +134,19 @@ class MotionTable:
         return total
 
     def maxima(self, each: FloatArray) -> FloatArray:
-        """Largest value (n,) of a motion (M,) of each trajectory; 0 without motions, NaN with one that is NaN."""
+        """Return the largest value (n,) of a motion (M,) of each trajectory; 0 without motions, NaN if one is NaN."""
         most = np.zeros(self.counts.size)
         with np.errstate(invalid="ignore"):
             np.maximum.at(most, self.owner, each[self.motions])
         return most
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
-        """The distinct motions (M,) of each law in turn, in batches of bounded size; without time or neighbours."""
+        """Yield the distinct motions (M,) of each law in batches of bounded size, without time or neighbours."""
         for index, law, start, end in self.by_law():
             yield index, Motions(world, self.model, law, start, end)
 
     def by_law(self) -> Iterator[tuple[IntArray, Law, States, States]]:
-        """The distinct motions of each law, in blocks, with the states in which they begin and end."""
+        """Yield the distinct motions of each law in blocks, with the states in which they begin and end."""
         for i, kind in enumerate(self.laws):
             of_law, names = np.flatnonzero(self.law == i), (*self.model.space.names, *extras(self.model, (kind,)))
             for block in (of_law[begin : begin + BLOCK] for begin in range(0, of_law.size, BLOCK)):
@@ -157,9 +157,9 @@ class MotionTable:
                 yield block, laws_of(self.model)[kind], start, end
 
     def trajectories(self) -> tuple[Trajectory, ...]:
-        """The trajectories; columns of those without curves and holds are views of common ones.
+        """Return the trajectories; columns of those without curves and holds are views of common ones.
 
-        Raises ModelError where a motion is none of its law.
+        Raises ModelError for a motion that does not follow its law.
         """
         for index, law, start, end in self.by_law():
             if not is_curve(law):
@@ -182,10 +182,11 @@ class MotionTable:
         return tuple(several)
 
     def describe(self) -> dict[str, Any]:
-        """What a saved front keeps of its trajectories: JSON-able, exact.
+        """Return a JSON-able, exact description for a saved front.
 
-        States and motions are tables of columns by name; ``start``, ``end`` and ``kind`` are places in these, and so
-        are the motions of each trajectory; ``punctual`` are the places of those that are, if any is.
+        States and motions are tables of columns by name. ``start``, ``end`` and ``kind`` are row numbers in these, and
+        so are the motions of each trajectory. ``punctual`` has the row numbers of punctual trajectories, if there are
+        any.
         """
         ends = np.cumsum(self.counts)
         motions = self.motions.tolist()
@@ -202,7 +203,7 @@ class MotionTable:
 
     @classmethod
     def from_description(cls, model: Model, description: Mapping[str, Any]) -> MotionTable:
-        """The table that :meth:`describe` described; raises ModelError or ValueError for anything else."""
+        """Return the table of a description; raise ModelError or ValueError for a wrong one."""
         kinds, states, motions, several = parts(
             description, "the items", {"kinds": list, "states": dict, "motions": dict, "trajectories": dict}
         )
@@ -240,16 +241,16 @@ class MotionTable:
 
     @cached_property
     def _begins(self) -> IntArray:
-        """Place (n,) of the first state of each trajectory, were all their states written one after another."""
+        """Index (n,) of each trajectory's first state in the states of all trajectories, one after another."""
         return np.cumsum(self.counts) - self.counts + np.arange(self.counts.size)
 
     def _of_law(self, i: int) -> BoolArray:
-        """Which of all motions (N,) go by a law."""
+        """Return which of all motions (N,) follow a law."""
         of_law: BoolArray = self.law[self.motions] == i
         return of_law
 
     def _check_meeting(self) -> None:
-        """Each motion of a trajectory begins where the one before it ends."""
+        """Raise ModelError unless each motion of a trajectory begins where its predecessor ends."""
         before = np.empty(self.motions.size, dtype=np.int64)
         before[1:] = self.end[self.motions[:-1]]
         moves = self.counts > 0
@@ -263,21 +264,21 @@ class MotionTable:
 
 
 def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
-    """Rows of the table that differ in some bit, by first appearance: their places, and for each row which it is.
+    """Return the indices of rows that differ in some bit, by first appearance, and for each row its distinct row.
 
-    Each row looks into the slot of its hash, where the first of those that come there stands, and is that one if all
-    bits agree; the others take another hash. Few rows differ, so this takes a tenth of the time of sorting them. Hashes
-    are drawn anew each time, so that nobody can know rows that they do not tell apart.
+    Each row checks the slot of its hash, which holds the first row with that hash. If all bits agree, it is that row;
+    otherwise it gets another hash. Few rows differ, so this takes a tenth of the time of sorting. Hashes are drawn anew
+    each time, so that no input can be prepared to collide.
     """
     bits = [np.ascontiguousarray(column).view(np.uint64) for column in columns]
     size = bits[0].size
     width = max(1, int(size).bit_length())
-    first = np.empty(size, dtype=np.int64)  # the row that each is
+    first = np.empty(size, dtype=np.int64)  # first equal row of each
     slots = np.empty(2**width, dtype=np.int64)
     left = np.arange(size)
     while left.size:
         slot = _hashes(bits, width)
-        slots[slot[::-1]] = np.arange(left.size)[::-1]  # what is assigned last stays
+        slots[slot[::-1]] = np.arange(left.size)[::-1]  # the last assignment to a slot counts
         same = slots[slot]
         agrees = np.logical_and.reduce([column[same] == column for column in bits])
         first[left[agrees]] = left[same[agrees]]
@@ -289,7 +290,7 @@ def _distinct(columns: Sequence[Any]) -> tuple[IntArray, IntArray]:
 
 
 def _hashes(bits: Sequence[NDArray[np.uint64]], width: int) -> IntArray:
-    """A hash (N,) of so many bits of each row, by a key that is drawn."""
+    """Return a hash (N,) of the first ``width`` bits of each row, by a random key."""
     key = np.uint64(int.from_bytes(os.urandom(8)) | 1)
     mixed = np.zeros(bits[0].size, dtype=np.uint64)
     for column in bits:
@@ -301,13 +302,13 @@ def _hashes(bits: Sequence[NDArray[np.uint64]], width: int) -> IntArray:
 
 
 def _column(states: States, name: str) -> FloatArray:
-    """A column of some states; NaN if they have none of this name."""
+    """Return a column of some states; NaN if they have none of this name."""
     column: FloatArray | None = states.__dict__.get(name)
     return np.full(states.size, np.nan) if column is None else column
 
 
 def _with_gaps(column: FloatArray) -> list[float | None]:
-    """A column as JSON: null where there is no number."""
+    """Return a column for JSON: null for NaN."""
     values: list[float | None] = column.tolist()
     for i in np.flatnonzero(np.isnan(column)).tolist():
         values[i] = None

@@ -1,4 +1,4 @@
-"""Where a body is along a trajectory, sampled evenly in time: what a ride shows, and what other programs are given."""
+"""Poses of a body along a trajectory, sampled evenly in time, for rides and other programs."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from hpop.motions.bodies import check_body
 from hpop.motions.states import Pose, States, Vector
 from hpop.trajectories.trajectory import MOST_ROWS, Trajectory
 
-SLOWEST = 20.0  # Hz: at a lower rate yaw is looked at more often, so that no turn between two samples is lost
-NEXT = 0.01  # of a step: the last one is at least so long, and another may be longer by that
+SLOWEST = 20.0  # Hz: least rate at which yaw is sampled, so that no turn between two samples is lost
+NEXT = 0.01  # share of a step: least length of the last step, by which another may be longer
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Poses:
-    """A body at N times, in the world's frame: right-handed, x and y on the floor, z up (REP-103).
+    """Poses of a body at N times, in the world's frame: right-handed, x and y on the floor, z up (REP-103).
 
     times        (N,)    s      from 0, strictly increasing also in whole ns; the last is the end of the trajectory
     positions    (N, 3)  m      x, y, z
     quaternions  (N, 4)  1      x, y, z, w: they turn the axes of the world to those of the body, x ahead, y left, z up.
-                                Unit; w >= 0 in the first; each is on the side of the one before it, q · q_before >= 0
+                                Unit; w >= 0 in the first; signs without jumps: q · q_before >= 0
     yaws         (N,)    rad    of the direction ahead, counter-clockwise from the world's x; continuous,
                                 but for half a turn where the body looks straight up or down
     speeds       (N,)    m/s    forward: the velocity along the direction ahead
@@ -34,7 +34,7 @@ class Poses:
     rotations    (N, 3)  rad/s  angular velocity, in the world's frame
     states       (N,)           of the robot, columns
     body                        its name
-    planned                     whether it is what was planned, or what the robot does of it, from rest to rest
+    planned                     True for the plan, False for the execution, from rest to rest
     """
 
     times: FloatArray
@@ -58,16 +58,16 @@ class Poses:
 
 
 def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", planned: bool = False) -> Poses:
-    """Where a body is ``rate`` times a second, and at the end: by default as the trajectory is executed.
+    """Return the poses of a body ``rate`` times a second, and at the end, of the executed trajectory by default.
 
     Parameters
     ----------
-    rate : Hz; the last step is shorter where the duration is no multiple of one
+    rate : Hz; the last step is shorter where the duration is no multiple of a step
     body : "camera", "base" or "tool", as far as the model has them
-    planned : the trajectory as it was planned, in which a robot is at full speed at once; else what it really does
+    planned : the planned trajectory, in which a robot is at full speed at once; else the executed one
         (:meth:`Trajectory.execution`), from rest to rest
 
-    Raises OptionError for a rate that is none or gives over a million poses, and for a body that is not there.
+    Raises OptionError for an invalid rate, one that gives over a million poses, and an unknown body.
 
     >>> from hpop.base.registry import make_model
     >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, 0)])
@@ -82,7 +82,7 @@ def poses(trajectory: Trajectory, *, rate: float = 20.0, body: str = "camera", p
 
 
 def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planned: bool = False) -> Poses:
-    """Where a body is at times (N,), s, of a trajectory that is taken as it is: planned, or an execution."""
+    """Return the poses of a body at times (N,), s, of a planned or executed trajectory."""
     check_body(run.model, body)
     states, rates = run.at(times), run.rates(times)[0]
     pose, twist = run.model.pose(body, states), run.model.twist(body, states, rates)
@@ -103,9 +103,10 @@ def poses_at(run: Trajectory, times: FloatArray, *, body: str = "camera", planne
 
 
 def quaternions_of(axes: FloatArray) -> FloatArray:
-    """Quaternions (N, 4) x, y, z, w of rotations (N, 3, 3) whose columns are the axes of a body in the world.
+    """Return quaternions (N, 4) x, y, z, w of rotations (N, 3, 3) with the axes of a body in the world as columns.
 
-    By the largest of the four, so that nothing small is divided by (Shepperd 1978, J. Guidance and Control 1(3)).
+    The largest of the four components is computed first, so that no division is by a small number (Shepperd 1978, J.
+    Guidance and Control 1(3)).
     """
     r = axes
     xx, yy, zz = r[:, 0, 0], r[:, 1, 1], r[:, 2, 2]
@@ -131,9 +132,9 @@ def quaternions_of(axes: FloatArray) -> FloatArray:
 
 
 def on_one_side(quaternions: FloatArray) -> FloatArray:
-    """The same rotations (N, 4), each by that of its two quaternions that is nearer to the one before it; w >= 0 first.
+    """Return quaternions (N, 4) of equal rotations with signs that do not jump; w >= 0 in the first.
 
-    Who interpolates between them goes the shorter way.
+    Interpolation between them then goes the shorter way.
     """
     along = np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1])
     first = 1.0 if quaternions[0, 3] >= 0.0 else -1.0
@@ -143,7 +144,7 @@ def on_one_side(quaternions: FloatArray) -> FloatArray:
 
 
 def nanoseconds(times: FloatArray) -> IntArray:
-    """Times (N,), s, in whole nanoseconds.
+    """Return times (N,), s, in whole nanoseconds.
 
     >>> nanoseconds(np.array([0.1, 0.9999999999])).tolist()
     [100000000, 1000000000]
@@ -152,7 +153,7 @@ def nanoseconds(times: FloatArray) -> IntArray:
 
 
 def _times(duration: float, rate: float) -> FloatArray:
-    """Every 1/rate seconds, and the end."""
+    """Return times every 1/rate seconds, and the end."""
     if duration * rate >= MOST_ROWS:
         raise OptionError(
             f"poses are at most {MOST_ROWS:,}, but {rate:g} Hz gives more in {duration:g} s; choose a lower rate"
@@ -162,7 +163,7 @@ def _times(duration: float, rate: float) -> FloatArray:
 
 
 def _continuous(run: Trajectory, body: str, times: FloatArray, pose: Pose) -> FloatArray:
-    """Yaw (N,), rad, without jumps by whole turns, which arms have: what is in between is looked at as well."""
+    """Return the yaw (N,), rad, without jumps by whole turns, which arms have; moments in between are sampled too."""
     steps = np.diff(times)
     several = ceil(SLOWEST * steps.max(initial=0.0) - 2.0 * NEXT)
     if several <= 1:
@@ -174,5 +175,5 @@ def _continuous(run: Trajectory, body: str, times: FloatArray, pose: Pose) -> Fl
 
 
 def _stacked(vector: Vector, size: int) -> FloatArray:
-    """Three columns, or numbers for what stays the same, as rows (N, 3)."""
+    """Return three columns, or constant numbers, as rows (N, 3)."""
     return np.stack([np.broadcast_to(np.asarray(column, float), (size,)) for column in vector], axis=1)

@@ -1,4 +1,4 @@
-"""A trajectory: timed motions from start to goal, which can be sampled at any time."""
+"""Trajectory: timed motions from start to goal, which can be sampled at any time."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ MOST_ROWS = 10**6  # of a table
 class Trajectory:
     """Motions of a model, in time order; the end of each is the start of the next.
 
-    model     the system that moves
-    states    (n+1,) columns: where each motion begins, and where the last one ends; yaw is continuous, rad; the model's
-              states, then those that curves and holds need beside them
+    model     the model that moves
+    states    (n+1,) columns: states where motions begin, and the final one; yaw is continuous, rad; the model's states,
+              then
+              those that curves and holds need besides
     kinds     (n,) law of each motion; none when the start is the goal
     punctual  whether its :meth:`execution` keeps to its times, as it must among people who move
     """
@@ -76,14 +77,14 @@ class Trajectory:
 
     @classmethod
     def of_checked(cls, model: Model, states: States, kinds: tuple[str, ...], punctual: bool = False) -> Trajectory:
-        """A trajectory whose columns are frozen and whose motions were checked: of many that share them, at once."""
+        """Return a trajectory with frozen columns and checked motions, for many that share them."""
         made = cls.__new__(cls)
         made.__dict__.update(model=model, states=states, kinds=kinds, punctual=punctual)
         return made
 
     @classmethod
     def from_poses(cls, model: Model, poses: Sequence[tuple[float, float, float]]) -> Trajectory:
-        """Turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
+        """Return turns and moves through poses (x m, y m, yaw rad): turn towards the next, move there, turn to its yaw.
 
         >>> from hpop.base.registry import make_model
         >>> Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, np.pi)]).kinds
@@ -123,9 +124,9 @@ class Trajectory:
 
     @classmethod
     def through(cls, model: Model, states: States) -> Trajectory:
-        """Through states (N,), from each to the next as the model connects them: any model, any states of it.
+        """Return a trajectory through states (N,), from each to the next as the model connects them.
 
-        Raises ModelError where it does not lead from one to the next.
+        Raises ModelError if the model cannot connect two of them.
 
         >>> from hpop.base.registry import make_model
         >>> ends = States(x=np.array([0.0, 3.0]), y=np.zeros(2), yaw=np.array([0.0, np.pi]))
@@ -137,7 +138,7 @@ class Trajectory:
             raise ModelError(f"a trajectory goes through states {space} of its model, at least one, got {states!r}")
         legs = model.connect(states.take(slice(None, -1)), states.take(slice(1, None)))
         for name, off in space.differences(states.take(slice(1, None)), legs[-1].end).items():
-            if (np.abs(off) > STILL).any():  # what is NaN is free
+            if (np.abs(off) > STILL).any():  # NaN is free
                 i = int(np.nanargmax(np.abs(off)))
                 raise ModelError(
                     f"the model does not lead from state {i} to state {i + 1}: {name} is off by {off[i]:.3g}"
@@ -152,10 +153,10 @@ class Trajectory:
         return cls(model, States(**columns), tuple(kinds))
 
     def with_hold(self, *, at: int, seconds: float) -> Trajectory:
-        """The same, but that the robot stands still for a while at one of its states (n+1,), counted from 0.
+        """Return the trajectory with a pause at one of its states (n+1,), counted from 0.
 
-        The state is there twice then, so that those behind it come one later. Raises OptionError for what is no state
-        or no time, ModelError for more than an hour in all, and where a curve passes the state at speed.
+        The state then occurs twice, so indices of later states grow by one. Raises OptionError for an invalid state or
+        time, ModelError for more than an hour of holds in all, and for a state that a curve passes at speed.
 
         >>> from hpop.base.registry import make_model
         >>> goes = Trajectory.from_poses(make_model("differential_drive"), [(0, 0, 0), (3, 0, 0), (3, 4, 0)])
@@ -171,7 +172,7 @@ class Trajectory:
         return self._changed(columns, kinds)
 
     def without_holds(self) -> Trajectory:
-        """The same without standing still; itself if it has no hold."""
+        """Return the trajectory without holds; the trajectory itself if it has none."""
         holds = np.array([kind == HOLD.kind for kind in self.kinds], dtype=bool)
         if not holds.any():
             return self
@@ -182,7 +183,7 @@ class Trajectory:
         return self._changed(columns, tuple(kind for kind in self.kinds if kind != HOLD.kind))
 
     def _changed(self, columns: Mapping[str, FloatArray], kinds: tuple[str, ...]) -> Trajectory:
-        """Motions of some kinds through states of which those columns are taken that their laws need."""
+        """Return motions of some kinds through states, with those columns that their laws need."""
         names = (*self.model.space.names, *extras(self.model, kinds))
         return Trajectory(self.model, States(**{name: columns[name] for name in names}), kinds, self.punctual)
 
@@ -205,7 +206,7 @@ class Trajectory:
         return float(self.times[-1])
 
     def batches(self, world: World) -> Iterator[tuple[IntArray, Motions]]:
-        """The motions grouped by law, each group with the places of its motions in time order."""
+        """Yield the motions grouped by law, each group with the indices of its motions in time order."""
         for kind, index in self._by_kind():
             yield index, motions_of(world, self.model, kind, self.states, self.times, self.turns, index, index)
 
@@ -237,52 +238,55 @@ class Trajectory:
         return ended
 
     def cut(self, pieces: IntArray) -> Trajectory:
-        """The same trajectory, each motion (n,) cut into so many of equal duration; only motions at one pace can be."""
+        """Return the trajectory with each motion (n,) cut into ``pieces`` of equal duration.
+
+        Only motions of constant pace can be cut.
+        """
         owner = np.repeat(np.arange(len(self)), pieces)
         within = np.concatenate([np.arange(count) for count in pieces]) / pieces[owner]
         times = np.append(self.times[owner] + within * self.durations[owner], self.duration)
         return Trajectory(self.model, self.at(times), tuple(self.kinds[i] for i in owner), self.punctual)
 
     def at(self, t: FloatArray | float) -> States:
-        """States at times t (N,), s; before the start and after the goal the robot stands there.
+        """Return states at times t (N,), s; before the start and after the goal the robot stands there.
 
-        Raises OptionError for what is no time.
+        Raises OptionError for invalid times.
         """
         return self._sampled(t)[0]
 
     def rates(self, t: FloatArray | float) -> tuple[States, States]:
-        """First and second time derivatives of the states at times t (N,), per s and per s².
+        """Return first and second time derivatives of the states at times t (N,), per s and per s².
 
-        Under the planning law a move begins and ends at cruise speed, so ask an :meth:`execution` for accelerations.
+        Under the planning law a move begins and ends at cruise speed, so use an :meth:`execution` for accelerations.
         """
         _, velocity, acceleration = self._sampled(t)
         return velocity, acceleration
 
     def execution(self) -> Trajectory:
-        """What the robot really does: moves in one line become a run, all from rest to rest.
+        """Return the robot's real motion: moves in one line become a run, all from rest to rest.
 
         The same criteria evaluate it, so executed costs stand beside planned ones. Without turns at the ends or in
         succession, and with runs of at least v²/a, it lasts the planned time plus v/a; else it is quicker. Holds last
-        as planned; one between two moves costs v/a more, for it stops the robot.
+        as planned; one between two moves costs v/a more, because it stops the robot.
 
-        A punctual one, as those are that `lattice` and `roadmap` plan where people move, goes on no earlier than
-        planned: the robot stands until its time has come (:mod:`hpop.models.execution`).
+        A punctual trajectory, as `lattice` and `roadmap` plan where people move, goes on no earlier than planned: the
+        robot waits for the planned time (:mod:`hpop.models.execution`).
         """
         return self.model.execution(self)[0]
 
     def table(self, step: float = 0.1, *, body: str | None = "camera", executed: bool = True) -> Table:
-        """What a body does every ``step`` seconds and at the end: columns with units, for a script or a spreadsheet.
+        """Return a body's motion every ``step`` seconds and at the end, for scripts and spreadsheets.
 
-        ``t``; where the body is (``x``, ``y``, ``z``, ``yaw``, ``pitch``, ``roll``), how fast it moves (``vx``, ``vy``,
-        ``vz``) and turns (``wx``, ``wy``, ``wz``), in the world's frame.
+        Columns have units: ``t``; the pose of the body (``x``, ``y``, ``z``, ``yaw``, ``pitch``, ``roll``), its
+        velocity (``vx``, ``vy``, ``vz``) and rotation (``wx``, ``wy``, ``wz``), in the world's frame.
 
         Parameters
         ----------
         body : "base", "camera" or "tool", as far as the model has them; None gives the model's states, such as joints,
             each with its rate (``pan``, ``pan_rate``)
-        executed : what the robot really does, from rest to rest (:meth:`execution`); else as it is planned
+        executed : the robot's real motion, from rest to rest (:meth:`execution`); else the plan
 
-        Raises OptionError for a step that is no time or gives over a million rows, and for a body that is not there.
+        Raises OptionError for an invalid step, one that gives over a million rows, and for an unknown body.
         """
         run = self.execution() if executed else self
         step = real("step", step, LEAST, MOST, "a time in s")
@@ -295,7 +299,7 @@ class Trajectory:
         return body_table(self.model, body, times, run.at(times), run.rates(times)[0])
 
     def describe(self) -> dict[str, Any]:
-        """What a saved front keeps of a trajectory: JSON-able, exact."""
+        """Return a JSON-able, exact description for a saved front."""
         return {
             "kinds": list(self.kinds),
             "states": {name: getattr(self.states, name).tolist() for name in self.states.names},
@@ -304,7 +308,7 @@ class Trajectory:
 
     @classmethod
     def from_description(cls, model: Model, description: Mapping[str, Any]) -> Trajectory:
-        """Rebuild a trajectory from :meth:`describe`; raises ModelError when it does not fit the model."""
+        """Return a trajectory from its description; raise ModelError if it does not fit the model."""
         try:
             columns = {str(k): np.array(v, float) for k, v in description["states"].items()}
             kinds = tuple(str(kind) for kind in description["kinds"])
@@ -350,7 +354,7 @@ class Trajectory:
     def _sample_law(
         self, kind: str, motion: IntArray, t: FloatArray, place: IntArray, out: tuple[dict[str, FloatArray], ...]
     ) -> None:
-        """Fill the samples at times t that lie in motions of one law into ``out`` at ``place``."""
+        """Write the samples at times t that lie in motions of one law into ``out`` at ``place``."""
         law = laws_of(self.model)[kind]
         start, end = self.states.take(motion), self.states.take(motion + 1)
         elapsed = t - self.times[motion]

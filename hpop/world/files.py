@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from hpop.apart.child import Answer, Refused, unpacked
+from hpop.apart.child import ChildAnswer, ChildRefused, unpacked
 from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import MapError
@@ -182,7 +182,7 @@ def _lies_in(folder: str, path: str) -> bool:
     return os.path.dirname(folder) != folder and os.path.commonpath([folder, os.path.abspath(path)]) == folder
 
 
-def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> Answer:
+def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any]) -> ChildAnswer:
     """Read a file with a module of `hpop.apart` in a child process, and return its contents; `MapError` if faulty.
 
     The limits of the running plan are checked meanwhile; passing one ends the child process.
@@ -191,7 +191,7 @@ def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any])
     said = _said(asked, data, path)
     try:
         answer = unpacked(said)
-    except Refused as refused:
+    except ChildRefused as refused:
         raise MapError(f"{named(path)}: {refused}.") from None
     except (ValueError, KeyError, TypeError):
         raise MapError(f"{named(path)} cannot be read: the process that reads it gave no answer.") from None

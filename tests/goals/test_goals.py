@@ -58,14 +58,14 @@ def test_a_set_of_one_is_that_state() -> None:
 @pytest.mark.parametrize(
     ("goal", "said"),
     [
-        ([], "a goal is (x m, y m, yaw rad), or a list of such states of which any will do, got []"),
+        ([], "a goal must be (x m, y m, yaw rad), or a list of such states, got []"),
         ([(5, 1, 0), (5, 1)], "the goal 1 is (x m, y m, yaw rad), got (5, 1)"),
         ([(5, 1, 90), (5, 1, 0)], "the yaw of the goal 0 is in radians, within two turns of 0; got 90"),
         (
             {"x": 5, "y": 1, "jaw": 0},
             "it lacks yaw and names 'jaw', which is no state of the model. Did you mean 'yaw'",
         ),
-        (GoalSet(()), "a goal is (x m, y m, yaw rad), or a list"),
+        (GoalSet(()), "a goal must be (x m, y m, yaw rad), or a list"),
         (5, "the goal is (x m, y m, yaw rad), got 5"),
     ],
 )

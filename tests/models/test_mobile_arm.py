@@ -327,7 +327,7 @@ def test_it_is_made_again_from_its_description_with_joints_by_name(robot, home):
 
 
 REFUSED: dict[str, dict[str, Any]] = {
-    "what is carried is an arm": {"arm": BASE},
+    "arm must be a serial arm": {"arm": BASE},
     "carried by a base in the plane that has no joints": {"base": arm6()},
     "such as base=DifferentialDrive": {"base": hpop.PanTilt()},
     "the camera is the arm's": {"base": hpop.DifferentialDrive(view="unwound")},

@@ -99,19 +99,27 @@ def test_saved_it_is_verified_with_its_further_columns(problem: hpop.Problem, mo
         f"trajectory {i}: {name}" for i, name in enumerate(reversed(("obstruction", *NAMES)))
     ]  # fmt: skip
     unknown = replace(again, problem={**(again.problem or {}), "also": []})
-    assert "which the problem does not ask for" in verify(rebuilt, unknown)[0]
+    assert "but are not among the problem's criteria" in verify(rebuilt, unknown)[0]
 
 
 @pytest.mark.parametrize(
     ("also", "error", "said"),
     [
         (["sicknes"], UnknownName, "Did you mean 'sickness'?"),
-        ("sickness", CriterionError, "also is a list of criteria such as ['sickness', 'rotation'], got 'sickness'"),
-        ({"sickness": {}}, CriterionError, "also is a list of criteria"),
+        (
+            "sickness",
+            CriterionError,
+            "also must be a list of criteria such as ['sickness', 'rotation'], got 'sickness'",
+        ),
+        ({"sickness": {}}, CriterionError, "also must be a list of criteria"),
         (["personal_space"], CriterionError, "requires people, which neither the model nor the world has"),
         (["look_at"], CriterionError, "target"),
-        ([{"obstruction": {"radius": 1.0}}], CriterionError, "'obstruction' is there already with other parameters"),
-        ([{"exposure": {"radius": 1.0}}], CriterionError, "'exposure' is there already with other parameters"),
+        (
+            [{"obstruction": {"radius": 1.0}}],
+            CriterionError,
+            "'obstruction' has a column already, with other parameters",
+        ),
+        ([{"exposure": {"radius": 1.0}}], CriterionError, "'exposure' has a column already, with other parameters"),
         (["clearance", {"clearance": {"enough": 3.0}}], CriterionError, "'clearance' is there already"),
     ],
 )

@@ -54,7 +54,7 @@ def test_files_are_called_by_letters_digits_and_the_number_whatever_a_criterion_
         (["99999999999999999"], OptionError, "no row 99999999999999999"),
         (["kneee"], UnknownName, "no row is called 'kneee'. Did you mean 'knee'"),
         (["1e9\x1b"], UnknownName, r"called '1e9\\x1b'"),
-        ("knee", OptionError, r"rows is a list of numbers and names, such as \['knee', 3\], got 'knee'"),
+        ("knee", OptionError, r"rows must be a list of numbers and names, such as \['knee', 3\], got 'knee'"),
         (3, OptionError, "got 3"),
     ],
 )

@@ -148,8 +148,8 @@ def test_only_the_trajectories_that_collide_are_named() -> None:
         ({"units": ["km"]}, "length is saved in 'km', but its unit is 'm'"),
         ({"groups": ["R"]}, "length is saved with group 'R'"),
         ({"quanta": [0.5]}, "quantum 0.5"),
-        ({"names": ["lenght"]}, "costs of lenght are saved, which the problem does not ask for"),
-        ({"names": ["lenght"]}, "costs of length are not saved, which the problem asks for"),
+        ({"names": ["lenght"]}, "costs of lenght are saved, but are not among the problem's criteria"),
+        ({"names": ["lenght"]}, "costs of length are not saved, although they are among the problem's criteria"),
     ],
 )
 def test_wrong_declarations_are_found(changes: dict[str, object], said: str) -> None:

@@ -33,7 +33,7 @@ class AngularAcceleration:
     choice.
 
     The cost is exact for a base and a head, which have a constant α within each phase of a law and along each curve.
-    For an arm, whose axes turn one another, α is integrated.
+    For an arm, where axes turn one another, α is integrated.
     """
 
     threshold: float = FELT

@@ -14,7 +14,7 @@ from hpop.criteria.others import checked_radius, reach
 from hpop.criteria.others.time_to_collision import time_to_collision
 from hpop.errors import CriterionError
 from hpop.motions.quadrature import JUST
-from hpop.trajectories.history import Track
+from hpop.trajectories.history import SampledTrajectory
 from hpop.world.content.proxemics import HALL, offset
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def social_metrics(
     middles = _middles(trajectory, step)
     turns = world.content.kinks[(world.content.kinks > 0) & (world.content.kinks <= trajectory.duration)]
     times = np.unique(np.concatenate([middles, trajectory.times, turns, turns - JUST]))
-    moments = Track(trajectory, times)
+    moments = SampledTrajectory(trajectory, times)
     base, velocity = moments.base, moments.twist("base").velocity
     least = np.inf
     for person in _one_per_future(world):

@@ -11,7 +11,7 @@ from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.models.camera import checked_fov, field_of_view, rises
-from hpop.trajectories.history import History, Track
+from hpop.trajectories.history import History, SampledTrajectory
 from hpop.world.content.content import Landmark
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.bearings import in_view
@@ -61,7 +61,7 @@ class UnseenLandmarks:
             total += landmark.weight
         return unseen / total
 
-    def _sees(self, m: History, track: Track, landmark: Landmark) -> BoolArray:
+    def _sees(self, m: History, track: SampledTrajectory, landmark: Landmark) -> BoolArray:
         camera, size, view = track.camera, track.times.size, field_of_view(m.model, self.fov)
         if rises(m.model):
             visible = sight_in_space.sees(m.world, camera, landmark, size, far=self.far)
@@ -70,7 +70,7 @@ class UnseenLandmarks:
         viewed = in_view(camera, landmark, *view)
         return np.asarray(seen & (viewed > 0.0), dtype=bool)
 
-    def _seen_at(self, track: Track, seen: BoolArray) -> float:
+    def _seen_at(self, track: SampledTrajectory, seen: BoolArray) -> float:
         """Return the time, s, by which a landmark has been in view for long enough; inf if it never is."""
         share = 0.5 * (1.0 * seen[1:] + seen[:-1])  # of each step
         lasted = np.concatenate([[0.0], np.cumsum(share * np.diff(track.times))])

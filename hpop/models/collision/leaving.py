@@ -1,9 +1,9 @@
-"""Leaving a person who stands in contact: the robot may go where the gap between their surfaces does not shrink.
+"""Leaving contact with a person who stands: the robot may move where the gap does not shrink.
 
 A robot that touches a wall is stuck, or its map is wrong. A person who stands too near is neither: trackers are off by
 centimetres, and people step up to a robot. So contact may be left, by motions along which the gap grows or stays until
-the robot is free, and from then on the person blocks it as everybody else does. As no motion leads into contact, none
-of the motions from elsewhere come there, however they are put together.
+the robot is free. From then on the person blocks it like all other obstacles. Since no motion leads into contact,
+motions from elsewhere cannot come there, however they are combined.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from hpop.world import World
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-FAR = 4e5  # m: wherever a robot is, it does not come to the border of the world of an area
+FAR = 4e5  # m: border of the world of an area, beyond any robot
 SHARES = np.append(np.array([0.0, 1e-4]), np.linspace(0.0, 1.0, 65)[1:])
-"""Of a motion that begins in contact: along a straight move the gap is convex, so its beginning says most."""
-SHRINKS = 1e-7  # m: a gap that shrinks by less from sample to sample stays, but for rounding
+"""Shares of a motion from contact to test: along a straight move the gap is convex, so the beginning matters most."""
+SHRINKS = 1e-7  # m: rounding error of a gap from sample to sample
 
 
 @dataclass(frozen=True, eq=False)
 class Leaving:
-    """Which motions keep clear of a body, or lead out of it.
+    """Test of motions that keep clear of a body, or lead out of contact with it.
 
     parts  of the robot
     place  (x, y) m, the middle of the body
-    body   tells which states and motions do not touch it
+    body   collision test of states and motions with the body alone
     """
 
     parts: Sequence[Part]
@@ -44,12 +44,12 @@ class Leaving:
     body: Any
 
     def states_free(self, states: States) -> BoolArray:
-        """Whether the robot is clear of the body in each state (N,)."""
+        """Return whether the robot is clear of the body in each state (N,)."""
         free: BoolArray = self.body.states_free(states)
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether each motion (M,) is clear of the body, or begins in contact and leads away from it."""
+        """Return whether each motion (M,) is clear of the body, or begins in contact and leads away from it."""
         free: BoolArray = self.body.motions_free(motions)
         some = np.flatnonzero(~free)
         some = some[~self.body.states_free(motions.start.take(some))]
@@ -58,11 +58,11 @@ class Leaving:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """What blocks one state, in words; empty when it is free."""
+        """Return what blocks one state, in words; "" when it is free."""
         return str(self.body.why_blocked(state))
 
     def gap(self, states: States) -> FloatArray:
-        """Distance (N,), m, of the middle of the body from the robot in states (N,); 0 within it."""
+        """Return the distance (N,), m, of the middle of the body from the robot in states (N,); 0 within it."""
         nearest = np.full(states.size, np.inf)
         here = shapely.Point(self.place)
         for part in self.parts:
@@ -74,7 +74,7 @@ class Leaving:
         return np.asarray(np.maximum(nearest, 0.0) if len(self.parts[0].corners) > 1 else nearest)
 
     def _leads_out(self, motions: Motions, rows: IntArray) -> BoolArray:
-        """Whether motions (n,) that begin in contact lead out of it: the gap does not shrink until they are clear."""
+        """Return whether motions (n,) from contact lead out of it: the gap does not shrink until they are clear."""
         law, owner = motions.law, np.repeat(rows, SHARES.size)
         share = np.tile(SHARES, rows.size)
         start, end = motions.start.take(owner), motions.end.take(owner)
@@ -93,27 +93,27 @@ class Leaving:
 
 @dataclass(frozen=True, eq=False)
 class LeavingCollision(PlanarCollision):
-    """The collision of a robot that starts in contact with people who stand, whom its ``world`` does not hold.
+    """Collision test of a robot that starts in contact with standing people, who are left out of its ``world``.
 
-    left  each of these people
+    left  a test for each of these people
     """
 
     left: tuple[Leaving, ...] = ()
 
     @property
     def yaw_matters(self) -> bool:
-        """Whether a position that is not :meth:`clear` can be free at some yaw: contact is left along headings."""
+        """True if a position that is not :meth:`clear` can be free at some yaw: contact is left along headings."""
         return True
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Whether the circles that the parts sweep about positions (P,) are free of all, those in contact included."""
+        """Return whether the circles swept by parts about positions (P,) are free, people in contact included."""
         free = super().clear(x, y)
         for leaving in self.left:
             free &= leaving.body.clear(x, y)
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether the robot is free all along each motion (M,), or leaves contact."""
+        """Return whether the robot is free all along each motion (M,), or leaves contact."""
         free = super().motions_free(motions)
         for leaving in self.left:
             free &= leaving.motions_free(motions)
@@ -121,14 +121,14 @@ class LeavingCollision(PlanarCollision):
 
 
 def alone(area: BaseGeometry) -> World:
-    """Return a world in which nothing but an area, m, is closed to the robot."""
+    """Return a world in which only one area, m, is closed to the robot."""
     x_min, y_min, x_max, y_max = area.bounds
     extent = shapely.box(x_min - FAR, y_min - FAR, x_max + FAR, y_max + FAR)
     return World.from_polygons([], extent=extent, keep_out=area)
 
 
 def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
-    """Return the collision of parts in a world, in which they may leave those people whom they touch at the start."""
+    """Return the collision test of parts in a world; they may leave people in contact at the start."""
     if not world.content.left:
         return PlanarCollision(parts, world.for_robots)
     left = [
@@ -140,7 +140,7 @@ def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
 
 
 def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, ...]:
-    """Return which people who stand, by their places in the world's content, a robot in a state (1,) touches."""
+    """Return the indices of standing people touched by a robot in a state (1,)."""
     near = max((part.reach for part in parts), default=0.0)
     here = shapely.Point(float(state.x[0]), float(state.y[0]))
     return tuple(
@@ -151,9 +151,9 @@ def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, 
 
 
 def left(world: World, model: Any, state: States) -> tuple[World, tuple[str, ...]]:
-    """Return the world of a robot that starts in a state (1,), in which it may leave those whom it touches, and notes.
+    """Return the world for a robot that starts in a state (1,), with people in contact marked to be left, and notes.
 
-    Of a model without upright parts in the plane it is the very same world.
+    For a model without upright parts in the plane the world is returned unchanged.
     """
     if "plane" not in model.provides or not world.content.bodies:
         return world.keeping(world.content.kept), ()

@@ -1,4 +1,4 @@
-"""Collision geometry of a robot: upright prisms whose outlines are convex, each a set of corners grown by a radius."""
+"""Collision geometry of a robot: upright prisms with convex outlines, each a set of corners grown by a radius."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from hpop.motions import States
 @checked_arguments
 @dataclass(frozen=True)
 class Part:
-    """One convex prism in the frame of the base.
+    """Convex prism in the frame of the base.
 
     corners       (x ahead, y left) m; one corner is a disc
     radius        m, by which the hull of the corners is grown
     z_min, z_max  m above the floor
-    on            joints that carry it, the one on the base first; it is as given while all of them are at 0
+    on            joints that carry it, the one on the base first; the geometry is for all of them at 0
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -42,12 +42,12 @@ class Part:
 
     @property
     def on_axis(self) -> bool:
-        """Whether turning in place leaves the part where it is: a disc on the axis."""
+        """True for a disc on the axis, which turning in place does not move."""
         return self.corners == ((0.0, 0.0),) and all(joint.along == "up" for joint in self.on)
 
     @cached_property
     def swept(self) -> Part:
-        """A part without joints that holds this one wherever its joints are; itself, if it has none."""
+        """Part without joints that contains this one at all joint values; itself, if it has no joints."""
         if not self.on:
             return self
         points, grown = swept_corners(np.array(self.corners, float), self.on)
@@ -62,11 +62,11 @@ class Part:
         return replace(self, z_min=low, z_max=high, on=())
 
     def lift(self, states: States) -> FloatArray:
-        """How much (N,), m, joints lift it in each state."""
+        """Return the lift (N,), m, by joints in each state."""
         return np.asarray(np.zeros(states.size) + total(self.on, "up", states))
 
     def placed(self, states: States) -> FloatArray:
-        """Corners (N, c, 2), m, world frame, in each state."""
+        """Return corners (N, c, 2), m, world frame, in each state."""
         if self.on:
             columns = {name: getattr(states, name)[:, None] for name in ("x", "y", "yaw", *joints_of([self]))}
             ahead, left = np.array(self.corners, float).T[:, None]  # (1, c) each
@@ -84,7 +84,7 @@ def joints_of(parts: Iterable[Part]) -> tuple[str, ...]:
 
 
 def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: float) -> tuple[Part, ...]:
-    """A polygon as convex parts: itself, or its triangles where it is not convex.
+    """Return a polygon as convex parts: itself, or its triangles if it is not convex.
 
     >>> len(convex_parts(((1, 1), (-1, 1), (-1, -1), (1, -1)), 0, 1))
     1

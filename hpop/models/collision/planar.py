@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 TOUCH = 1e-9  # m: a disc may touch
 TURN_SAMPLE = math.radians(5.0)  # rad: a turn is covered by hulls of outlines at most this far apart
-LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map lie in the box of each part
-TOGETHER = 4096  # hulls that are checked between two looks at the limits
-LEVEL = 0.01  # m: to multiples of this the heights of parts on joints are rounded
-CURVE_MARGIN = 2e-3  # m: a curve is covered by hulls of outlines so near to each other that they are grown by this
+LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map are in each part's box
+TOGETHER = 4096  # hulls that are checked between two checks of the limits
+LEVEL = 0.01  # m: heights of parts on joints are rounded to multiples
+CURVE_MARGIN = 2e-3  # m: margin of the hulls that cover a curve, which sets their spacing
 
 
 def reason(world: World, part: Part, x: float, y: float) -> str:
-    """Say what blocks a part of a robot at a position of its axis and what helps, without the last full stop."""
+    """Return what blocks a part of a robot at a position of its axis and what helps, without the last full stop."""
     here = shapely.Point(x, y)
     if not shapely.covers(world.extent, here):
         x_min, y_min, x_max, y_max = world.bounds
@@ -70,9 +70,9 @@ class PlanarCollision:
 
     Straight moves are exact. Turns of parts off the axis are covered by hulls that are never too small, and too large
     by at most 4.5 % of the part's reach: 2 sin(1.25 degrees) for the hull of two outlines 5 degrees apart, and the
-    sagitta. Motions that turn on their way are covered likewise, and so are parts that joints carry, whose heights are
-    rounded outwards. Curves are too, by hulls too large by 2 mm and what an outline turns between samples; their states
-    have a ``speed`` and a ``turn_rate``, which change linearly with time.
+    sagitta. Moves that turn are covered likewise, and so are parts on joints, with heights rounded outwards. Hulls of
+    curves are too large by 2 mm and the rotation of an outline between samples; the states of curves have a ``speed``
+    and a ``turn_rate``, which change linearly with time.
     """
 
     parts: tuple[Part, ...]
@@ -80,12 +80,12 @@ class PlanarCollision:
 
     @property
     def yaw_matters(self) -> bool:
-        """Whether a position that is not :meth:`clear` can still be free at some yaw."""
+        """True if a position that is not :meth:`clear` can still be free at some yaw."""
         return not all(part.on_axis and not part.on for part in self.parts)
 
     @property
     def posture_matters(self) -> bool:
-        """Whether what is free depends on more than x, y and yaw: on the joints that carry parts."""
+        """True if collisions depend on joints that carry parts, beside x, y and yaw."""
         return any(part.on for part in self.parts)
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
@@ -101,7 +101,7 @@ class PlanarCollision:
         return free
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Mark positions (P,) within a distance, m, of which the robot may be free otherwise than in a world before."""
+        """Return where (P,), within a distance, m, collisions may differ from an earlier world's."""
         if not isinstance(before, PlanarCollision) or before.parts != self.parts or self.posture_matters:
             return np.ones(x.shape, dtype=np.bool_)
         spaces = {self._space(part): before._space(part) for part in self.parts}
@@ -135,7 +135,7 @@ class PlanarCollision:
         return self._every_part(free, len(motions))
 
     def why_blocked(self, state: States) -> str:
-        """Say what blocks one state and what helps, without the last full stop; empty when it is free."""
+        """Return what blocks one state and what helps, without the last full stop; "" when it is free."""
         blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)
         if blocked is None:
             return ""
@@ -156,7 +156,7 @@ class PlanarCollision:
     def _outlines_free(self, part: Part, corners: FloatArray, margin: float, *ends: States) -> BoolArray:
         """Return whether hulls of corners (N, c, 2), grown by a margin, are free at the heights of a part.
 
-        Heights of carried parts are rounded outwards, so that few are told apart.
+        Heights of carried parts are rounded outwards, so that few differ.
         """
         if not part.on:
             return self._hulls_free(part, corners, margin)
@@ -214,8 +214,8 @@ class PlanarCollision:
     def _straight_free(self, part: Part, start: FloatArray, end: FloatArray) -> BoolArray:
         """Return whether a part is free on straight moves, from corners (N, c, 2) to others.
 
-        A long move is halved until its middle is found blocked, or its parts are short. What the parts sweep together
-        is what the move sweeps.
+        A long move is halved until its middle is found blocked, or its parts are short. The parts together sweep the
+        same area as the move.
         """
         free, owner = np.ones(len(start), dtype=bool), np.arange(len(start))
         while (long := np.hypot(*(end - start)[:, 0].T) > LONG).any():

@@ -1,6 +1,6 @@
 """Collision in space by python-fcl: the robot's prisms against obstacles with heights, state by state.
 
-Slower than :mod:`hpop.models.collision.planar` and independent of it, so it is what verifies a result.
+It is slower than :mod:`hpop.models.collision.planar` and independent of it, so it verifies results.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 MARGIN = 1e-6  # m: the robot is shrunk by this, so that touching is no collision
-SPACING = 0.05  # m or rad: distance between the states of a motion that are looked at
-SAMPLES = 2**14  # states that are looked at together
-CURVE_STEPS = 8  # in which the speed of a curve is looked at, to sample it
+SPACING = 0.05  # m or rad: distance between sampled states of a motion
+SAMPLES = 2**14  # states in one block
+CURVE_STEPS = 8  # samples of the speed of a curve, for its sampling
 AXES = ("x", "y", "yaw")
 
 
 @dataclass(frozen=True, eq=False)
 class SolidCollision:
-    """Tells which states collide: obstacles, keep-out zones and the border of the extent, in three dimensions.
+    """Collision test of states in three dimensions: obstacles, keep-out zones and the border of the extent.
 
-    parts  upright prisms in the frame of the base, which x, y and yaw of a state place, and the joints that carry them
+    parts  upright prisms in the frame of the base, placed by x, y and yaw of a state, and by the joints that carry them
     world
 
-    Motions are looked at in states no further apart than 5 cm or 3 degrees; those that several share, once.
+    Motions are sampled at states at most 5 cm or 3 degrees apart; states that several share are tested once.
     """
 
     parts: tuple[Part, ...]
@@ -87,12 +87,12 @@ class SolidCollision:
         ]
 
     def states_free(self, states: States) -> BoolArray:
-        """Whether the robot is free in each state (N,)."""
+        """Return whether the robot is free in each state (N,)."""
         rows = np.stack([getattr(states, name) for name in self._names], axis=1)
         return self._rows_free(rows)
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether the robot is free in states along each motion (M,), both ends included."""
+        """Return whether the robot is free in states along each motion (M,), both ends included."""
         law, start, end = motions.law, motions.start, motions.end
         free = np.ones(len(motions), dtype=bool)
         counts = _sample_counts(law, start, end, self._names)
@@ -103,7 +103,7 @@ class SolidCollision:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        """Return what blocks one state and what helps, in words without the last full stop; "" when it is free."""
         if self.states_free(state)[0]:
             return ""
         blocked = (part for part in self.parts if not SolidCollision((part,), self.world).states_free(state)[0])
@@ -111,19 +111,19 @@ class SolidCollision:
 
     @cached_property
     def _plan(self) -> shapely.Geometry:
-        """What any prism covers, seen from above."""
+        """Area covered by prisms, seen from above."""
         plan = shapely.union_all([polygon for polygon, _, _ in self._prisms()])
         shapely.prepare(plan)
         return plan
 
     def _in_the_open(self, places: NDArray[np.floating[Any]]) -> BoolArray:
-        """Whether places (N, 3) are farther from every prism, seen from above, than any part of the robot reaches."""
+        """Return whether positions (N, 3) are farther from every prism, seen from above, than the robot reaches."""
         reach = max(part.reach for part in self.parts)
         near = shapely.dwithin(self._plan, shapely.points(places[:, :2]), reach + MARGIN)
         return ~np.asarray(near, dtype=bool)
 
     def _rows_free(self, rows: FloatArray) -> BoolArray:
-        """Whether the robot is free at each place and heading, and values of joints (N, 3 + k)."""
+        """Return whether the robot is free at each position, heading and joint values (N, 3 + k)."""
         yaw = np.zeros(len(rows)) if all(part.on_axis for part in self.parts) else rows[:, 2] % (2 * np.pi)
         places = np.round(
             np.column_stack([rows[:, :2], yaw, rows[:, 3:]]), 9
@@ -144,7 +144,7 @@ class SolidCollision:
 
 
 def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -> IntArray:
-    """How many states (M,) of motions of one law, both ends included, are no further apart than SPACING."""
+    """Return the number (M,) of states along motions of one law, ends included, at most SPACING apart."""
     if is_curve(law):
         shares = np.linspace(0.0, 1.0, CURVE_STEPS + 1)
         rates = (slopes(law, name, start, end, share)[0] for share in shares for name in names)
@@ -156,7 +156,7 @@ def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -
 
 
 def _dense(law: Law, start: States, end: States, counts: IntArray, names: Sequence[str]) -> tuple[FloatArray, IntArray]:
-    """So many rows of states (N, k) along each of some motions (M,), evenly spaced; and their motions (N,)."""
+    """Return rows of states (N, k), ``counts`` along each motion (M,), evenly spaced; and their motions (N,)."""
     owner, number = numbered(counts)
     share = number / (counts - 1)[owner]
     begin, stop = start.take(owner), end.take(owner)
@@ -210,7 +210,7 @@ def _shifted(x: float, y: float, z: float) -> FloatArray:
 
 
 def _convex(corners: FloatArray, z_min: float, z_max: float) -> Any:
-    """A convex prism over corners (c, 2) in order."""
+    """Return a convex prism over corners (c, 2) in order."""
     count = len(corners)
     if shapely.Polygon(corners).exterior.is_ccw is False:
         corners = corners[::-1]

@@ -1,8 +1,9 @@
-"""Collisions of a base that carries an arm: of the base in the plane, of the links and with the base in space.
+"""Collisions of a base that carries an arm: of the base in the plane, of the links in space.
 
-The base meets obstacles, keep-out zones and the border of the extent as it does alone. Links meet solids, each other
-and the base. For the links, base and arm are one chain with x, y and yaw as its first joints: a drive, a turn in place
-and a reach each change joints evenly with the share done, so proofs for an arm's motions hold for all of them.
+The base collides with obstacles, keep-out zones and the border of the extent as it does alone. Links collide with
+solids, one another and the base. For the links, base and arm are one chain with x, y and yaw as its first joints: a
+drive, a turn in place and a reach each change joints evenly with the share done, so proofs for an arm's motions hold
+for all of them.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.models.collision.parts import Part as Prism
-from hpop.models.serial_arm.chain import Chain, Mount, Pair, Part, pair_of
+from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.collision import ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.motions import Collision, Motions, States, StateSpace
@@ -28,7 +29,10 @@ PLATFORM = "mobile base"  # as messages call it, among the links
 
 
 def carried_chain(space: StateSpace, chain: Chain) -> Chain:
-    """Return the chain of an arm whose frame 0 is a base with a space x, y, yaw, which sets no limits of speed."""
+    """Return the chain of an arm on a base with states x, y, yaw as joints without speed limits.
+
+    Frame 0 of the arm is the base.
+    """
     return Chain(
         names=(*space.names, *chain.names),
         sliding=np.array([True, True, False, *chain.sliding]),
@@ -39,15 +43,15 @@ def carried_chain(space: StateSpace, chain: Chain) -> Chain:
         high=np.append(space.high, chain.high),
         speed=np.append(np.full(BASE, np.inf), chain.speed),
         acceleration=np.append(np.full(BASE, np.inf), chain.acceleration),
-        mounts={name: Mount(BASE + mount.frame, mount.pose) for name, mount in chain.mounts.items()},
+        mounts={name: FrameMount(BASE + mount.frame, mount.pose) for name, mount in chain.mounts.items()},
     )
 
 
-def carried_parts(parts: Sequence[Part], platform: Sequence[Prism]) -> tuple[Part, ...]:
+def carried_parts(parts: Sequence[ArmPart], platform: Sequence[Prism]) -> tuple[ArmPart, ...]:
     """Return the solids of an arm in the frames of the carried chain, and the solids of the base."""
     return (
         *(replace(part, frame=BASE + part.frame) for part in parts),
-        *(Part(PLATFORM, BASE, upright(prism)) for prism in platform),
+        *(ArmPart(PLATFORM, BASE, upright(prism)) for prism in platform),
     )
 
 
@@ -62,7 +66,7 @@ def upright(prism: Prism) -> Solid:
 
 
 def touching_platform(
-    chain: Chain, parts: Sequence[Part], apart: frozenset[Pair], platform: Sequence[Prism]
+    chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pair], platform: Sequence[Prism]
 ) -> frozenset[Pair]:
     """Return pairs of a link and the base that touch in each of 10,000 states drawn of an arm: by design.
 
@@ -70,7 +74,7 @@ def touching_platform(
     """
     links = dict.fromkeys(part.link for part in parts)
     known = apart | {pair_of(*pair) for pair in combinations(links, 2)}
-    return always_touching(chain, [*parts, *(Part(PLATFORM, 0, upright(prism)) for prism in platform)], known)
+    return always_touching(chain, [*parts, *(ArmPart(PLATFORM, 0, upright(prism)) for prism in platform)], known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +98,7 @@ class Both:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Say what blocks one state and what helps, without the last full stop; empty when it is free."""
+        """Return what blocks one state and what helps, without the last full stop; "" when it is free."""
         return self.base.why_blocked(state) or self.links.why_blocked(state)
 
 
@@ -130,7 +134,7 @@ class MobileCollision(Both):
 
     @property
     def is_uncompiled(self) -> bool:
-        """Whether kernels must be compiled first."""
+        """True if kernels must be compiled first."""
         return self.links.is_uncompiled
 
     def clearance(self, states: States) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A mobile base that carries an arm with a camera in its hand."""
+"""Mobile base that carries an arm with a camera in its hand."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from hpop.models.mobile_arm.collision import (
 )
 from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body, turned_body
 from hpop.models.serial_arm import SerialArm
-from hpop.models.serial_arm.chain import Chain, Pair, Part, frames, levers
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach
@@ -68,9 +68,9 @@ CARRIES = frozenset({"base", "plane", "rigid"})  # what a base provides that can
 @model("mobile_arm")
 @dataclass(frozen=True)
 class MobileArm(OnBase, Model):
-    """A base in the plane that carries an arm; states x, y (m), yaw (rad) and the arm's joints.
+    """Base in the plane that carries an arm; states x, y (m), yaw (rad) and the arm's joints.
 
-    arm     its ``base`` is where its root stands on the mobile one: x ahead of the axis, y to the left, z above the
+    arm     its ``base`` is the position of its root on the mobile one: x ahead of the axis, y to the left, z above the
             floor; it has the camera, and its ``field_of_view``
     base    a model in the plane without joints; the camera and the mast of a differential drive are left out
     folded  the arm while the base drives: the name of one of its states, or its joints in order or by name
@@ -106,7 +106,7 @@ class MobileArm(OnBase, Model):
 
     @property
     def provides(self) -> frozenset[str]:
-        """Bodies, joints, and the heading and wheels of the base. Its states are for no lattice."""
+        """Bodies, joints, and the heading and wheels of the base; no lattice has its states."""
         return frozenset({"base", "camera", "tool", "joints"}) | (self.base.provides & {"heading", "wheels"})
 
     @property
@@ -161,13 +161,13 @@ class MobileArm(OnBase, Model):
         return self.base.body_parts
 
     @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        """What collides: links of the arm, and the body of the base."""
+    def parts(self) -> tuple[ArmPart, ...]:
+        """Collision geometry: links of the arm, and the body of the base."""
         return carried_parts(self.arm.parts, self.platform)
 
     @cached_property
     def apart(self) -> frozenset[Pair]:
-        """Pairs of links, the base among them, whose collisions are not looked at."""
+        """Pairs of links, the base included, without collision tests."""
         return self.arm.apart | self._touching
 
     @cached_property
@@ -197,7 +197,7 @@ class MobileArm(OnBase, Model):
         return self._kinematics.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return what a body does in each motion, in closed form where the law of the base has one."""
+        """Return a body's motion in each motion, in closed form where the law of the base has one."""
         if isinstance(motions.law, Reach):
             return standing(name, motions) if name == "base" else ArmBody(name, self._kinematics, motions)
         if not isinstance(motions.law, PlanarLaw):
@@ -205,7 +205,7 @@ class MobileArm(OnBase, Model):
         return rigid_body(name, AXIS, motions) if name == "base" else self._carried(name, motions)
 
     def _carried(self, name: str, motions: Motions) -> Body:
-        """Return what a body in the hand does while the base moves."""
+        """Return the motion of a body in the hand while the base moves."""
         turns = "yaw" in motions.law.varies
         return replace(turned_body(name, motions), steady=not turns, upright=True)
 
@@ -217,7 +217,7 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def _lever(self) -> float:
-        """Distance from the axis, m, that no body is beyond."""
+        """Bound on the distance of any body from the axis, m."""
         return float(levers(self.chain)[self.space.names.index("yaw")])
 
     def connect(self, a: States, b: States) -> list[Leg]:
@@ -245,7 +245,7 @@ class MobileArm(OnBase, Model):
         return rest_to_rest_execution(trajectory, {kind: kind for kind in self.base.executed.values()})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Describe what the base cannot do, joints beyond their limits, and drives with an unfolded arm."""
+        """Yield what the base cannot do, joints beyond their limits, and drives with an unfolded arm."""
         yield from self.base.faults(trajectory)
         states, count = trajectory.states, max(1, len(trajectory))
         start, end = states.take(slice(0, count)), states.take(slice(-count, None))
@@ -295,7 +295,7 @@ class MobileArm(OnBase, Model):
 
 def _check_parts(arm: Any, base: Any) -> None:
     if not isinstance(arm, SerialArm):
-        raise ModelError(f"what is carried is an arm, arm=SerialArm(...); got {shown(arm)}")
+        raise ModelError(f"arm must be a serial arm, arm=SerialArm(...); got {shown(arm)}")
     if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
         raise ModelError(
             "an arm is carried by a base in the plane that has no joints of its own, such as "

@@ -18,9 +18,9 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
 from hpop.errors import ModelError, did_you_mean
-from hpop.models.serial_arm.chain import Chain, Mount, Pair, Part, pair_of
+from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
-from hpop.models.serial_arm.urdf import Joint, Mesh, Robot, Semantics, read_srdf, read_urdf
+from hpop.models.serial_arm.urdf import Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
 from hpop.world.files import sha256
 from hpop.world.geometry.solids import Hull, Solid
 
@@ -93,12 +93,12 @@ def assembled(
         high=np.array(high),
         speed=np.array([_speed(robot, joint) for joint in joints]),
         acceleration=np.array([_acceleration(robot, joint, acceleration) for joint in joints]),
-        mounts={"tool": Mount(*places[tip])},
+        mounts={"tool": FrameMount(*places[tip])},
     )
     return Assembly(chain, places, stands)
 
 
-def displacement(joint: Joint, value: float) -> FloatArray:
+def displacement(joint: UrdfJoint, value: float) -> FloatArray:
     """Return the pose (4, 4) of a joint's child at a value, in the joint's frame."""
     pose = np.eye(4)
     if joint.kind == "prismatic":
@@ -110,14 +110,14 @@ def displacement(joint: Joint, value: float) -> FloatArray:
     return pose
 
 
-def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[Mesh], list[Hull]]) -> Iterator[Part]:
+def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[UrdfMesh], list[Hull]]) -> Iterator[ArmPart]:
     """Return the solids of the links, each in the frame with which it moves."""
     for link, geometries in robot.links.items():
         frame, pose = places[link]
         for geometry in geometries:
             shape = geometry.shape
-            for solid in hulls(shape) if isinstance(shape, Mesh) else [shape]:
-                yield Part(link, frame, Solid(solid, pose @ geometry.pose, link))
+            for solid in hulls(shape) if isinstance(shape, UrdfMesh) else [shape]:
+                yield ArmPart(link, frame, Solid(solid, pose @ geometry.pose, link))
 
 
 def touching(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
@@ -133,9 +133,9 @@ def touching(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
     return frozenset(pairs)
 
 
-def _from_the_root(robot: Robot) -> Iterator[Joint]:
+def _from_the_root(robot: Robot) -> Iterator[UrdfJoint]:
     """Return all joints, each after the joint of its parent."""
-    below: dict[str, list[Joint]] = {}
+    below: dict[str, list[UrdfJoint]] = {}
     for joint in robot.joints.values():
         below.setdefault(joint.parent, []).append(joint)
     rest = [robot.root]
@@ -145,7 +145,7 @@ def _from_the_root(robot: Robot) -> Iterator[Joint]:
             rest.append(joint.child)
 
 
-def _check_moves(robot: Robot, joint: Joint) -> None:
+def _check_moves(robot: Robot, joint: UrdfJoint) -> None:
     """Raise ModelError for a joint between root and tip that no arm here can have."""
     way_out = f"if it stands, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
     if joint.kind not in MOVING:
@@ -164,7 +164,7 @@ def _standing(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float
     """Return the value, rad or m, of every joint that could move but stands; a mimicking joint follows its leader."""
     stands: dict[str, float] = {}
 
-    def value(joint: Joint, followed: tuple[str, ...] = ()) -> float:
+    def value(joint: UrdfJoint, followed: tuple[str, ...] = ()) -> float:
         if joint.name in fixed:
             return fixed[joint.name]
         if joint.mimic is not None:
@@ -185,7 +185,7 @@ def _standing(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float
     return stands
 
 
-def _limits(robot: Robot, joint: Joint) -> tuple[float, float]:
+def _limits(robot: Robot, joint: UrdfJoint) -> tuple[float, float]:
     """Return the least and the greatest value; half a turn either way for a joint without limits."""
     if joint.kind == "continuous":
         return -math.pi, math.pi
@@ -198,7 +198,7 @@ def _limits(robot: Robot, joint: Joint) -> tuple[float, float]:
     return joint.low, joint.high
 
 
-def _speed(robot: Robot, joint: Joint) -> float:
+def _speed(robot: Robot, joint: UrdfJoint) -> float:
     if joint.speed is None or not joint.speed > 0:
         unit = "m/s" if joint.kind == "prismatic" else "rad/s"
         raise robot.file.error(
@@ -207,7 +207,7 @@ def _speed(robot: Robot, joint: Joint) -> float:
     return joint.speed
 
 
-def _acceleration(robot: Robot, joint: Joint, given: float | Mapping[str, float]) -> float:
+def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, float]) -> float:
     if not isinstance(given, Mapping):
         return given
     if joint.name not in given:
@@ -281,7 +281,7 @@ class ArmFile(NamedTuple):
     """
 
     chain: Chain
-    parts: tuple[Part, ...]
+    parts: tuple[ArmPart, ...]
     apart: frozenset[Pair]
     notes: tuple[str, ...]
     states: Mapping[str, Values]
@@ -310,7 +310,7 @@ def read_arm(
     hashes = {robot.file.path: sha256(robot.file.data)}
     pieces: dict[tuple[Path, tuple[float, ...]], list[Hull]] = {}
 
-    def mesh_hulls(mesh: Mesh) -> list[Hull]:
+    def mesh_hulls(mesh: UrdfMesh) -> list[Hull]:
         try:
             path = found_mesh(mesh, robot.file.path.parent, packages)
             key = (path, tuple(mesh.scale.tolist()))
@@ -324,7 +324,7 @@ def read_arm(
 
     parts = tuple(parts_of(robot, assembly.places, mesh_hulls))
     tool = assembly.chain.mounts["tool"]
-    mounts = {"tool": tool, "camera": Mount(tool.frame, tool.pose @ camera)}
+    mounts = {"tool": tool, "camera": FrameMount(tool.frame, tool.pose @ camera)}
     chain = replace(assembly.chain, mounts=mounts)
     apart, semantics = touching(robot, assembly.places), None if srdf is None else read_srdf(srdf)
     if semantics is not None:

@@ -9,7 +9,7 @@ An interval is looked at in its middle; what that proves is cut out of it, and t
 pairs alone that are not proved yet. Each look proves some of it, or finds the arm nearer than it may be: all motions
 are decided.
 
-ρ_k is bounded twice, for the whole motion by the lengths of the links between (``Scene.levers``), and near a look by
+ρ_k is bounded twice, for the whole motion by the lengths of the links between (``ArmScene.levers``), and near a look by
 the distance there and what that can grow to: Σ |Δ_k| (r_k h + Λ_k h²/2) within h, Λ_k the speed relative to joint k.
 
 Imported on first use only, because importing numba takes half a second.
@@ -23,7 +23,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.models.serial_arm.gjk import distance
-from hpop.models.serial_arm.scene import Scene
+from hpop.models.serial_arm.scene import ArmScene
 from hpop.runtime.compiled import kernel, lean
 
 GAP = 0.25  # relative: a distance that does not prove the whole interval need not be more precise
@@ -31,7 +31,7 @@ POOL = 1 << 14  # places for lists of pairs, beside two of all; where they are f
 
 
 @lean
-def placed(scene: Scene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
+def placed(scene: ArmScene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
     """Frames (n + 1, 3, 4) of joint values (n,), the first that of the world, and centres (B, 3) of the bodies."""
     for k in range(q.size):
         at, before, origin = poses[k + 1], poses[k], scene.origins[k]
@@ -66,7 +66,7 @@ def _relative(a: FloatArray, b: FloatArray, pose: FloatArray) -> None:
 
 
 @lean
-def _outside(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
+def _outside(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
     """Distance of a point from the box round a body whose frame has a pose in the world."""
     box, centre = scene.bodies.box, scene.bodies.centre
     x, y, z = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
@@ -82,7 +82,7 @@ def _outside(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: floa
 
 
 @lean
-def apart_at_least(scene: Scene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
+def apart_at_least(scene: ArmScene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
     """A lower bound of the distance of two bodies by spheres round them, and if that is not enough by a box."""
     reach, x, y, z = scene.bodies.reach, centres[b, 0], centres[b, 1], centres[b, 2]
     dx, dy, dz = x - centres[a, 0], y - centres[a, 1], z - centres[a, 2]
@@ -97,7 +97,7 @@ def apart_at_least(scene: Scene, a: int, b: int, poses: FloatArray, centres: Flo
 
 @lean
 def measured(
-    scene: Scene,
+    scene: ArmScene,
     pair: int,
     poses: FloatArray,
     centres: FloatArray,
@@ -125,7 +125,7 @@ def measured(
 
 
 @lean
-def _speeds(scene: Scene, moved: FloatArray, slides: FloatArray, speeds: FloatArray) -> None:
+def _speeds(scene: ArmScene, moved: FloatArray, slides: FloatArray, speeds: FloatArray) -> None:
     """Bounds (B, n + 1), m, of how far the points of each body move relative to each frame, given |Δ| (n,).
 
     slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
@@ -146,7 +146,7 @@ def _speeds(scene: Scene, moved: FloatArray, slides: FloatArray, speeds: FloatAr
 
 @lean
 def _speeds_here(
-    scene: Scene,
+    scene: ArmScene,
     b: int,
     poses: FloatArray,
     centres: FloatArray,
@@ -176,7 +176,7 @@ def _speeds_here(
 
 @kernel
 def blocked_by(
-    scene: Scene,
+    scene: ArmScene,
     start: FloatArray,
     end: FloatArray,
     deviation: FloatArray,
@@ -272,7 +272,7 @@ def blocked_by(
 
 
 @kernel
-def nearest(scene: Scene, states: FloatArray, most: float, gap: float, least: FloatArray) -> None:
+def nearest(scene: ArmScene, states: FloatArray, most: float, gap: float, least: FloatArray) -> None:
     """Write to least (N,) a lower bound of the smallest distance of any pair in each state (N, n); at most ``most``.
 
     The smallest distance is no more than a share ``gap`` above it.

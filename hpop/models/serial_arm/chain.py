@@ -23,7 +23,7 @@ def pair_of(a: str, b: str) -> Pair:
     return (a, b) if a < b else (b, a)
 
 
-class Mount(NamedTuple):
+class FrameMount(NamedTuple):
     """Position of a body on a chain.
 
     frame  0, which stands, to n, which moves with joint n
@@ -62,7 +62,7 @@ class Chain:
     high: FloatArray
     speed: FloatArray
     acceleration: FloatArray
-    mounts: Mapping[str, Mount] = field(default_factory=dict)
+    mounts: Mapping[str, FrameMount] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         arrays = ("sliding", "turning", "axes", "origins", "low", "high", "speed", "acceleration")
@@ -74,7 +74,7 @@ class Chain:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ArmPart:
     """A solid that a link carries.
 
     link   its name

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
-from hpop.models.serial_arm.chain import Chain, Pair, Part, pair_of
-from hpop.models.serial_arm.scene import Scene, paired, scene_of, within_reach
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, pair_of
+from hpop.models.serial_arm.scene import ArmScene, paired, scene_of, within_reach
 from hpop.motions import Law, Motions, Separations, States, is_coupled, slopes
 from hpop.world.geometry.solids import Solid
 
@@ -52,7 +52,7 @@ class ArmCollision:
     """
 
     chain: Chain
-    parts: tuple[Part, ...]
+    parts: tuple[ArmPart, ...]
     apart: frozenset[Pair]
     world: World
 
@@ -61,11 +61,11 @@ class ArmCollision:
         return self.world.bodies
 
     @cached_property
-    def _scene(self) -> Scene:
+    def _scene(self) -> ArmScene:
         """All pairs of bodies that must not touch; kept with the world, which outlives the model."""
         return self.world.derived(("arm", self.chain, self.parts, self.apart), self._with_pairs)
 
-    def _with_pairs(self) -> Scene:
+    def _with_pairs(self) -> ArmScene:
         scene = scene_of(self.chain, self.parts, self._solids)
         inside = within_reach(scene, self.chain, NEAR)
         own = [
@@ -81,8 +81,8 @@ class ArmCollision:
         return ((a, size + b) for a, b in product(range(size), range(len(self._solids))) if self.parts[a].frame)
 
     @cached_property
-    def _outer_scene(self) -> Scene:
-        """Scene for clearance: also solids out of reach, without pairs of own links."""
+    def _outer_scene(self) -> ArmScene:
+        """ArmScene for clearance: also solids out of reach, without pairs of own links."""
         return paired(self._scene, [*self._outer_pairs()])
 
     @property
@@ -251,7 +251,7 @@ def _slices(size: int) -> Iterator[slice]:
     return (slice(i, i + AT_ONCE) for i in range(0, size, AT_ONCE))
 
 
-def always_touching(chain: Chain, parts: Sequence[Part], apart: frozenset[Pair]) -> frozenset[Pair]:
+def always_touching(chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pair]) -> frozenset[Pair]:
     """Return pairs of links, not in ``apart``, that touch in each of 10,000 states drawn within the joints' limits.
 
     They would block the arm everywhere. Pairs that touch now and then are real collisions, and those that never did are

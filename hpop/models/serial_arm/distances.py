@@ -31,7 +31,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.models.serial_arm.certificate import GAP, POOL, apart_at_least, measured, placed
 from hpop.models.serial_arm.gjk import support
-from hpop.models.serial_arm.scene import Scene
+from hpop.models.serial_arm.scene import ArmScene
 from hpop.runtime.compiled import kernel, lean
 
 PRECISE = 1e-6  # relative: how far a least distance along a motion may be below the true one
@@ -39,7 +39,7 @@ NEARLY_EXACT = 1e-9  # relative: the same of distances with gradients
 
 
 @lean
-def _bounds(scene: Scene, b: int, moved: FloatArray, slides: FloatArray) -> tuple[float, float]:
+def _bounds(scene: ArmScene, b: int, moved: FloatArray, slides: FloatArray) -> tuple[float, float]:
     """Return bounds on the speed and acceleration of a body's points a unit of s, given |Δ| (n,).
 
     slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
@@ -62,7 +62,7 @@ def _bounds(scene: Scene, b: int, moved: FloatArray, slides: FloatArray) -> tupl
 
 
 @lean
-def _twists(scene: Scene, way: FloatArray, poses: FloatArray, twists: FloatArray) -> None:
+def _twists(scene: ArmScene, way: FloatArray, poses: FloatArray, twists: FloatArray) -> None:
     """Write the twists (n + 1, 6) of the frames a unit of s: velocity at the origin of the world, and rotation."""
     for k in range(way.size):
         for i in range(6):
@@ -83,7 +83,7 @@ def _twists(scene: Scene, way: FloatArray, poses: FloatArray, twists: FloatArray
 
 
 @lean
-def _least_along(scene: Scene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
+def _least_along(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
     """Return the least coordinate of a body's points along a vector of the world."""
     u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z
     v = pose[0, 1] * x + pose[1, 1] * y + pose[2, 1] * z
@@ -105,7 +105,7 @@ def _cut(above: float, slope: float, change: float) -> float:
 
 @lean
 def _proved(
-    scene: Scene,
+    scene: ArmScene,
     pair: int,
     poses: FloatArray,
     twists: FloatArray,
@@ -142,7 +142,9 @@ def _proved(
 
 
 @kernel
-def closest(scene: Scene, start: FloatArray, end: FloatArray, most: float, tolerance: float, least: FloatArray) -> int:
+def closest(
+    scene: ArmScene, start: FloatArray, end: FloatArray, most: float, tolerance: float, least: FloatArray
+) -> int:
     """Write to least (M,) the least distance of any pair along each segment of joint values (M, n); at most ``most``.
 
     It is no more than ``tolerance`` m above what it is, and as near below as distances are precise: a millionth, or a
@@ -277,7 +279,7 @@ def _shares(simplex: FloatArray, shares: FloatArray) -> int:
 
 @lean
 def _change(
-    scene: Scene, a: int, b: int, poses: FloatArray, simplex: FloatArray, shares: FloatArray, gradient: FloatArray
+    scene: ArmScene, a: int, b: int, poses: FloatArray, simplex: FloatArray, shares: FloatArray, gradient: FloatArray
 ) -> None:
     """Write the derivative of the distance of two bodies by each joint (n,), from the nearest simplex."""
     gradient[:] = 0.0
@@ -308,7 +310,7 @@ def _change(
 
 @kernel
 def near_pairs(
-    scene: Scene, states: FloatArray, within: float, owner: IntArray, distance: FloatArray, gradient: FloatArray
+    scene: ArmScene, states: FloatArray, within: float, owner: IntArray, distance: FloatArray, gradient: FloatArray
 ) -> int:
     """Write state, distance and gradient of each pair nearer than ``within`` m in states (N, n).
 

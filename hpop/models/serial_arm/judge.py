@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.motions import Motions, States
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
@@ -59,7 +59,7 @@ class ArmJudge:
     """
 
     chain: Chain
-    parts: tuple[Part, ...]
+    parts: tuple[ArmPart, ...]
     apart: frozenset[tuple[str, str]]
     world: World
 

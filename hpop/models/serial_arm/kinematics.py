@@ -24,7 +24,7 @@ import numpy as np
 from hpop.base.arrays import Column, FloatArray
 from hpop.base.math import hypot, is_zero
 from hpop.errors import ModelError
-from hpop.models.serial_arm.chain import Chain, Mount
+from hpop.models.serial_arm.chain import Chain, FrameMount
 from hpop.models.serial_arm.xml import exact
 from hpop.motions import States
 from hpop.motions.states import Vector
@@ -90,7 +90,7 @@ class Kinematics:
     def __reduce__(self) -> tuple[type[Kinematics], tuple[Chain]]:
         return Kinematics, (self.chain,)
 
-    def _mounted(self, mount: Mount, turns: list[FloatArray]) -> Offset:
+    def _mounted(self, mount: FrameMount, turns: list[FloatArray]) -> Offset:
         if mount.frame != len(self.chain):
             raise ModelError(f"bodies of an arm are at its tip, frame {len(self.chain)}, got frame {mount.frame}")
         return _offset(turns[-1].T @ mount.pose)

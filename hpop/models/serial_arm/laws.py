@@ -173,7 +173,7 @@ def rate_of(name: str) -> str:
 
 
 @dataclass(frozen=True)
-class Spline:
+class JointSpline:
     """A piece of a spline: Hermite cubics through the joints and their speeds at both ends.
 
     names          of the joints

@@ -13,7 +13,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.text import printable, shown
 from hpop.errors import ModelError, did_you_mean
-from hpop.models.serial_arm.urdf import Mesh
+from hpop.models.serial_arm.urdf import UrdfMesh
 from hpop.models.serial_arm.xml import file_bytes
 from hpop.world.geometry.solids import Hull
 
@@ -30,7 +30,7 @@ SAME = 1e-6
 KINDS = ("stl", "obj", "ply", "off")
 
 
-def found_mesh(mesh: Mesh, folder: Path, packages: Mapping[str, str]) -> Path:
+def found_mesh(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
     """Where a mesh is, within the URDF's folder or the package that it names; ModelError for anywhere else."""
     kind, _, rest = mesh.name.partition("://")
     if rest and kind == "package":

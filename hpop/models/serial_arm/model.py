@@ -21,11 +21,11 @@ from hpop.models.base import model
 from hpop.models.camera import FieldOfView, checked_field_of_view
 from hpop.models.files import is_record, path_of, record, without_places
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
-from hpop.models.serial_arm.chain import Chain, Pair, Part, frames, levers
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES, ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.kinematics import Kinematics
-from hpop.models.serial_arm.laws import ArmBody, JointLaw, Reach, Spline, doubtful, faults
+from hpop.models.serial_arm.laws import ArmBody, JointLaw, JointSpline, Reach, doubtful, faults
 from hpop.models.serial_arm.xml import pose_of
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
@@ -150,7 +150,7 @@ class SerialArm(Model):
         return self._arm.chain
 
     @property
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[ArmPart, ...]:
         """What collides."""
         return self._arm.parts
 
@@ -203,7 +203,7 @@ class SerialArm(Model):
         """From rest to rest, straight in the space of the joints; and splines there."""
         chain = self.chain
         of_chain = (chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))
-        return {"reach": Reach(*of_chain), "spline": Spline(*of_chain)}
+        return {"reach": Reach(*of_chain), "spline": JointSpline(*of_chain)}
 
     # How it moves
 

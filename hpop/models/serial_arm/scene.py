@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 
@@ -101,7 +101,7 @@ def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
             return np.asarray(points, float), 0.0, 0.0
 
 
-class Scene(NamedTuple):
+class ArmScene(NamedTuple):
     """An arm of n joints and what stands round it, as arrays.
 
     origins  (n, 3, 4)  each joint's frame at value 0 in the frame before, the joint's axis along z
@@ -120,7 +120,7 @@ class Scene(NamedTuple):
     pairs: IntArray
 
 
-def scene_of(chain: Chain, parts: Sequence[Part], solids: Sequence[Solid]) -> Scene:
+def scene_of(chain: Chain, parts: Sequence[ArmPart], solids: Sequence[Solid]) -> ArmScene:
     """Return the scene of an arm's parts, then the solids of the world, without pairs."""
     aligned = [np.eye(4), *map(_along_z, chain.axes)]
     origins = np.array(
@@ -129,7 +129,7 @@ def scene_of(chain: Chain, parts: Sequence[Part], solids: Sequence[Solid]) -> Sc
     frames = np.array([*(part.frame for part in parts), *(0 for _ in solids)], np.int64)
     placed = [replace(part.solid, pose=aligned[part.frame].T @ part.solid.pose) for part in parts]
     bodies = bodies_of([*placed, *solids])
-    return Scene(
+    return ArmScene(
         origins=np.ascontiguousarray(origins[:, :3]),
         sliding=np.array(chain.sliding, np.bool_),
         bodies=bodies,
@@ -139,7 +139,7 @@ def scene_of(chain: Chain, parts: Sequence[Part], solids: Sequence[Solid]) -> Sc
     )
 
 
-def paired(scene: Scene, pairs: Sequence[tuple[int, int]]) -> Scene:
+def paired(scene: ArmScene, pairs: Sequence[tuple[int, int]]) -> ArmScene:
     """Return the scene with pairs to test, fastest first; bodies of one frame are left out."""
     rows = [sorted(pair, key=lambda b: int(scene.frames[b])) for pair in pairs]
     rows = [row for row in rows if scene.frames[row[0]] != scene.frames[row[1]]]
@@ -147,7 +147,7 @@ def paired(scene: Scene, pairs: Sequence[tuple[int, int]]) -> Scene:
     return scene._replace(pairs=np.array(rows, np.int64).reshape(-1, 2))
 
 
-def within_reach(scene: Scene, chain: Chain, near: float) -> BoolArray:
+def within_reach(scene: ArmScene, chain: Chain, near: float) -> BoolArray:
     """Return whether each body (B, B), within the joints' limits, may come within ``near`` m of a standing body."""
     slides = np.where(chain.sliding, np.maximum(np.abs(chain.low), np.abs(chain.high)), 0.0)
     steps = np.append(slides[:1], np.linalg.norm(scene.origins[1:, :, 3], axis=1) + slides[1:])

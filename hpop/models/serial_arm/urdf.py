@@ -29,7 +29,7 @@ MOST_SHOWN = 12
 """Links of a circle that a message names."""
 
 
-class Mesh(NamedTuple):
+class UrdfMesh(NamedTuple):
     """A mesh file that a URDF names for a link, with the scale (3,) of its coordinates."""
 
     link: str
@@ -44,7 +44,7 @@ class Geometry(NamedTuple):
     pose   (4, 4)  in the link's frame
     """
 
-    shape: Shape | Mesh
+    shape: Shape | UrdfMesh
     pose: FloatArray
 
 
@@ -57,7 +57,7 @@ class Mimic(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
+class UrdfJoint:
     """A joint between a link and its parent.
 
     kind    one of KINDS
@@ -95,10 +95,10 @@ class Robot:
     file: XmlFile
     root: str
     links: Mapping[str, tuple[Geometry, ...]]
-    joints: Mapping[str, Joint]
+    joints: Mapping[str, UrdfJoint]
     bare: frozenset[str]
 
-    def ancestry(self, tip: str) -> list[Joint]:
+    def ancestry(self, tip: str) -> list[UrdfJoint]:
         """Return the joints from the root to a link, in this order."""
         if tip not in self.links:
             raise self.file.error(
@@ -143,9 +143,9 @@ def read_urdf(path: str | os.PathLike[str]) -> Robot:
     return Robot(file, _root(file, links, joints), links, joints, frozenset(bare))
 
 
-def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint]) -> str:
+def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, UrdfJoint]) -> str:
     """Return the one link without a parent, from which joints lead to every other link."""
-    above: dict[str, Joint] = {}
+    above: dict[str, UrdfJoint] = {}
     for joint in joints.values():
         if joint.child in above:
             raise file.error(
@@ -178,7 +178,7 @@ def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, Joint
     return roots[0]
 
 
-def _circle(above: Mapping[str, Joint], link: str) -> str:
+def _circle(above: Mapping[str, UrdfJoint], link: str) -> str:
     """Return the links of a circle above a link, from parent to child, as text."""
     passed: list[str] = []
     while link not in passed:
@@ -188,7 +188,7 @@ def _circle(above: Mapping[str, Joint], link: str) -> str:
     return " > ".join(map(shown, circle if len(circle) <= MOST_SHOWN else [*circle[: MOST_SHOWN - 1], circle[-1]]))
 
 
-def _joint(file: XmlFile, element: Element) -> Joint:
+def _joint(file: XmlFile, element: Element) -> UrdfJoint:
     name, kind = file.name(element), element.get("type")
     what = f"joint {shown(name)}"
     if kind not in KINDS:
@@ -227,7 +227,7 @@ def _joint(file: XmlFile, element: Element) -> Joint:
         follows = Mimic(file.name(mimic, "joint"), factor, offset)
     origin = _pose(file, what, element)
     low, high, speed = (bounds[key] for key in ("lower", "upper", "velocity"))
-    return Joint(name, kind, parent, child, origin, axis, low, high, speed, follows, doubt)
+    return UrdfJoint(name, kind, parent, child, origin, axis, low, high, speed, follows, doubt)
 
 
 def _soft(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | None]) -> dict[str, float | None]:
@@ -264,7 +264,7 @@ def _geometries(file: XmlFile, link: str, element: Element) -> Iterator[Geometry
         yield Geometry(_shape(file, link, what, shapes[0]), _pose(file, what, collision))
 
 
-def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | Mesh:
+def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | UrdfMesh:
     def lengths(attribute: str, count: int = 1) -> list[float]:
         found = file.numbers(f"the {attribute} of {what}", element.get(attribute), count)
         if (found < LEAST).any():
@@ -283,7 +283,7 @@ def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | Mes
             scale = file.numbers(f"the scale of {what}", element.get("scale", "1 1 1"), 3)
             if (np.abs(scale) < LEAST).any():
                 raise file.error(f"the scale of {what} must not be 0, got {shown(element.get('scale'))}")
-            return Mesh(link, file.name(element, "filename"), scale)
+            return UrdfMesh(link, file.name(element, "filename"), scale)
     raise file.error(f"{what} must be a box, cylinder, sphere or mesh, got <{printable(element.tag)[:80]}>")
 
 

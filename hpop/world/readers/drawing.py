@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hpop.apart.child import Answer
+from hpop.apart.child import ChildAnswer
 from hpop.apart.lines import said
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of, whole
@@ -85,7 +85,7 @@ def _names(layers: Any) -> list[str] | None:
     return list(names)
 
 
-def build(path: str | Path, found: Answer, placement: Placement, options: DrawingOptions, *, nothing: str) -> World:
+def build(path: str | Path, found: ChildAnswer, placement: Placement, options: DrawingOptions, *, nothing: str) -> World:
     """Build the world of a drawing's lines, with notes on everything left out.
 
     found      ``points`` (n, 2) of all lines, their first points ``starts`` (m + 1,), their ``layer`` (m,), and their
@@ -274,7 +274,7 @@ def read_dxf(
     return World(world.ground, notes=(note, *world.notes)).read_from(file_source("dxf", path, options, content))
 
 
-def _units(path: str | Path, found: Answer) -> tuple[str, float]:
+def _units(path: str | Path, found: ChildAnswer) -> tuple[str, float]:
     """Return the name of the units in a drawing's header, and their size in metres."""
     code = found.words["insunits"]
     if code in METRES:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import ArmCollision
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.laws import Reach
@@ -21,7 +21,7 @@ class Cluttered:
     """An arm in a world."""
 
     chain: Chain
-    parts: tuple[Part, ...]
+    parts: tuple[ArmPart, ...]
     world: World
     apart: frozenset[tuple[str, str]]
 
@@ -84,7 +84,7 @@ def cluttered(seed: int, *, joints: int = 5, solids: int = 8) -> Cluttered:
         acceleration=np.ones(joints),
     )
     parts = tuple(
-        Part(f"link{frame}", frame, Solid(shape(rng, 0.02, 0.15), pose(rng, 0.05)))
+        ArmPart(f"link{frame}", frame, Solid(shape(rng, 0.02, 0.15), pose(rng, 0.05)))
         for frame in range(joints + 1)
         for _ in range(2)
     )

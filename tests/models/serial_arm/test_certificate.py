@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import KEPT, NEAR
 from hpop.models.serial_arm.judge import STEP
 from hpop.world import World
@@ -66,7 +66,7 @@ def gripper(apart: float, *, slides: bool, tip: float = 0.5) -> Cluttered:
         speed=np.ones(1),
         acceleration=np.ones(1),
     )
-    part = Part("hand", 1, Solid(Sphere(0.01), pose_at((tip, 0.0, 0.0))))
+    part = ArmPart("hand", 1, Solid(Sphere(0.01), pose_at((tip, 0.0, 0.0))))
     wall = Solid(Box((4.0, 0.2, 4.0)), pose_at((0.0, 0.2 + apart, 0.0)), "wall")
     return Cluttered(chain, (part,), World.from_solids([wall]), frozenset())
 
@@ -162,7 +162,7 @@ def test_a_long_way_close_along_a_wall_is_decided_to_its_end():
     """A ball slides 2 m along a wall of 60 boxes, 1.2 mm off: some thousand looks, and room for all that is left."""
     arm = gripper(0.0, slides=True)
     chain = replace(arm.chain, axes=np.array([[1.0, 0.0, 0.0]]))
-    part = Part("hand", 1, Solid(Sphere(0.01), np.eye(4)))
+    part = ArmPart("hand", 1, Solid(Sphere(0.01), np.eye(4)))
     wall = [Solid(Box((0.05, 0.1, 0.1)), pose_at((0.05 * k - 1.5, 0.0612, 0.0)), f"brick {k}") for k in range(60)]
     way = [[-1.0]], [[1.0]]
     for needle, free in (([], True), ([Solid(Sphere(0.0005), pose_at((0.987, 0.0, 0.0102)))], False)):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.models.serial_arm.chain import Chain, Part
+from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import KEPT, always_touching
 from hpop.models.serial_arm.model import SerialArm
 from hpop.world import World
@@ -31,10 +31,10 @@ def planar(*, lengths=(0.5, 0.5), solids=(), turning=False) -> Cluttered:
         acceleration=np.ones(count),
     )
     parts = [
-        Part(f"bar{k}", k + 1, Solid(Box((length - 0.06, 0.02, 0.02)), pose_at((length / 2, 0.0, 0.0))))
+        ArmPart(f"bar{k}", k + 1, Solid(Box((length - 0.06, 0.02, 0.02)), pose_at((length / 2, 0.0, 0.0))))
         for k, length in enumerate(lengths)
     ]
-    parts.append(Part("base", 0, Solid(Cylinder(0.02, 0.5), pose_at((0.0, 0.0, -0.26)))))
+    parts.append(ArmPart("base", 0, Solid(Cylinder(0.02, 0.5), pose_at((0.0, 0.0, -0.26)))))
     far = Solid(Sphere(0.1), pose_at((50.0, 0.0, 0.0)), "far away")
     return Cluttered(chain, tuple(parts), World.from_solids([*solids, far]), frozenset())
 
@@ -146,7 +146,7 @@ def test_links_that_always_touch_are_found_and_others_are_not():
     """Bars without gaps: 0 and 1 share their joint, and 0 stands on the base; 0 and 2 meet now and then."""
     arm = planar(lengths=(0.5, 0.5, 0.5))
     long = tuple(
-        Part(part.link, part.frame, Solid(Box((0.5, 0.02, 0.02)), part.solid.pose)) if part.frame else part
+        ArmPart(part.link, part.frame, Solid(Box((0.5, 0.02, 0.02)), part.solid.pose)) if part.frame else part
         for part in arm.parts
     )
     assert always_touching(arm.chain, long, frozenset()) == {("bar0", "bar1"), ("bar0", "base"), ("bar1", "bar2")}
@@ -183,7 +183,7 @@ def test_hulls_of_many_corners_are_links_too():
     arm = planar(solids=[CAN])
     points = rng.normal(size=(200, 3))
     round_ = Hull(0.04 * points / np.linalg.norm(points, axis=1)[:, None])
-    arm = replace(arm, parts=(*arm.parts, Part("hand", 2, Solid(round_, pose_at((0.5, 0.0, 0.1))))))
+    arm = replace(arm, parts=(*arm.parts, ArmPart("hand", 2, Solid(round_, pose_at((0.5, 0.0, 0.1))))))
     rows = np.array([[np.pi / 2, 0.0]])
     assert arm.collision.clearance(arm.states(rows))[0] == pytest.approx(np.hypot(0.89, 0.03) - 0.05, abs=3e-6)
 

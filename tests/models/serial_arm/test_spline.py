@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from hpop.models.serial_arm.laws import Spline
+from hpop.models.serial_arm.laws import JointSpline
 from hpop.motions import States
 
-LAW = Spline(("a", "b"), (2.0, 1.0), (3.0, 4.0))
+LAW = JointSpline(("a", "b"), (2.0, 1.0), (3.0, 4.0))
 SHARES = np.linspace(0.0, 1.0, 4001)
 
 

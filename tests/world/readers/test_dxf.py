@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 from hpop.apart import lines as collected
-from hpop.apart.child import Refused
+from hpop.apart.child import ChildRefused
 from hpop.apart.dxf import extract
 from hpop.errors import MapError, ScenarioError
 from hpop.scenario import load_scenario
@@ -178,7 +178,7 @@ def test_what_would_grow_without_end_is_refused(monkeypatch):
     words, _ = extract(dxf(cyclic), {"layers": None})
     assert words["left_out"] == {"blocks more than 16 deep": 1}
     monkeypatch.setattr(collected, "MOST_THINGS", 5000)
-    with pytest.raises(Refused, match="more than 5,000 things"):
+    with pytest.raises(ChildRefused, match="more than 5,000 things"):
         lines(nested)
 
 
@@ -197,7 +197,7 @@ def test_more_crossings_than_a_plan_has_are_refused_with_the_layers(tmp_path):
 @pytest.mark.parametrize("number", ["1e300", "inf", "nan"])
 def test_coordinates_that_are_none_are_refused(number):
     data = dxf(lambda d: d.modelspace().add_circle((77.25, 0), 1)).replace(b"77.25", number.encode())
-    with pytest.raises((Refused, ValueError), match=r"finite numbers|float"):
+    with pytest.raises((ChildRefused, ValueError), match=r"finite numbers|float"):
         extract(data, {"layers": None})
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.apart.child import Refused
+from hpop.apart.child import ChildRefused
 from hpop.apart.pdf import extract
 from hpop.errors import MapError
 from hpop.scenario import load_scenario
@@ -83,7 +83,7 @@ def test_what_forms_draw_is_where_they_are_placed_and_belongs_to_the_layer_of_it
     assert lines == [[[110, 100], [130, 100]], [[20, 20], [20, 30]]]
     assert found(data, layers=["walls"])[1] == lines[1:]
     with pytest.raises(
-        Refused, match=r"no layer 'wals'. Did you mean 'Walls'\? It has \(no layer\) \(1\), Walls \(1\)"
+        ChildRefused, match=r"no layer 'wals'. Did you mean 'Walls'\? It has \(no layer\) \(1\), Walls \(1\)"
     ):
         found(data, layers=["wals"])
 
