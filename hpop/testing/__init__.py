@@ -1,4 +1,4 @@
-"""Conformance checks for anyone's criterion, model or planner: what the house relies on, shown on random worlds.
+"""Conformance checks of criteria, models and planners on random worlds: the rules that hpop relies on.
 
 ``hpop check module:Name`` prints them; :func:`check_criterion`, :func:`check_model` and :func:`check_planner` raise,
 for use in tests.
@@ -35,7 +35,7 @@ __all__ = [
 
 @checked_arguments
 def kind_of(plugin: Any) -> registry.Registry[type]:
-    """The registry of criteria, models or planners that something belongs to."""
+    """Return the registry of criteria, models or planners to which an object belongs."""
     if isinstance(plugin, Criterion):
         return registry.criteria
     return registry.models if isinstance(plugin, Model) else registry.planners
@@ -43,7 +43,7 @@ def kind_of(plugin: Any) -> registry.Registry[type]:
 
 @checked_arguments
 def conformance(plugin: Any, *, rng: RNG = 0) -> Iterator[Check]:
-    """Check what a criterion, a model or a planner promises, one check after the other."""
+    """Yield the checks of a criterion, a model or a planner, one after the other."""
     if isinstance(plugin, Criterion):
         return criterion_checks(plugin, rng=rng)
     return model_checks(plugin, rng=rng) if isinstance(plugin, Model) else planner_checks(plugin, rng=rng)

@@ -1,4 +1,4 @@
-"""Conformance checks, and what they compare: declared attributes with their protocols, and bodies with their poses."""
+"""Conformance checks: comparisons of attributes with their protocols, and of bodies with their poses."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ from hpop.motions.states import Vector
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
-SAME = 1e-9  # m or rad, and relative: so far apart is the same
-LEAST_SCALE = 1e-5  # of columns: where all is smaller, this is what a share is taken of
+SAME = 1e-9  # m or rad, and relative: tolerance of equal values
+LEAST_SCALE = 1e-5  # of columns: least scale of relative tolerances
 WHEELS = ("wheel_base", "wheel_speed", "wheel_acceleration")
 RIGID = ("speed", "acceleration", "turn_rate", "turn_acceleration")
 MOMENTS = 40  # within each motion
 MOMENT = 1e-6  # s, of differences
-SAMPLES = 1000  # along a motion whose way and rotation are measured
+SAMPLES = 1000  # along a motion, to measure its path and rotation
 TWIST_TOLERANCE = 1e-4  # relative, of differences
-BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in the place of curves
+BODY_TOLERANCE = 5e-3  # relative: quadrature, and polygons in place of curves
 
 
 class Check(NamedTuple):
-    """One conformance check: what it claims, and what contradicts it ("" where it holds)."""
+    """Conformance check: its claim, and a contradiction of it ("" if it holds)."""
 
     claim: str
     fault: str
 
 
 def raise_faults(what: str, checks: Iterable[Check], error: type[HpopError]) -> None:
-    """Raise an error that lists every check that fails, if any does."""
+    """Raise an error that lists every failed check, if any fails."""
     faults = [f"{check.claim}: {check.fault}" for check in checks if check.fault]
     if faults:
         raise error(f"{what} fails {len(faults)} check{'s' * (len(faults) > 1)}:\n  " + "\n  ".join(faults))
@@ -54,7 +54,7 @@ def fault_of(test: Callable[[], str]) -> str:
 
 
 def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float, scale: float | None = None) -> str:
-    """Say where two columns differ by more than a share of each value and of a scale, by default the largest."""
+    """Return where two columns differ by more than a share of each value and of a scale, by default the largest."""
     gap = np.abs(expected - found)
     largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
     allowed = tolerance * np.maximum(np.abs(expected), max(largest, LEAST_SCALE))
@@ -65,7 +65,7 @@ def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float,
 
 
 def model_says(model: Model, world: World, states: States) -> str:
-    """Say what is wrong with the optional attributes of a model, in states (N,); "" where nothing is."""
+    """Return faults of the optional attributes of a model, in states (N,); "" if there are none."""
     if not (isinstance(model.name, str) and model.name):
         return f"name is a word, got {shown(model.name)}"
     try:
@@ -117,7 +117,7 @@ def _wheels(model: Any) -> str:
 
 
 def _platform(model: Model, states: States) -> str:
-    """Say whether the platform of a model in the plane leaves out a part in some state."""
+    """Return whether the platform of a model in the plane leaves out a part in some state, in words."""
     strange = [part for part in model.platform if not isinstance(part, Part) or part.on]
     if strange:
         return f"platform holds parts without joints (hpop.models.base.Part), got {shown(strange[0])}"
@@ -148,7 +148,7 @@ def _bodies(model: Model, states: States) -> str:
 
 
 def _measures(model: Model, world: World, states: States) -> str:
-    """Say what is wrong with the optional attributes of a collision."""
+    """Return faults of the optional attributes of a collision test."""
     collision = collision_of(model, world)
     if (clearance := collision.clearance) is not None:
         found = np.asarray(clearance(states))
@@ -163,7 +163,7 @@ def _measures(model: Model, world: World, states: States) -> str:
 
 
 def law_says(motions: Motions) -> str:
-    """Say what is wrong with the optional attributes of a law, shown on some of its motions."""
+    """Return faults of the optional attributes of a law, on some of its motions."""
     law = motions.law
     extra = law.extra
     if not isinstance(extra, tuple) or not all(isinstance(name, str) for name in extra):
@@ -186,7 +186,7 @@ def law_says(motions: Motions) -> str:
 
 
 def criterion_says(criterion: Criterion) -> str:
-    """Say what is wrong with the declarations of a criterion; "" where nothing is."""
+    """Return faults of the declarations of a criterion; "" if there are none."""
     choices = {
         "group": (criterion.group, get_args(Group)),
         "aggregate": (criterion.aggregate, get_args(Aggregate)),
@@ -250,7 +250,7 @@ def _rotations(before: FloatArray, after: FloatArray) -> FloatArray:
 
 
 def upright(bodies: list[str], batches: list[Motions]) -> str:
-    """Say where axes of bodies are not at right angles, not of length 1, or disagree with their angles."""
+    """Return where axes of bodies are not orthogonal, not of length 1, or disagree with their angles."""
     for motions in batches:
         for body in bodies:
             pose = motions.model.pose(body, motions.start)
@@ -269,7 +269,7 @@ def upright(bodies: list[str], batches: list[Motions]) -> str:
 
 
 def twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator) -> str:
-    """Say where twists and their rates disagree with differences of poses and twists."""
+    """Return where twists and their rates disagree with differences of poses and twists."""
     for motions in batches:
         model = motions.model
         for trajectory in _each(motions):
@@ -300,7 +300,7 @@ def twisted(bodies: list[str], batches: list[Motions], rng: np.random.Generator)
 
 
 def measured(bodies: list[str], batches: list[Motions]) -> str:
-    """Say where lengths and rotations of bodies disagree with sums over samples of their poses."""
+    """Return where lengths and rotations of bodies disagree with sums over samples of their poses."""
     for motions in batches:
         size = len(motions)
         for name in bodies:
@@ -332,7 +332,7 @@ def measured(bodies: list[str], batches: list[Motions]) -> str:
 
 
 def bounded(bodies: list[str], batches: list[Motions]) -> str:
-    """Say which body moves or turns farther than the extent of its motions."""
+    """Return which body moves or turns farther than the extent of its motions."""
     for motions in (batch for batch in batches if not batch.stands):
         farthest, most_turned = (column + np.zeros(len(motions)) for column in motions.model.extent(motions))
         for name in bodies:

@@ -1,4 +1,4 @@
-"""What planners and fronts rely on in a criterion, shown on motions in random worlds."""
+"""Checks of a criterion on motions in random worlds, for planners and fronts."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ SIZES = (1, 40)  # of batches
 IN_HALVES = ("move", HOLD.kind)
 HELD = 1.5  # s, on the way of a tour
 NEAR = 0.3  # share of the way to another state
-LEAST_CHANGE = 0.1  # m or rad: of what is drawn
-CUT_TOLERANCE = 5e-3  # relative, of a curve: what it costs may jump where a wheel begins to turn the other way
+LEAST_CHANGE = 0.1  # m or rad: of drawn motions
+CUT_TOLERANCE = 5e-3  # relative, of a curve: costs may jump where a wheel begins to turn the other way
 SPLIT_TOLERANCE = 2e-3  # relative: two quadratures of one integral
-ALONE = 8  # one motion of so many is evaluated alone
+ALONE = 8  # every eighth motion is evaluated alone
 DIFFERENTIATED = 4  # motions of each batch: among many, one would lie at a kink
 GRADIENT_STEP = 1e-5  # m or rad, of the central difference
 GRADIENT_TOLERANCE = 1e-3
-FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on a grid that lies otherwise
+FRAME_TOLERANCE = 0.03  # relative: fields of 0.1 m cells, sampled on another grid
 
 
 @checked_arguments
 def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
-    """Raise CriterionError that lists every check a criterion fails, on worlds drawn with a seed."""
+    """Raise CriterionError that lists every failed check of a criterion, on worlds drawn with a seed."""
     if isinstance(criterion, type) or not isinstance(criterion, Criterion):
         made = f"{criterion.__name__}()" if isinstance(criterion, type) else "Turns()"
         raise CriterionError(f"expected an instance of a criterion, such as {made}, got {shown(criterion)}")
@@ -66,9 +66,9 @@ def check_criterion(criterion: Criterion, *, rng: RNG = 0) -> None:
 
 
 def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
-    """Check what a criterion promises, one check after the other; of one that gives no costs, no more than that.
+    """Yield the checks of a criterion; without costs, only the first ones.
 
-    What requires joints is asked of a base with a pan-tilt head, which drives no curves and is on no lattice here.
+    A criterion that requires joints is checked on a base with a pan-tilt head, without curves and lattices.
     """
     completed(criterion, CRITERION_DEFAULTS)
     seed = seed_of(rng)
@@ -87,7 +87,9 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     else:
         kinds, drawn = (OF_HEAD, _drawn) if jointed else (KINDS, random_motions)
         batches = [drawn(random, world, model, kind, size) for kind in kinds for size in SIZES]
-        standing = np.random.default_rng((seed, 1))  # of its own: a seed draws the other motions as ever
+        standing = np.random.default_rng(
+            (seed, 1)
+        )  # a generator of its own, so that a seed draws the other motions unchanged
         batches += [drawn(standing, world, model, HOLD.kind, size) for size in SIZES]
 
         def ask(asked: Criterion) -> FloatArray:
@@ -97,7 +99,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     yield declared
     if declared.fault:
         return
-    first: list[FloatArray] = []  # what it costs, once it has costs: what is asked later is compared with that
+    first: list[FloatArray] = []  # its costs, for later comparisons
 
     def costs() -> str:
         first.append(ask(criterion))
@@ -105,7 +107,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
 
     finite = Check("costs a finite number >= 0 for each motion", fault_of(costs))
     yield finite
-    if finite.fault:  # the other checks compare costs: they would all say this again
+    if finite.fault:  # the other checks compare costs, and would all repeat this
         return
     (before,) = first
     yield Check("survives pickling", fault_of(lambda: _pickled(criterion, ask, before)))
@@ -172,7 +174,7 @@ def _part(motions: Motions, index: slice | IntArray) -> Motions:
 
 
 def _cut(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
-    """Curves, each a trajectory of one motion, against the same cut in two and in five."""
+    """Compare curves, each a trajectory of one motion, with the same curves cut in two and in five."""
     m = random_motions(rng, world, model, "drive", 12)
     columns = {name: np.stack([getattr(m.start, name), getattr(m.end, name)], axis=1) for name in m.start.names}
     wholes = [Trajectory(model, States(**{n: c[i] for n, c in columns.items()}), (m.kind,)) for i in range(len(m))]
@@ -194,7 +196,7 @@ def _halves(criterion: Criterion, batches: list[Motions]) -> str:
         first = motion_costs(criterion, replace(motions, end=middle))
         second = motion_costs(criterion, replace(motions, start=middle, t0=t_middle))
         halves = np.maximum(first, second) if criterion.aggregate == "max" else first + second
-        # A worst moment between two samples is missed by what the cost changes within a cell, in metres.
+        # A worst moment between two samples is missed by the change of the cost within a cell, in metres.
         limits = (motions.world.cell, 1.0) if criterion.aggregate == "max" else (SPLIT_TOLERANCE, None)
         fault = differ("in two halves", motion_costs(criterion, motions), halves, *limits)
         if fault:
@@ -203,14 +205,14 @@ def _halves(criterion: Criterion, batches: list[Motions]) -> str:
 
 
 def _detour(model: Model, scale: float) -> Trajectory:
-    """Moves and turns through the room, of its size or smaller, and a rest."""
+    """Return moves and turns through the room, of its size or smaller, with a rest."""
     poses = [(1, 1, 0), (3, 1, 0), (4, 5, np.pi), (1, 8, -2.0)]
     tour = Trajectory.from_poses(model, [(scale * x, scale * y, yaw) for x, y, yaw in poses])
     return tour.with_hold(at=3, seconds=HELD)
 
 
 def _slalom(model: Model) -> Trajectory:
-    """Curves through the room from rest to rest: to the left, to the right, straight on, and about on the spot."""
+    """Return curves through the room from rest to rest: left, right, straight on, and round on the spot."""
     left, right = [(0.0, 2.0, 0.6), (0.0, 0.0, 0.4), (0.0, -2.0, 0.6)], [(0.0, -2.0, 0.6), (0.0, 2.0, 0.6)]
     on_the_spot = [(0.0, 3.0, 0.4), (0.0, -3.0, 0.4)]
     controls = [(1.0, 0.0, 0.8), *left, *right, (0.0, 0.0, 1.0), *right, *left, (-0.8, 0.0, 1.0), *on_the_spot]
@@ -218,14 +220,14 @@ def _slalom(model: Model) -> Trajectory:
 
 
 def _nodding(model: Model) -> Trajectory:
-    """Through the room with a head that looks round, up and down on its way, and a rest."""
+    """Return a trajectory through the room with a head that looks round, up and down, with a rest."""
     rows = [(1, 1, 0, 0, 0), (3, 1, 0, 1.0, 0.3), (4, 5, np.pi, -0.5, 0.3), (1, 8, -2.0, -1.2, -0.4)]
     through = States(**dict(zip(model.space.names, np.array(rows, float).T, strict=True)))
     return Trajectory.through(model, through).with_hold(at=4, seconds=HELD)
 
 
 def _drawn(rng: np.random.Generator, world: World, model: Model, kind: str, size: int) -> Motions:
-    """Motions of a law that changes its states evenly, none so small that symbols would smooth it."""
+    """Return motions of a law that changes its states evenly, too large for symbols to smooth them."""
     motions = drawn_motions(model, kind, world, rng, 20 * size, NEAR)
     assert motions is not None
     if motions.stands:
@@ -234,11 +236,11 @@ def _drawn(rng: np.random.Generator, world: World, model: Model, kind: str, size
 
 
 def _as_edges(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Trajectories' values against the sum (mean, maximum) over their motions, law by law."""
+    """Compare trajectories' values with the sum (mean, maximum) over their motions, law by law."""
     for trajectory in tours:
         costs = np.zeros(len(trajectory))
         for index, motions in trajectory.batches(world):
-            # On a graph without time; a criterion that asks for the time is only defined on trajectories.
+            # On a graph without time; a criterion that reads the time is only defined on trajectories.
             costs[index] = motion_costs(criterion, replace(motions, t0=None))
         added = _added_up(criterion, costs, trajectory)
         fault = differ("on the trajectory", added, _value(criterion, trajectory, world), 1e-9)
@@ -248,7 +250,7 @@ def _as_edges(criterion: Criterion, world: World, tours: list[Trajectory]) -> st
 
 
 def _bounded(criterion: Any, world: World, model: Model) -> str:
-    """A straight way, which a bound may meet, and detours, against the bound between their ends."""
+    """Compare a straight path, which a bound may meet, and detours with the bound between their ends."""
     straight = Trajectory.from_poses(model, [(1.0, 1.0, 0.0), (3.0, 1.0, 0.0)])
     for trajectory in (straight, _slalom(model), *(_detour(model, scale) for scale in (0.3, 1.0))):
         ends = [trajectory.states.take(slice(i, i + 1)) for i in (0, len(trajectory))]
@@ -259,7 +261,7 @@ def _bounded(criterion: Any, world: World, model: Model) -> str:
 
 
 def _walk(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
-    """Edges of a lattice on a random walk, evaluated among all others, against the walk as a trajectory."""
+    """Compare edges of a lattice on a random walk, evaluated among all others, with the walk as a trajectory."""
     lattice = StateLattice(
         make_model({"differential_drive": {"radius": 0.2}}), world, (0.5, 0.5), 0.5, Headings(8), False
     )
@@ -288,7 +290,7 @@ def _value(criterion: Criterion, trajectory: Trajectory, world: World) -> FloatA
 
 
 def _reframed(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """World and trajectory turned and shifted together; fields lie on another grid then, hence the tolerance."""
+    """Compare costs after turning and shifting world and trajectory together; fields then lie on another grid."""
     elsewhere = reframed(world)
     for trajectory in tours:
         s = trajectory.states
@@ -303,14 +305,14 @@ def _reframed(criterion: Criterion, world: World, tours: list[Trajectory]) -> st
 
 
 class _SampledWorld(World):
-    """A world whose clearance is the sampled field for numbers too, as it is for symbols: then both must be equal."""
+    """World with the sampled field as clearance, for numbers as for symbols, so that both must be equal."""
 
     def clearance(self, x: Column, y: Column, *, z: tuple[float, float] = (-np.inf, np.inf)) -> Column:
         return self.clearance_field(z=z)(x, y)
 
 
 def _on_symbols(criterion: Criterion, batches: list[Motions]) -> Iterator[tuple[Motions, SymbolicMotions, Any]]:
-    """Batches, their symbols, and the function of the states that gives the costs and their Jacobian."""
+    """Yield batches, their symbols, and the function of the states that gives the costs and their Jacobian."""
     from hpop.motions.symbolic import SymbolicMotions  # casadi, on first use
 
     for motions in (replace(m, world=m.world.stand_in(_SampledWorld), panels=1) for m in batches):
@@ -328,7 +330,7 @@ def _symbolic(criterion: Criterion, functions: Callable[[], list[tuple[Motions, 
 
 
 def _gradient(functions: Callable[[], list[tuple[Motions, SymbolicMotions, Any]]]) -> str:
-    """Of a few motions of each batch, by one state after the other that changes in all motions at once."""
+    """Compare gradients with differences, for a few motions, by one state after the other in all motions at once."""
     for motions, symbols, function in (one for one in functions() if len(one[0]) > 1):
         value, jacobian = (np.array(part)[:DIFFERENTIATED] for part in function(symbols.point))
         slopes = jacobian.reshape(len(value), -1, len(motions)).sum(axis=2)  # (M, states)

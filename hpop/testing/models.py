@@ -1,4 +1,4 @@
-"""What criteria, planners and verification rely on in a model, shown on states and motions in random worlds."""
+"""Checks of a model on states and motions in random worlds, for criteria, planners and verification."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ from hpop.world import World
 
 PAIRS = 12  # motions of each law
 STATES = 200  # drawn, read and connected
-JUDGED = 80  # states, and motions of each law, whose collisions are looked at
+JUDGED = 80  # states, and motions of each law, for checks of collisions
 HELD = 2.0  # s, on the way of a trajectory
-NEAR = 0.15  # share of the way to another state: of motions short enough to be free now and then
-PASSED = 0.01  # m or rad: how far from a planned state the robot may pass it
+NEAR = 0.15  # share of the way to another state, short enough to be free now and then
+PASSED = 0.01  # m or rad: tolerance for passing a planned state
 BODIES = ("base", "camera", "tool")
 
 
 @checked_arguments
 def check_model(model: Model, *, rng: RNG = 0) -> None:
-    """Raise ModelError that lists every check a model fails, on worlds drawn with a seed."""
+    """Raise ModelError that lists every failed check of a model, on worlds drawn with a seed."""
     if isinstance(model, type) or not isinstance(model, Model):
         made = f"{model.__name__}()" if isinstance(model, type) else "DifferentialDrive()"
         raise ModelError(f"expected an instance of a model, such as {made}, got {shown(model)}")
@@ -55,9 +55,9 @@ def check_model(model: Model, *, rng: RNG = 0) -> None:
 
 
 def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
-    """Check what a model promises, one check after the other; of one without laws that lead anywhere, no more.
+    """Yield the checks of a model; without laws that lead anywhere, only the first ones.
 
-    Laws of curves are looked at where hpop can draw motions of them, which it can of "drive".
+    Laws of curves are checked if hpop can draw motions of them, as of "drive".
     """
     completed(model, MODEL_DEFAULTS)
     seed = seed_of(rng)
@@ -70,7 +70,7 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     batches: list[Motions] = []
     led = Check("has laws that lead from start to end", fault_of(lambda: _led(model, world, random, batches)))
     yield led
-    if led.fault:  # the other checks look at motions
+    if led.fault:  # the other checks need motions
         return
     bodies = [name for name in BODIES if name in model.provides]
     yield Check("has poses with axes at right angles", fault_of(lambda: upright(bodies, batches)))
@@ -80,7 +80,7 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     yield Check("calls nothing free that its judge does not", fault_of(lambda: _judged(model, world, random)))
     connected = Check("connects states by motions that lead there", fault_of(lambda: _connected(model, world, random)))
     yield connected
-    if connected.fault:  # the others look at trajectories, which are made of these
+    if connected.fault:  # the other checks need trajectories of these motions
         return
     if model.provides >= {"plane", "turn-move"}:
         yield Check("has stations that motions in place join", fault_of(lambda: _stationed(in_plane(model))))
@@ -136,7 +136,7 @@ def _provided(model: Model, world: World) -> str:
 
 
 def _says(model: Model, world: World, seed: int) -> str:
-    own = np.random.default_rng((seed, 1))  # the other checks are shown what a seed has always given them
+    own = np.random.default_rng((seed, 1))  # a generator of its own, so that a seed draws the other checks unchanged
     return model_says(model, world, drawn_states(model, world, own, STATES))
 
 
@@ -144,7 +144,7 @@ def _says(model: Model, world: World, seed: int) -> str:
 
 
 def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int) -> States:
-    """States (size,), anywhere in a world and within the model's own limits."""
+    """Return states (size,), anywhere in a world and within the model's own limits."""
     x_min, y_min, x_max, y_max = world.bounds
     spans = {"x": (x_min, x_max), "y": (y_min, y_max)}
     return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
@@ -153,7 +153,7 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 def drawn_motions(
     model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
 ) -> Motions | None:
-    """Motions (size,) of a law from anywhere, a share of what leads anywhere else; None of curves that are unknown."""
+    """Return motions (size,) of a law from anywhere, a share of the way to another state; None for unknown curves."""
     law, space = laws_of(model)[kind], model.space
     if stands(law):
         return holds(world, model, drawn_states(model, world, rng, size), rng)
@@ -162,13 +162,13 @@ def drawn_motions(
     start, other = (drawn_states(model, world, rng, size) for _ in range(2))
     changes, ones = space.differences(start, other), np.ones(size)
     end = States(**{n: getattr(start, n) + share * changes[n] * (n in law.varies) for n in space.names})
-    # What a law changes together (a head that turns back as its base turns) leads from there to where it can end.
+    # States that a law changes together (a head that turns back as its base turns) determine where it can end.
     led = {n: law.interpolate(n, start, end, ones) if n in law.varies else getattr(end, n) for n in space.names}
     return Motions(world, model, law, start, States(**led), t0=np.zeros(size))
 
 
 def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
-    """Laws by their ends and phases; fills in the motions that the other checks look at."""
+    """Check laws by their ends and phases; fill in the motions for the other checks."""
     if HOLD.kind in model.laws:
         return f"a law called {HOLD.kind!r}, which every model has from the house; call yours otherwise"
     for kind, law in laws_of(model).items():
@@ -185,7 +185,7 @@ def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Mot
                 found = law.interpolate(name, start, end, share * ones)
                 if fault := differ(f"{name} of a {kind} at {share:.0%}", getattr(states, name), found, 1e-6, 1.0):
                     return fault
-            if is_curve(law):  # all others change evenly with the share: collisions and integrals rely on it
+            if is_curve(law):  # other laws change states evenly with the share: collisions and integrals rely on it
                 continue
             middle, found = 0.5 * (getattr(start, name) + getattr(end, name)), law.interpolate(name, start, end, half)
             if fault := differ(f"{name} of a {kind}, which is no curve, half of it done", middle, found, 1e-6, 1.0):
@@ -207,11 +207,11 @@ def _led(model: Model, world: World, rng: np.random.Generator, batches: list[Mot
 
 
 def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
-    """Free states and motions of planning are free to the judge, and it is not afraid of half of them."""
+    """Check that states and motions free to planning are free to the judge, and half of the judge's to planning."""
     collision, judge = model.collision(world), model.judge(world)
     states = drawn_states(model, world, rng, JUDGED)
     answers = [("states", collision.states_free(states), judge.states_free(states))]
-    for kind in model.laws:  # who holds is where it is free
+    for kind in model.laws:  # a hold is free if its state is
         motions = drawn_motions(model, kind, world, rng, JUDGED, NEAR)
         if motions is not None:
             answers.append((f"motions, each a {kind},", collision.motions_free(motions), judge.motions_free(motions)))
@@ -234,7 +234,7 @@ def _judged(model: Model, world: World, rng: np.random.Generator) -> str:
 def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
     a, b = (drawn_states(model, world, rng, STATES) for _ in range(2))
-    number = np.arange(STATES)  # every fifth stays where it is, every seventh may come with any angles
+    number = np.arange(STATES)  # every fifth stays in place, every seventh has free angles
     columns = {n: np.where(number % 5 > 0, getattr(b, n), getattr(a, n)) for n in space.names}
     columns |= {n: np.where(number % 7 > 0, columns[n], np.nan) for n in space.angles}
     b, here = States(**columns), a
@@ -257,18 +257,18 @@ def _connected(model: Model, world: World, rng: np.random.Generator) -> str:
 
 
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
-    """A trajectory that leads through some states by what connects them, and holds on its way."""
+    """Return a trajectory through some states, as the model connects them, with holds."""
     through = Trajectory.through(model, drawn_states(model, world, rng, 5))
     return through.with_hold(at=len(through) // 2, seconds=HELD)
 
 
 def _stationed(model: PlanarModel) -> str:
-    """The stations of a lattice with four headings: where they are, and that laws lead from tails to heads."""
+    """Check the stations of a lattice with four headings: their states, and that laws lead from tails to heads."""
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
     try:
         states, headings, motions = model.stations(yaw)
-    except UnsupportedModel:  # it is for no lattice
+    except UnsupportedModel:  # no lattice supports it
         return ""
     if fault := differ("yaws of stations", yaw[headings], states.yaw, SAME, 1.0):
         return fault

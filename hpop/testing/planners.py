@@ -1,4 +1,4 @@
-"""What problems and fronts rely on in a planner, shown on small worlds with the models that it accepts."""
+"""Checks of a planner on small worlds with the models that it accepts, for problems and fronts."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from hpop.world import Person, Solid, Sphere, World, pose_at
 
 ROOM = (5.0, 4.0)  # m
 LEFT, RIGHT = 1.2, 3.8  # m: a start has a smaller x, a goal a larger one
-ASIDE = 0.6  # m: neither is farther from the middle, where the box is
+ASIDE = 0.6  # m: largest distance of both from the middle, where the box is
 WALL = shapely.box(2.45, 0.0, 2.55, ROOM[1])  # between them
 WALKER = Person(2.4, 3.7, velocity=(0.0, -0.1), until=8.0, name="Ada")  # towards the box, and then gone
-TRIES = 1000  # states drawn, of which two free ones become start and goal
-POSTURES = 50  # drawn of a robot that is not of the plane, for the same
-BALL = 0.2  # radius, of the way between the start and the goal of a robot that is not of the plane
-REPORTS = (1, 4)  # of its reports, at which it is interrupted
-SOON = 1e-3  # s: a time limit that is over before anything is found, or soon after
+TRIES = 1000  # states drawn to find a free start and goal
+POSTURES = 50  # likewise, for a robot that is not in the plane
+BALL = 0.2  # radius, as share of the distance from start to goal, for a robot that is not in the plane
+REPORTS = (1, 4)  # numbers of the progress reports at which it is interrupted
+SOON = 1e-3  # s: a time limit that ends before any result, or soon after
 ASKED = (("length", "exposure"), ("length", "proximity"), ("duration", "rotation"), ("length",))  # the first it accepts
 IN_SPACE = ASKED[2:]  # the same of a robot that is not of the plane, whose exposure takes rays
 DEMANDING = ("obstruction", "clearance", "smoothness", "rotation_time")  # a mean, a worst moment, with memory, no slope
@@ -51,7 +51,7 @@ WORDS = frozenset({"base", "camera", "tool", "heading", "wheels", "joints", "pla
 
 @checked_arguments
 def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> None:
-    """Raise OptionError that lists every check a planner fails, with some models or all that it accepts."""
+    """Raise OptionError that lists every failed check of a planner, with some models or all that it accepts."""
     if isinstance(planner, type) or not callable(getattr(planner, "solve", None)):
         made = f"{planner.__name__}()" if isinstance(planner, type) else "Lattice(step=0.5)"
         raise OptionError(f"expected an instance of a planner, such as {made}, got {shown(planner)}")
@@ -60,9 +60,9 @@ def check_planner(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 
 
 
 def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG = 0) -> Iterator[Check]:
-    """Check what a planner promises, one check after the other; of one that finds nothing, no more than that.
+    """Yield the checks of a planner; without results, only the first ones.
 
-    models  to plan for; by default those that are registered, with their defaults, if it accepts them
+    models  to plan for; by default the registered ones, with their defaults, that it accepts
     """
     seed, planner = seed_of(rng), make_planner(planner)
     yield Check("says what it needs of a model", fault_of(lambda: _needs(planner)))
@@ -87,7 +87,7 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG =
         yield Check(f"keeps ends and stays free{of}", fault_of(lambda: _verified(problem, first)))  # noqa: B023
         yield Check(f"is saved and loaded{of}", fault_of(lambda: _saved(problem, first)))  # noqa: B023
         yield Check(f"finds the same again{of}", fault_of(lambda: _again(planner, problem, first)))  # noqa: B023
-        if "plane" in model.provides:  # no wall parts the postures of any arm
+        if "plane" in model.provides:  # no wall separates the postures of an arm
             yield Check(f"says so where no path leads{of}", fault_of(lambda: _walled(planner, problem)))  # noqa: B023
             yield Check(
                 f"plans among people who move, or refuses them by name{of}",
@@ -100,7 +100,7 @@ def planner_checks(planner: Planner, *, models: Sequence[Model] = (), rng: RNG =
 
 
 def registered_models() -> list[Model]:
-    """Models with their defaults; those without are left out."""
+    """Return registered models with their defaults, except models without defaults."""
     made = []
     for name in models:
         try:
@@ -111,7 +111,7 @@ def registered_models() -> list[Model]:
 
 
 def small_problem(model: Model, criteria: Sequence[str], seed: int = 0) -> Problem:
-    """A small obstacle between a free state and another; what turns may be as it likes at the goal."""
+    """Return a problem with a small obstacle between two free states; angles are free at the goal."""
     rng = np.random.default_rng(seed)
     world, start, goal = (_in_a_room if "plane" in model.provides else _in_space)(model, rng)
     space = model.space
@@ -120,7 +120,7 @@ def small_problem(model: Model, criteria: Sequence[str], seed: int = 0) -> Probl
 
 
 def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
-    """A room with a box in it, from left to right of it."""
+    """Return a room with a box in it, and states to the left and right of it."""
     corner, size = rng.uniform((1.8, 1.2), (2.1, 1.5)), rng.uniform((0.6, 0.9), (0.9, 1.2))
     world = World.from_polygons([shapely.box(*corner, *(corner + size))], extent=shapely.box(0, 0, *ROOM))
     states = _free_states(model, world, drawn_states(model, world, rng, TRIES))
@@ -131,7 +131,7 @@ def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, S
 
 
 def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
-    """A ball between where the camera is and where it shall be."""
+    """Return a world with a ball between two positions of the camera."""
     extent = shapely.box(0, 0, *ROOM)  # no wall in space
     nowhere = World.from_solids([], extent=extent)
     states = _free_states(model, nowhere, drawn_states(model, nowhere, rng, POSTURES))
@@ -164,7 +164,7 @@ def _needs(planner: Planner) -> str:
 
 
 class _Bare:
-    """A model that provides its bodies alone."""
+    """Model that provides its bodies alone."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -188,7 +188,7 @@ def _refused(planner: Planner, model: Model) -> str:
 
 
 def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
-    """Fill in the problem and what is found, with the first criteria of those asked that the planner accepts."""
+    """Plan, and fill in the problem and the result, with the first criteria that the planner accepts."""
     asked = ASKED if "plane" in model.provides else IN_SPACE
     for criteria in asked:
         try:
@@ -196,7 +196,7 @@ def _plans(planner: Planner, model: Model, seed: int, found: list[tuple[Problem,
             candidates = planner.solve(problem)
         except CriterionError:  # not for this planner, or not for this model
             continue
-        if not len(candidates.trajectories):  # it may know no way round a box
+        if not len(candidates.trajectories):  # it may find no path round a box
             problem = replace(problem, world=World.from_polygons([], extent=problem.world.extent))
             candidates = planner.solve(problem)
         if not len(candidates.trajectories):
@@ -262,7 +262,7 @@ def _same(expected: Candidates, found: Candidates) -> str:
 
 
 def _again(planner: Planner, problem: Problem, first: Candidates) -> str:
-    """The same by a copy, as processes get it; on an executor where it sweeps."""
+    """Check that a copy, as processes get it, has the same result; on an executor if the planner sweeps."""
     copy = pickle.loads(pickle.dumps(planner))
     if not sweeps(planner):
         return _same(first, copy.solve(problem))
@@ -272,7 +272,7 @@ def _again(planner: Planner, problem: Problem, first: Candidates) -> str:
 
 
 def _walled(planner: Planner, problem: Problem) -> str:
-    """A wall between start and goal: nothing is found, and a status or a reason says so."""
+    """Check that a wall between start and goal leaves no result, and that a status or a reason says so."""
     world = World.from_polygons([WALL], extent=problem.world.extent)
     found = planner.solve(replace(problem, world=world))
     if len(found.trajectories):
@@ -281,7 +281,7 @@ def _walled(planner: Planner, problem: Problem) -> str:
 
 
 def _among_people(planner: Planner, problem: Problem) -> str:
-    """Somebody crosses the room: what is found touches nobody, planned or executed, or it says who is in the way."""
+    """Check that results touch no person who crosses the room, planned or executed, or name the person in the way."""
     among = replace(problem, world=problem.world.with_content(people=[WALKER]))
     try:
         found = planner.solve(among)
@@ -295,7 +295,7 @@ def _among_people(planner: Planner, problem: Problem) -> str:
 
 
 class _Begun(BaseException):
-    """A planner has begun: it has taken the criteria."""
+    """Signal that a planner has begun, by reading the criteria."""
 
 
 def _stop(progress: Progress) -> Never:
@@ -320,7 +320,7 @@ def _criteria(planner: Planner, problem: Problem) -> str:
 
 
 def _interrupted(planner: Planner, problem: Problem) -> str:
-    """By Ctrl-C at one report or another of how far it is."""
+    """Check Ctrl-C at one progress report or another."""
     for number in REPORTS:
         reports = count(1)
 
@@ -342,5 +342,5 @@ def _late(planner: Planner, problem: Problem) -> str:
 
 
 def _ended(problem: Problem, found: Candidates) -> str:
-    """What was found until then is worth as much as ever."""
+    """Check that results found before an early end are valid."""
     return _said(problem, found) or _costs(problem, found) or _verified(problem, found)

@@ -27,8 +27,8 @@ from hpop.world.tracks import Track
 
 FRAME = (-7.3, 4.1, 0.7)  # m, m, rad: where another frame lies
 MOST_DRAWN = 100_000
-"""Motions that are drawn at once."""
-TOLERANCE = 2e-3  # relative: panels of integrals end at other times, where people turn at other times
+"""Largest number of motions in one draw."""
+TOLERANCE = 2e-3  # relative: panels of integrals end where people turn, which differs between worlds
 ASKED = ("move", HOLD.kind)
 SLACK = 0.1  # of a worst moment, which lies between two samples
 
@@ -121,14 +121,14 @@ def holds(world: World, model: Model, states: States, rng: np.random.Generator) 
 
 
 def sure_world(world: World) -> World:
-    """Return a world whose people in turn follow a track, walk away, or stand, for about a minute."""
+    """Return a world with people who in turn follow a track, walk away, or stand, for about a minute."""
     doings = (_on_a_track, _leaving, lambda person: person)
     people = [doings[i % 3](person) for i, person in enumerate(world.content.people)]
     return with_people(world, people)
 
 
 def open_world(world: World) -> World:
-    """Return a world whose people have two hypotheses each, one of them ever less certain."""
+    """Return a world with people of two hypotheses each, one of them ever less certain."""
     people = [
         replace(
             person,
@@ -144,9 +144,9 @@ def open_world(world: World) -> World:
 
 
 def prediction_checks(criterion: Criterion, world: World, batches: list[Motions]) -> Iterator[Check]:
-    """Check what a criterion makes of people who may do several things, and of those who have left.
+    """Yield checks of a criterion with people who have several hypotheses, and with people who have left.
 
-    A criterion may refuse futures and uncertain places, by a CriterionError.
+    A criterion may refuse futures and uncertain positions, by a CriterionError.
     """
     yield Check("reckons with each of a person's futures", fault_of(lambda: _futures(criterion, world, batches)))
     yield Check("costs nothing for people who are gone", fault_of(lambda: _without_the_gone(criterion, world, batches)))

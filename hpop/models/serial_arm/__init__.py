@@ -1,4 +1,4 @@
-"""A serial arm with a camera in its hand."""
+"""Serial arms with a camera in the hand."""
 
 from hpop.models.serial_arm.model import SerialArm
 

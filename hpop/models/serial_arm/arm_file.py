@@ -1,7 +1,7 @@
-"""An arm from its files: read once, put together, with hashes by which a saved front knows them, and notes on oddities.
+"""Arms from URDF and SRDF files: read once, assembled, with hashes for saved fronts, and notes on oddities.
 
-SRDFs are written for several variants of a robot, so links and joints that they name need not exist. A misspelt name
-looks the same, so notes mention both.
+SRDFs are written for several variants of a robot, so their links and joints need not exist. A misspelt name looks no
+different, so notes mention both.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from hpop.world.geometry.solids import Hull, Solid
 
 MOVING = ("revolute", "prismatic", "continuous")
 LONGEST_MIMICRY = 20
-"""Joints that follow one another, at most: longer rows may be rings."""
+"""Longest row of joints that mimic one another; longer ones may be rings."""
 Place = tuple[int, FloatArray]
-"""A frame of the chain, and a pose in it."""
+"""Frame of the chain, and a pose in it."""
 MOST_NAMED = 8
-"""Names that a note lists."""
+"""Largest number of names in a note."""
 Values = tuple[float, ...]
 NO_SRDF = "states have names in an SRDF, and none was given as srdf"
 ROUNDED = 5e-4
-"""rad or m by which a value in a file may pass a limit for lack of decimals: 1.5708 is meant for half of pi."""
+"""Tolerance, rad or m, of values beyond a limit for lack of decimals: 1.5708 stands for half of pi."""
 
 
 class Assembly(NamedTuple):
-    """The arm that a URDF and a choice of its tip make.
+    """Arm that results from a URDF and a choice of its tip.
 
     chain   the joints that move, with the body "tool"
-    places  where each link is
+    places  position of each link
     stands  value, rad or m, of each joint that could move, but stands
     """
 
@@ -55,7 +55,7 @@ def assembled(
 ) -> Assembly:
     """Return the chain from the root of a robot to a tip; the root has the pose ``base`` (4, 4) in the world.
 
-    Joints in ``fixed`` stand at a value, those elsewhere than between root and tip at 0 or the limit nearest to it.
+    Joints in ``fixed`` stand at their value, joints outside the chain at 0 or the limit nearest to it.
     """
     given = {"fixed": fixed, "acceleration": acceleration if isinstance(acceleration, Mapping) else {}}
     for parameter, name in ((parameter, name) for parameter, values in given.items() for name in values):
@@ -111,7 +111,7 @@ def displacement(joint: UrdfJoint, value: float) -> FloatArray:
 
 
 def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[UrdfMesh], list[Hull]]) -> Iterator[ArmPart]:
-    """Return the solids of the links, each in the frame with which it moves."""
+    """Yield the solids of the links, each in the frame with which it moves."""
     for link, geometries in robot.links.items():
         frame, pose = places[link]
         for geometry in geometries:
@@ -134,7 +134,7 @@ def touching(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
 
 
 def _from_the_root(robot: Robot) -> Iterator[UrdfJoint]:
-    """Return all joints, each after the joint of its parent."""
+    """Yield all joints, each after the joint of its parent."""
     below: dict[str, list[UrdfJoint]] = {}
     for joint in robot.joints.values():
         below.setdefault(joint.parent, []).append(joint)
@@ -146,7 +146,7 @@ def _from_the_root(robot: Robot) -> Iterator[UrdfJoint]:
 
 
 def _check_moves(robot: Robot, joint: UrdfJoint) -> None:
-    """Raise ModelError for a joint between root and tip that no arm here can have."""
+    """Raise ModelError for a joint between root and tip that arms cannot have."""
     way_out = f"if it stands, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
     if joint.kind not in MOVING:
         raise robot.file.error(
@@ -216,7 +216,7 @@ def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, fl
 
 
 def strangers(robot: Robot, semantics: Semantics) -> Iterator[str]:
-    """Describe links, joints and groups that an SRDF names and neither the URDF nor the SRDF defines."""
+    """Yield notes on links, joints and groups in an SRDF that neither the URDF nor the SRDF defines."""
     links = {link for pair in semantics.disabled | semantics.enabled for link in pair} | semantics.lonely
     if strange := sorted(links - robot.links.keys()):
         yield _unknown("says which links never collide also of", strange, robot.links)
@@ -233,7 +233,7 @@ def strangers(robot: Robot, semantics: Semantics) -> Iterator[str]:
 
 
 def undriven(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
-    """Describe joints between root and tip that the SRDF calls passive, though they are planned for."""
+    """Yield notes on joints between root and tip that the SRDF calls passive, though they are planned for."""
     if passive := sorted(semantics.passive & {*joints}):
         yield (
             f"the SRDF says that the joints {_listed(passive)} are not driven (passive_joint), but the arm moves by "
@@ -242,12 +242,12 @@ def undriven(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
 
 
 def pointless(robot: Robot) -> Iterator[str]:
-    """Return notes on limits of joints that make no sense and are left out."""
+    """Yield notes on limits of joints that make no sense and are left out."""
     yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
 
 
 def uncovered(robot: Robot) -> Iterator[str]:
-    """Describe links without collision geometry: the visible ones, or all where no link has any."""
+    """Yield notes on links without collision geometry: the visible ones, or all if no link has any."""
     if not any(robot.links.values()):
         yield "no link of the URDF has <collision> geometry: nothing that the arm does is held against obstacles"
     elif bare := sorted(robot.bare):
@@ -258,7 +258,7 @@ def uncovered(robot: Robot) -> Iterator[str]:
 
 
 def _unknown(what: str, strange: list[str], known: Iterable[str]) -> str:
-    """Return a note on names that the URDF does not have."""
+    """Yield a note on names that the URDF does not have."""
     near = "".join(did_you_mean(name, known) for name in strange[:MOST_NAMED])
     return f"the SRDF {what} {_listed(strange)}, which the URDF does not have: is it another's?{near}"
 
@@ -269,15 +269,15 @@ def _listed(names: list[str]) -> str:
 
 
 class ArmFile(NamedTuple):
-    """Contents of the files of an arm.
+    """Contents of an arm's files.
 
     chain    with the bodies "tool" and "camera"
     parts    its solids
-    apart    pairs of links whose collisions are not looked at: they touch by design, or the SRDF says so
-    notes    what is strange in the files, though they can be used
+    apart    pairs of links without collision tests: they touch by design, or the SRDF excludes them
+    notes    oddities in the files that do not prevent their use
     states   values of the chain's joints by the name of a state
-    unnamed  why another name of the SRDF is none of these; under "" why any other is not
-    hashes   SHA-256 of the URDF and of its meshes in the order in which it names them, and of the SRDF if there is one
+    unnamed  reasons why other names of the SRDF are no states; under "" the reason for all further names
+    hashes   SHA-256 of the URDF and of its meshes in the order of their names in it, and of the SRDF if there is one
     """
 
     chain: Chain
@@ -301,9 +301,9 @@ def read_arm(
     fixed: Mapping[str, float],
     acceleration: float | Mapping[str, float],
 ) -> ArmFile:
-    """Read an arm whose root has the pose ``base`` (4, 4) in the world and whose tip carries ``camera`` (4, 4).
+    """Return an arm with its root at the pose ``base`` (4, 4) in the world and ``camera`` (4, 4) at its tip.
 
-    Raises ModelError for what is no arm, and for files that are missing or not to be trusted.
+    Raises ModelError for a file that is no arm, and for files that are missing or not to be trusted.
     """
     robot = read_urdf(urdf)
     assembly = assembled(robot, tip, base, fixed, acceleration)
@@ -340,9 +340,9 @@ def read_arm(
 
 
 def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
-    """Return named states that give every joint of the chain, with values at most ROUNDED beyond a limit put at it.
+    """Return named states that give every joint of the chain; values at most ROUNDED beyond a limit are moved to it.
 
-    Other states beyond limits are refused when they are asked for: MoveIt's own SRDF of the Panda has one.
+    Other states beyond limits are refused when they are used: MoveIt's own SRDF of the Panda has one.
     """
     found = {}
     for name, values in semantics.states.items():
@@ -355,7 +355,7 @@ def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
 
 
 def _unnamed(chain: Chain, semantics: Semantics) -> dict[str, str]:
-    """Describe which joints are missing in the SRDF's states that do not give every joint of the chain."""
+    """Return which joints are missing in the SRDF's states that do not give every joint of the chain."""
     lacking = {
         name: ", ".join(joint for joint in chain.names if joint not in values)
         for name, values in semantics.states.items()

@@ -1,16 +1,16 @@
-"""Proof that an arm is free of collisions all along motions, and how near it comes (compiled).
+"""Proof that an arm is free of collisions all along motions, and lower bounds of its distances (compiled).
 
-On the segment q(s) = start + s Δ, s in [0, 1], no point of a body moves faster than Λ = Σ ρ_k |Δ_k| a unit of s, where
-ρ_k bounds its distance from the axis of joint k (1 for a joint that slides), and of two bodies only the joints between
-them count. So where their distance at s is d, they are apart wherever |s' - s| Λ < d. Distances are lower bounds that
-are proved (:mod:`hpop.models.serial_arm.gjk`): what is called free is.
+On the segment q(s) = start + s Δ, s in [0, 1], no point of a body moves faster than Λ = Σ ρ_k |Δ_k| per unit of s,
+where ρ_k bounds its distance from the axis of joint k (1 for a joint that slides); for two bodies only the joints
+between them count. So if their distance at s is d, they are apart wherever |s' - s| Λ < d. Distances are proved lower
+bounds (:mod:`hpop.models.serial_arm.gjk`), so motions called free are free.
 
-An interval is looked at in its middle; what that proves is cut out of it, and the rest looked at later, for those
-pairs alone that are not proved yet. Each look proves some of it, or finds the arm nearer than it may be: all motions
-are decided.
+An interval is tested in its middle. The part that this test proves is cut out, and the remaining parts are tested
+later, only for pairs that are not proved yet. Each test proves a part, or finds the arm nearer than allowed, so all
+motions are decided.
 
-ρ_k is bounded twice, for the whole motion by the lengths of the links between (``ArmScene.levers``), and near a look by
-the distance there and what that can grow to: Σ |Δ_k| (r_k h + Λ_k h²/2) within h, Λ_k the speed relative to joint k.
+ρ_k is bounded twice: for the whole motion by the lengths of the links between (``ArmScene.levers``), and near a test by
+the distance there and its growth: Σ |Δ_k| (r_k h + Λ_k h²/2) within h, Λ_k the speed relative to joint k.
 
 Imported on first use only, because importing numba takes half a second.
 """
@@ -26,13 +26,13 @@ from hpop.models.serial_arm.gjk import distance
 from hpop.models.serial_arm.scene import ArmScene
 from hpop.runtime.compiled import kernel, lean
 
-GAP = 0.25  # relative: a distance that does not prove the whole interval need not be more precise
-POOL = 1 << 14  # places for lists of pairs, beside two of all; where they are full, lists are no longer shortened
+GAP = 0.25  # relative precision of distances that do not prove the whole interval
+POOL = 1 << 14  # space for lists of pairs, beside two full ones; once it is full, lists are no longer shortened
 
 
 @lean
 def placed(scene: ArmScene, q: FloatArray, poses: FloatArray, centres: FloatArray) -> None:
-    """Frames (n + 1, 3, 4) of joint values (n,), the first that of the world, and centres (B, 3) of the bodies."""
+    """Write frames (n + 1, 3, 4) of joint values (n,), the first the world's, and centres (B, 3) of the bodies."""
     for k in range(q.size):
         at, before, origin = poses[k + 1], poses[k], scene.origins[k]
         for row in range(3):
@@ -67,7 +67,7 @@ def _relative(a: FloatArray, b: FloatArray, pose: FloatArray) -> None:
 
 @lean
 def _outside(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: float) -> float:
-    """Distance of a point from the box round a body whose frame has a pose in the world."""
+    """Return the distance of a point from the box round a body with a frame at a pose in the world."""
     box, centre = scene.bodies.box, scene.bodies.centre
     x, y, z = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
     u = pose[0, 0] * x + pose[1, 0] * y + pose[2, 0] * z - centre[b, 0]
@@ -83,7 +83,7 @@ def _outside(scene: ArmScene, b: int, pose: FloatArray, x: float, y: float, z: f
 
 @lean
 def apart_at_least(scene: ArmScene, a: int, b: int, poses: FloatArray, centres: FloatArray, enough: float) -> float:
-    """A lower bound of the distance of two bodies by spheres round them, and if that is not enough by a box."""
+    """Return a lower bound of the distance of two bodies, by spheres round them, or else by a box."""
     reach, x, y, z = scene.bodies.reach, centres[b, 0], centres[b, 1], centres[b, 2]
     dx, dy, dz = x - centres[a, 0], y - centres[a, 1], z - centres[a, 2]
     bound: float = math.sqrt(dx * dx + dy * dy + dz * dz) - reach[a] - reach[b]
@@ -108,7 +108,7 @@ def measured(
     suffices: float,
     gap: float,
 ) -> tuple[float, float]:
-    """Bounds of the distance of a pair of bodies, from the direction (3,) that parted them last, or from 0.
+    """Return bounds of the distance of a pair of bodies, from the direction (3,) that separated them last, or from 0.
 
     scratch is (7, 4), or (7, 6): then its last rows are left with the nearest simplex.
     """
@@ -126,9 +126,9 @@ def measured(
 
 @lean
 def _speeds(scene: ArmScene, moved: FloatArray, slides: FloatArray, speeds: FloatArray) -> None:
-    """Bounds (B, n + 1), m, of how far the points of each body move relative to each frame, given |Δ| (n,).
+    """Write bounds (B, n + 1), m, of how far the points of each body move relative to each frame, given |Δ| (n,).
 
-    slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
+    slides (n,) are the largest absolute values of the joints; joints that slide lengthen the arm.
     """
     for b in range(scene.frames.size):
         frame = scene.frames[b]
@@ -156,7 +156,7 @@ def _speeds_here(
     here: FloatArray,
     growth: FloatArray,
 ) -> None:
-    """The same (n + 1,) of one body where the frames are, and half of what these bounds grow by a unit of s."""
+    """Write these bounds (n + 1,) for one body at its present frames, and half of their growth per unit of s."""
     longer, total, more = 0.0, 0.0, 0.0
     for k in range(scene.frames[b] - 1, -1, -1):
         if scene.sliding[k]:
@@ -186,13 +186,13 @@ def blocked_by(
 ) -> int:
     """Write to found (M,) the pair that blocks each segment of joint values, -1 where it is proved free.
 
-    Free: no pair comes nearer than ``kept`` anywhere. Blocked: where it was looked at, a pair is nearer than ``near``,
-    or than ``kept`` and what the deviations may take. Returns the number of looks.
+    Free: no pair comes nearer than ``kept`` anywhere. Blocked: at a test, a pair is nearer than ``near``, or than
+    ``kept`` plus the deviations. Returns the number of tests.
 
     Parameters
     ----------
     start, end : (M, n) of each segment
-    deviation : (M, n) by how much each joint may be off the segment
+    deviation : (M, n) largest distance of each joint from the segment
     near, kept : m, 0 < kept <= near
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
@@ -241,7 +241,7 @@ def blocked_by(
                 if apart >= enough:
                     continue
                 suffices = least + min(speed, here[b, frame] + growth[b, frame] * proved) * proved
-                if apart < suffices:  # else another pair proves no more: this one is left to smaller intervals
+                if apart < suffices:  # else another pair proves no more: smaller intervals will decide this one
                     lower, upper = measured(
                         scene, pair, poses, centres, directions[pair], scratch, near, enough, suffices, GAP
                     )
@@ -288,7 +288,7 @@ def nearest(scene: ArmScene, states: FloatArray, most: float, gap: float, least:
             bounds[pair] = apart_at_least(scene, scene.pairs[pair, 0], scene.pairs[pair, 1], poses, centres, most)
             if bounds[pair] < bounds[first]:
                 first = pair
-        for place in range(count):  # the one that seems nearest first: it spares most others
+        for place in range(count):  # the nearest pair first: it often decides
             pair = first if place == 0 else place - 1 if place <= first else place
             if bounds[pair] < least[i]:
                 direction[:] = 0.0

@@ -1,4 +1,4 @@
-"""The chain of joints from the base of an arm to its tip: its frames, its solid parts, and how far its bodies move."""
+"""Chain of joints from the base of an arm to its tip: its frames, its solid parts, and bounds on its motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hpop.world.geometry.solids import Solid
 
 Pair = tuple[str, str]
-"""Names of two links, in alphabetical order."""
+"""Two names of links, in alphabetical order."""
 
 
 def pair_of(a: str, b: str) -> Pair:
@@ -36,10 +36,10 @@ class FrameMount(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """The n joints that move, from base to tip.
+    """Chain of n joints that move, from base to tip.
 
     Frame 0 is fixed to the world; the pose of the base in the world is in the origin of the first joint. Frame i = 1..n
-    moves with joint i; where the joint is at 0 it lies at the joint's origin.
+    moves with joint i; at value 0 it lies at the joint's origin.
 
     names         n of them
     sliding       (n,)       prismatic joints; the others turn
@@ -50,7 +50,7 @@ class Chain:
     high          (n,)       rad or m
     speed         (n,)       rad/s or m/s, the greatest
     acceleration  (n,)       rad/s² or m/s², the greatest
-    mounts        "tool" and "camera", where they are
+    mounts        positions of "tool" and "camera"
     """
 
     names: tuple[str, ...]
@@ -75,7 +75,7 @@ class Chain:
 
 @dataclass(frozen=True, eq=False)
 class ArmPart:
-    """A solid that a link carries.
+    """Solid that a link carries.
 
     link   its name
     frame  0 to n, with which it moves
@@ -116,8 +116,8 @@ def _turned(axis: FloatArray, angle: FloatArray) -> FloatArray:
 def levers(chain: Chain) -> FloatArray:
     """Return bounds (n,), m, on how far any body moves while a joint changes by one rad or m.
 
-    Of a joint that turns: how far a body can be from its axis, the lengths of all that follows added up; a joint that
-    slides moves what follows as far as itself.
+    For a joint that turns it is the sum of the lengths of all that follows; a joint that slides moves the rest as far
+    as itself.
     """
     n = len(chain)
     lengths = np.zeros(n)  # of the step to each joint's frame, slides included

@@ -1,4 +1,4 @@
-"""Collisions of an arm with the world and with itself, proved; and pairs of links that always touch."""
+"""Collisions of an arm with the world and with itself, with proofs; and pairs of links that always touch."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 NEAR = 1e-3  # m: a motion is blocked only if it comes nearer than this
-KEPT = 5e-4  # m: what is free is no nearer than this anywhere
-ROUNDING = 1e-6  # m: taken off what is proved, as floating point is not bounded
+KEPT = 5e-4  # m: least distance of free states and motions
+ROUNDING = 1e-6  # m: subtracted from proved distances, for floating-point errors
 AT_ONCE = 256  # motions in one call of a kernel, which Ctrl-C waits for
-BEND = 1e-4  # m: a curve is cut into pieces that leave their chords by no more
-MOST_PIECES = 4096  # of a curve; beyond, its chords are farther from it, which is taken off the distances as well
-CLOSE = 1e-6  # relative: how far clearances may be below the distance
-MISSED = 1e-5  # m: by how much an arm may come nearer along a motion than its least clearance says
+BEND = 1e-4  # m: largest distance of the pieces of a curve from their chords
+MOST_PIECES = 4096  # of a curve; beyond, a larger distance from chords is subtracted from distances
+CLOSE = 1e-6  # relative: largest error of clearances, below the distance
+MISSED = 1e-5  # m: largest error of least clearances, above the distance
 SAMPLES = 10_000
-FEW = 100  # samples that leave most pairs in no doubt
+FEW = 100  # samples that decide most pairs
 SEED = 1
 
 
@@ -37,18 +37,18 @@ class ArmCollision:
     """Collision test of an arm in a world, for states and whole motions.
 
     chain
-    parts  solids that its links carry
+    parts  solids on its links
     apart  pairs of links that may touch
     world
 
-    A state is free where all joints are within their limits and no two solids are nearer than 0.5 mm. A motion that is
-    called free is so all along, which is proved and not sampled (:mod:`hpop.models.serial_arm.certificate`); one that
-    is blocked comes nearer than 1 mm somewhere, and between these it may be either. So where a motion is free, so is
-    each of its states. Laws whose states do not change evenly are looked at in pieces, by how far a piece leaves its
-    chord: exact bounds where second derivatives by the share change linearly, as those of cubic splines do. Joints are
-    held against their limits where pieces end.
+    A state is free if all joints are within their limits and no two solids are nearer than 0.5 mm. A motion that is
+    called free is free all along, which is proved and not sampled (:mod:`hpop.models.serial_arm.certificate`); a
+    blocked one comes nearer than 1 mm somewhere, and between these it may be either. So each state of a free motion is
+    free. Laws with states that do not change evenly are tested in pieces, by the distance of a piece from its chord:
+    exact bounds where second derivatives by the share change linearly, as those of cubic splines do. Joints are
+    compared with their limits at the ends of pieces.
 
-    What never moves, as the base of the arm, is not held against what stands where it stands.
+    Solids that never move, such as the base of the arm, are not tested against standing ones.
     """
 
     chain: Chain
@@ -62,7 +62,7 @@ class ArmCollision:
 
     @cached_property
     def _scene(self) -> ArmScene:
-        """All pairs of bodies that must not touch; kept with the world, which outlives the model."""
+        """All pairs of bodies that must not touch; stored with the world, which outlives the model."""
         return self.world.derived(("arm", self.chain, self.parts, self.apart), self._with_pairs)
 
     def _with_pairs(self) -> ArmScene:
@@ -76,18 +76,18 @@ class ArmCollision:
         return paired(scene, [*own, *((a, b) for a, b in self._outer_pairs() if inside[a, b])])
 
     def _outer_pairs(self) -> Iterator[tuple[int, int]]:
-        """Return pairs of a moving part and a solid of the world."""
+        """Yield pairs of a moving part and a solid of the world."""
         size = len(self.parts)
         return ((a, size + b) for a, b in product(range(size), range(len(self._solids))) if self.parts[a].frame)
 
     @cached_property
     def _outer_scene(self) -> ArmScene:
-        """ArmScene for clearance: also solids out of reach, without pairs of own links."""
+        """Scene for clearance: also solids out of reach, without pairs of own links."""
         return paired(self._scene, [*self._outer_pairs()])
 
     @property
     def is_uncompiled(self) -> bool:
-        """Whether kernels must be compiled first, which takes some 20 s."""
+        """True if kernels must be compiled first, which takes some 20 s."""
         from hpop.models.serial_arm.certificate import blocked_by  # kernels: importing numba takes half a second
         from hpop.runtime.compiled import is_cached
 
@@ -114,7 +114,7 @@ class ArmCollision:
     def clearance(self, states: States) -> FloatArray:
         """Return the distance (N,), m, of the arm from the world: a lower bound, exact to a millionth and 1e-6 m.
 
-        Its own links do not count; inf where nothing stands in the world.
+        Its own links do not count; inf in an empty world.
         """
         from hpop.models.serial_arm.certificate import nearest  # numba, on first use
 
@@ -127,7 +127,7 @@ class ArmCollision:
     def least_clearance(self, motions: Motions, most: float) -> FloatArray:
         """Return the least clearance (M,), m, along each motion, at most ``most``: proved to 0.01 mm.
 
-        Of laws that are straight in the space of the joints. A motion and the same back have the very same.
+        For laws that are straight in the space of the joints. A motion and its reverse have equal values.
         """
         from hpop.models.serial_arm.distances import closest  # numba, on first use
 
@@ -155,7 +155,7 @@ class ArmCollision:
             room = found
 
     def why_blocked(self, state: States) -> str:
-        """Say what blocks one state and what helps, without the last full stop; empty when it is free."""
+        """Return what blocks one state and what helps, without the last full stop; "" when it is free."""
         row = self._rows(state)
         if not self._within(row)[0]:
             return self._beyond(row[0])
@@ -171,7 +171,7 @@ class ArmCollision:
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
 
     def _beyond(self, row: FloatArray) -> str:
-        """Say which joint is beyond its limits."""
+        """Return which joint is beyond its limits, in words."""
         chain = self.chain
         k = int(np.flatnonzero(~self._each_within(row[None])[0])[0])
         unit = "m" if chain.sliding[k] else "rad"
@@ -208,7 +208,7 @@ class ArmCollision:
     # Curves
 
     def _curves_free(self, motions: Motions) -> BoolArray:
-        """Cut each motion into pieces by how far it bends, and test their chords."""
+        """Return which curves are free, by testing chords of pieces that bend little."""
         law, start, end = motions.law, motions.start, motions.end
         most = np.max([self._bends(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)], axis=0)
         farthest = np.where(self.chain.sliding, 1.0, self._scene.levers.max(axis=0, initial=0.0))
@@ -254,8 +254,8 @@ def _slices(size: int) -> Iterator[slice]:
 def always_touching(chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pair]) -> frozenset[Pair]:
     """Return pairs of links, not in ``apart``, that touch in each of 10,000 states drawn within the joints' limits.
 
-    They would block the arm everywhere. Pairs that touch now and then are real collisions, and those that never did are
-    looked at nonetheless: that proves nothing of other states.
+    They would block the arm everywhere. Pairs that touch now and then are real collisions. Pairs that never touched are
+    tested nonetheless, since samples prove nothing about other states.
     """
     from hpop.models.serial_arm.certificate import blocked_by  # numba, on first use
 

@@ -1,7 +1,7 @@
 """Distances between an arm and its surroundings: least ones along motions, and gradients of near ones (compiled).
 
 **Least distances along motions**, to a proved tolerance. On the segment q(s) = start + s Δ, s in [0, 1], let n be a
-direction that separates a body from an obstacle at a look. At a distance δ of s from the look, the points p of the body
+direction that separates a body from an obstacle at a test. At a distance δ of s from the test, the points p of the body
 leave the plane of the obstacle against n by at least
 
     min over p of n·(p + δ p') - ½ A δ²
@@ -9,15 +9,16 @@ leave the plane of the obstacle against n by at least
 with p' = v + ω x p for all points at once, so the minimum is a support point of the body in the direction n + δ (n x
 ω). It is concave in δ, hence above the chord between δ = 0 and the end of the interval. A bounds |p''|: the second
 derivative by two joints is no longer than the distance from the axis of the later one. So bounds are of second order,
-and intervals near a least distance need be no shorter than its curvature asks for.
+and intervals near a least distance need be no shorter than its curvature requires.
 
-Each interval is tested in its middle; the ends of the motion are tested first. What proves to be farther than the least
-distance so far, less the tolerance, is cut out. The rest is tested later, for the obstacles that are not cut out.
+Each interval is tested in its middle; the ends of the motion are tested first. Parts that prove to be farther than the
+least distance so far, less the tolerance, are cut out. The remaining parts are tested later, for the remaining
+obstacles.
 
 **Gradients.** A distance is that of :mod:`hpop.models.serial_arm.gjk` to a billionth. Let p be the point of b nearest
 to a, and n the direction from p to the point of a. The distance changes by -n·(∂p/∂q) with a joint that carries b and
-not a. This is its gradient where no other points are as near. Where edges or faces are parallel, it is the gradient of
-one pair of nearest points.
+not a. This is its gradient if no other points are as near. Where edges or faces are parallel, it is the gradient of one
+pair of nearest points.
 
 Imported on first use only, because importing numba takes half a second.
 """
@@ -34,15 +35,15 @@ from hpop.models.serial_arm.gjk import support
 from hpop.models.serial_arm.scene import ArmScene
 from hpop.runtime.compiled import kernel, lean
 
-PRECISE = 1e-6  # relative: how far a least distance along a motion may be below the true one
-NEARLY_EXACT = 1e-9  # relative: the same of distances with gradients
+PRECISE = 1e-6  # relative: largest error of a least distance along a motion, below the true one
+NEARLY_EXACT = 1e-9  # relative: likewise, for distances with gradients
 
 
 @lean
 def _bounds(scene: ArmScene, b: int, moved: FloatArray, slides: FloatArray) -> tuple[float, float]:
-    """Return bounds on the speed and acceleration of a body's points a unit of s, given |Δ| (n,).
+    """Return bounds on the speed and acceleration of a body's points per unit of s, given |Δ| (n,).
 
-    slides (n,) are the largest absolute values of the joints, of which those that slide lengthen the arm.
+    slides (n,) are the largest absolute values of the joints; joints that slide lengthen the arm.
     """
     before = 0.0
     for k in range(scene.frames[b]):
@@ -63,7 +64,7 @@ def _bounds(scene: ArmScene, b: int, moved: FloatArray, slides: FloatArray) -> t
 
 @lean
 def _twists(scene: ArmScene, way: FloatArray, poses: FloatArray, twists: FloatArray) -> None:
-    """Write the twists (n + 1, 6) of the frames a unit of s: velocity at the origin of the world, and rotation."""
+    """Write the twists (n + 1, 6) of the frames per unit of s: velocity at the origin of the world, and rotation."""
     for k in range(way.size):
         for i in range(6):
             twists[k + 1, i] = twists[k, i]
@@ -115,7 +116,7 @@ def _proved(
     before: float,
     after: float,
 ) -> tuple[float, float]:
-    """Return how far of s before and after a look a plane keeps a pair at least ``floor`` apart.
+    """Return how far of s before and after a test a plane keeps a pair at least ``floor`` apart.
 
     The plane is across a direction (3,) from the second body to the first, which stands.
     """
@@ -147,9 +148,8 @@ def closest(
 ) -> int:
     """Write to least (M,) the least distance of any pair along each segment of joint values (M, n); at most ``most``.
 
-    It is no more than ``tolerance`` m above what it is, and as near below as distances are precise: a millionth, or a
-    hundredth of a millimetre between two round bodies. Of each pair the first body stands.
-    Returns the number of looks.
+    It is at most ``tolerance`` m too large, and too small by at most the precision of distances: a millionth, or a
+    hundredth of a millimetre between two round bodies. The first body of each pair stands. Returns the number of tests.
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
     poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))
@@ -190,7 +190,7 @@ def closest(
                     near[left], lowers[left], asked[left] = pair, apart, False
                     nearest = left if apart < lowers[nearest] else nearest
                     left += 1
-            if left:  # the one that seems nearest first: it spares most others
+            if left:  # the nearest obstacle first: it often decides
                 near[0], near[nearest] = near[nearest], near[0]
                 lowers[0], lowers[nearest] = lowers[nearest], lowers[0]
             for i in range(left):
@@ -219,7 +219,7 @@ def closest(
                     )
                 if lowers[i] >= enough:
                     continue
-                if lowers[i] < suffices:  # else others prove no more: this one is left to smaller intervals
+                if lowers[i] < suffices:  # else others prove no more: smaller intervals will decide this one
                     far_before, far_after = _proved(
                         scene, pair, poses, twists, directions[pair], floor, changes[b], before, after
                     )
@@ -248,9 +248,9 @@ def closest(
 
 @lean
 def _shares(simplex: FloatArray, shares: FloatArray) -> int:
-    """Write the barycentric shares (3,) of the point of a simplex nearest to the origin; return their number.
+    """Return the number of barycentric shares (3,) of the simplex point nearest to the origin, after writing them.
 
-    0 where the origin is within it. Corners that are not needed are left out already.
+    0 if the origin is within the simplex. Needless corners are left out already.
     """
     size = 0
     while size < 4 and simplex[size, 3] < math.inf:
@@ -314,7 +314,7 @@ def near_pairs(
 ) -> int:
     """Write state, distance and gradient of each pair nearer than ``within`` m in states (N, n).
 
-    Returns how many there are; what does not fit into ``owner`` (R,) is only counted.
+    Returns the number of pairs; pairs that do not fit into ``owner`` (R,) are only counted.
     """
     count, joints, bodies = scene.pairs.shape[0], scene.sliding.size, scene.frames.size
     poses, centres = np.zeros((joints + 1, 3, 4)), np.empty((bodies, 3))

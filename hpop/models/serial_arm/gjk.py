@@ -1,11 +1,11 @@
-"""Distance of two convex bodies, between a lower bound that is proved and an upper one (compiled).
+"""Distance of two convex bodies, between a proved lower bound and an upper bound (compiled).
 
 The algorithm of Gilbert, Johnson and Keerthi 1988 (doi 10.1109/56.2083): the point v nearest to the origin in a
-sequence of simplices of the difference of the bodies. Whatever direction v is, no two points of the bodies are nearer
+sequence of simplices of the difference of the bodies. Whatever the direction v, no two points of the bodies are nearer
 than v·w/|v|, where w is the support point of the difference against v: a plane separates them (the duality gap of van
-den Bergen 1999, doi 10.1080/10867651.1999.10487502). So the lower bound holds after any number of steps, from any
-first direction, for degenerate simplices and for round bodies. How well a simplex is handled only decides how soon the
-bounds are close.
+den Bergen 1999, doi 10.1080/10867651.1999.10487502). So the lower bound holds after any number of steps, from any first
+direction, for degenerate simplices and for round bodies. The treatment of a simplex only decides how soon the bounds
+are close.
 
 Deviation from the source: the nearest point of a simplex is found region by region (Ericson 2004, Real-Time Collision
 Detection, 5.1), the projection on a triangle by its normal, which is precise where barycentric coordinates are not.
@@ -22,7 +22,7 @@ from hpop.models.serial_arm.scene import Bodies
 from hpop.runtime.compiled import lean
 
 STEPS = 128  # at most; bodies without round parts take some 10
-TOUCHING = 1e-14  # of the size of the simplex: what is nearer to the origin holds it
+TOUCHING = 1e-14  # of the size of the simplex: a nearer simplex contains the origin
 Point = tuple[float, float, float]
 Nearest = tuple[float, float, float, int]
 

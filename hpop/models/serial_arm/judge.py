@@ -1,8 +1,7 @@
-"""Collisions of an arm by python-fcl, step by step: what verifies a result.
+"""Collisions of an arm by python-fcl, step by step, to verify results.
 
-Shares neither kinematics nor distances nor bounds with :mod:`hpop.models.serial_arm.collision`: frames are products of
-SciPy's rotation matrices, and how far a body moves from a step to the next is measured on the corners of a box round
-it.
+It shares neither kinematics nor distances nor bounds with :mod:`hpop.models.serial_arm.collision`: frames are products
+of SciPy's rotation matrices, and the motion of a body from step to step is measured on the corners of a box round it.
 """
 
 from __future__ import annotations
@@ -25,18 +24,18 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STEP = 1e-3  # m: no point of the arm moves farther from a step to the next
-FIRST_STEPS = 32  # at which it is measured how many are needed
+FIRST_STEPS = 32  # by which the needed number is estimated
 MOST_STEPS = 100_000  # of one motion, whatever its length
-LIMIT = 1e-6  # rad or m, by which a joint may be beyond its limits
-SURE = 0.9  # share of a distance by fcl that is relied on, less a step
+LIMIT = 1e-6  # rad or m: tolerance of joint limits
+SURE = 0.9  # trusted share of a distance by fcl, less a step
 
 
 class _Steps(NamedTuple):
-    """An arm step by step.
+    """Steps of an arm.
 
     rows   (S, n)        joint values
     poses  (P, S, 3, 4)  of the parts' shapes
-    moved  (P, S - 1)    m, no point of each part moves farther from a step to the next, on a straight line
+    moved  (P, S - 1)    m, bound on the motion of each part's points from step to step, on a straight line
     """
 
     rows: FloatArray
@@ -46,16 +45,16 @@ class _Steps(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmJudge:
-    """Tells which states and motions of an arm collide.
+    """Collision test of an arm for verification.
 
     chain
-    parts  solids that its links carry
+    parts  solids on its links
     apart  pairs of links that may touch
     world
 
-    Motions are looked at in steps in which no point of the arm moves more than 1 mm. A pair is asked about again as
-    soon as the steps since it was last add up to nine tenths of the distance that fcl found there; in between it
-    cannot touch.
+    Motions are sampled in steps in which no point of the arm moves more than 1 mm. A pair is tested again as soon as
+    the steps since its last test add up to nine tenths of the distance that fcl found there; until then it cannot
+    touch.
     """
 
     chain: Chain
@@ -64,17 +63,17 @@ class ArmJudge:
     world: World
 
     def states_free(self, states: States) -> BoolArray:
-        """Whether the arm is free in each state (N,)."""
+        """Return whether the arm is free in each state (N,)."""
         rows = self._rows(states)
         return np.array([self._touching(self._at(row[None])) == "" for row in rows], dtype=np.bool_)
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Whether the arm is free at all steps along each motion (M,), both ends included."""
+        """Return whether the arm is free at all steps along each motion (M,), both ends included."""
         each = (self._along(motions, i) for i in range(len(motions)))
         return np.array([self._touching(steps) == "" for steps in each], dtype=np.bool_)
 
     def why_blocked(self, state: States) -> str:
-        """What blocks one state and what helps, in words without the last full stop; empty when it is free."""
+        """Return what blocks one state and what helps, in words without the last full stop; "" when it is free."""
         reason = self._touching(self._at(self._rows(state)))
         return reason and f"{reason}. Take another posture"
 
@@ -84,7 +83,7 @@ class ArmJudge:
         return np.stack([np.asarray(getattr(states, name), np.float64) for name in self.chain.names], axis=1)
 
     def _frames(self, rows: FloatArray) -> list[FloatArray]:
-        """Poses (S, 4, 4) of the frames 0 to n at joint values (S, n)."""
+        """Return the poses (S, 4, 4) of the frames 0 to n at joint values (S, n)."""
         frames = [np.broadcast_to(np.eye(4), (len(rows), 4, 4))]
         for k, (origin, axis) in enumerate(zip(self.chain.origins, self.chain.axes, strict=True)):
             moved = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
@@ -103,7 +102,7 @@ class ArmJudge:
         return _Steps(rows, poses, ways.max(axis=2))
 
     def _along(self, motions: Motions, i: int) -> _Steps:
-        """One motion in steps so small that no corner moves more than STEP."""
+        """Return one motion in steps so small that no corner moves more than STEP."""
         law, start, end = motions.law, motions.start.take([i]), motions.end.take([i])
         count = FIRST_STEPS
         while True:
@@ -130,7 +129,7 @@ class ArmJudge:
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
-        """Parts that may not touch, and of parts that move with solids of the world: numbered after the parts."""
+        """Pairs of parts that may not touch, and of moving parts with solids of the world, numbered after the parts."""
         size = len(self.parts)
         own = [
             (a, b)
@@ -145,23 +144,23 @@ class ArmJudge:
 
     @cached_property
     def _objects(self) -> list[Any]:
-        """Of fcl: those of the parts, to be placed, and of the world."""
+        """Objects of fcl: those of the parts, to be placed, and of the world."""
         parts = [fcl.CollisionObject(_geometry(part.solid), fcl.Transform()) for part in self.parts]
         return parts + [fcl.CollisionObject(_geometry(solid), _transform(solid.pose)) for solid in self._solids]
 
     def _touching(self, steps: _Steps) -> str:
-        """What touches at some steps, in words; nothing where nothing does."""
+        """Return which bodies touch at some steps, in words; "" if none do."""
         beyond = ~((steps.rows >= self.chain.low - LIMIT) & (steps.rows <= self.chain.high + LIMIT))
         beyond &= ~(self.chain.turning & np.isfinite(steps.rows))
         if beyond.any():
             return f"joint {self.chain.names[int(np.argmax(beyond.any(axis=0)))]!r} is beyond its limits"
-        come = np.zeros((len(self._objects), len(steps.rows)))  # how far each object has come at each step
+        come = np.zeros((len(self._objects), len(steps.rows)))  # distance covered by each object at each step
         come[: len(self.parts), 1:] = np.cumsum(steps.moved, axis=1)
         pair = next((pair for pair in self._pairs if self._touches(*pair, steps.poses, come)), None)
         return "" if pair is None else f"{self._named(pair[0])} touches {self._named(pair[1])}"
 
     def _touches(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
-        """Whether two objects touch at some steps."""
+        """Return whether two objects touch at some steps."""
         one, other = self._objects[a], self._objects[b]
         together, step = come[a] + come[b], 0
         while step < together.size:
@@ -188,7 +187,7 @@ class ArmJudge:
 
 
 def _half_sides(solid: Solid) -> FloatArray:
-    """Of a box round a shape, centred at its origin."""
+    """Return the half sides of a box round a shape, centred at its origin."""
     match solid.shape:
         case Box(size=size):
             return np.array(size) / 2
@@ -206,7 +205,7 @@ def _transform(pose: FloatArray) -> Any:
 
 
 def _geometry(solid: Solid) -> Any:
-    """A shape as fcl has it."""
+    """Return a shape as an object of fcl."""
     match solid.shape:
         case Box(size=size):
             return fcl.Box(*size)

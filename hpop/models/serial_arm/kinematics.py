@@ -1,9 +1,8 @@
 """Kinematics of a chain on columns: poses, twists and twist rates of its bodies, for numbers and symbols alike.
 
-Columns (M,) are NumPy arrays or CasADi symbols. What is known when the arm is built stays a Python float, so that
-products with 0 and ±1, most of those that matrices would multiply, are left out: every joint's frame is first turned so
-that its axis is z. With the joint rates q', unit axes z, and r from the origin of each frame to the next, from base to
-tip,
+Columns (M,) are NumPy arrays or CasADi symbols. Constants of the arm are Python floats, so that products with 0 and ±1,
+which are most products of its matrices, are left out: every joint's frame is first turned so that its axis is z. With
+the joint rates q', unit axes z, and r from the origin of each frame to the next, from base to tip,
 
     v ← v + ω × r,                      ω ← ω + q' z
     a ← a + α × r + ω × (ω × r),        α ← α + q'' z + ω × q' z
@@ -30,8 +29,8 @@ from hpop.motions import States
 from hpop.motions.states import Vector
 
 NOTHING: Vector = (0.0, 0.0, 0.0)
-BLOCK = 8192  # states whose columns stay in the processor's cache
-MANY = 4 * BLOCK  # states: more than integrals ask about at once, whose postures serve for poses and twists
+BLOCK = 8192  # states in a block: their columns fit the processor's cache
+MANY = 4 * BLOCK  # states: more than in one call of integrals, where postures serve for poses and twists
 
 
 class Axes(NamedTuple):
@@ -42,7 +41,7 @@ class Axes(NamedTuple):
     z: Vector
 
     def along(self, parts: Vector) -> Vector:
-        """What is given in these axes, where these are."""
+        """Return a vector given in these axes, in the frame of the axes."""
         x, y, z = (
             plus(plus(times(self.x[i], parts[0]), times(self.y[i], parts[1])), times(self.z[i], parts[2]))
             for i in range(3)
@@ -51,14 +50,14 @@ class Axes(NamedTuple):
 
 
 class Offset(NamedTuple):
-    """A constant pose, in numbers."""
+    """Constant pose, in numbers."""
 
     axes: Axes
     origin: Vector
 
 
 class Posture(NamedTuple):
-    """Where the frames of a chain are in each of M states; nothing here refers to the states.
+    """Frames of a chain in each of M states; nothing here refers to the states.
 
     steps   r of each joint: from the origin of the frame before it to its own, slides included
     lines   z of each joint
@@ -73,9 +72,9 @@ class Posture(NamedTuple):
 
 
 class Kinematics:
-    """Where a chain's bodies are and how they move.
+    """Poses and motions of a chain's bodies.
 
-    Of states that are asked about again while they last (by the criteria of one rate), the posture is kept.
+    The posture of states is cached while the states live, for the criteria of one rate.
     """
 
     def __init__(self, chain: Chain) -> None:
@@ -96,19 +95,19 @@ class Kinematics:
         return _offset(turns[-1].T @ mount.pose)
 
     def pose(self, body: str, states: States) -> ArmPose:
-        """Pose of a body in each of the states."""
+        """Return the pose of a body in each of the states."""
         return (ArmPose if states.size <= MANY else ArmPoses)(self, self._of(body), states)
 
     def twist(self, body: str, states: States, rates: States) -> ArmTwist:
-        """How fast a body moves and turns."""
+        """Return the velocity and rotation of a body."""
         return ArmTwist(self, self._of(body), states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> ArmTwistRate:
-        """How fast that changes."""
+        """Return the derivative of the twist of a body."""
         return ArmTwistRate(self, self._of(body), states, rates, changes)
 
     def posture(self, states: States) -> Posture:
-        """Where the frames are."""
+        """Return the frames of the chain."""
         kept = self._kept.get(states)
         if kept is None:
             kept = self._kept[states] = self._posture(states)
@@ -139,7 +138,7 @@ class Kinematics:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmPose:
-    """Pose of a body at the tip; what is not read is not computed."""
+    """Pose of a body at the tip, computed when read."""
 
     kinematics: Kinematics
     offset: Offset
@@ -198,7 +197,7 @@ class ArmPose:
 
 
 class ArmPoses(ArmPose):
-    """Pose in many states: all columns at once and block by block, in three quarters of the time; not for symbols."""
+    """Poses in many states: all columns at once and block by block, in three quarters of the time; not for symbols."""
 
     @cached_property
     def _columns(self) -> FloatArray:
@@ -235,7 +234,7 @@ class ArmPoses(ArmPose):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmTwist:
-    """How fast a body at the tip moves and turns; what is not read is not computed."""
+    """Velocity and rotation of a body at the tip, computed when read."""
 
     kinematics: Kinematics
     offset: Offset
@@ -244,7 +243,7 @@ class ArmTwist:
 
     @cached_property
     def posture(self) -> Posture:
-        """Where the frames are."""
+        """Frames of the chain."""
         return self.kinematics.posture(self.states)
 
     @cached_property
@@ -270,7 +269,7 @@ class ArmTwist:
 
     @cached_property
     def arm(self) -> Vector:
-        """From the origin of the last frame to the body."""
+        """Vector from the origin of the last frame to the body."""
         return self.posture.axes.along(self.offset.origin)
 
     def _joints(self) -> list[tuple[str, bool, Vector]]:
@@ -283,7 +282,7 @@ class ArmTwist:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ArmTwistRate(ArmTwist):
-    """How fast the twist of a body at the tip changes."""
+    """Derivative of the twist of a body at the tip."""
 
     changes: States
 
@@ -315,7 +314,7 @@ class ArmTwistRate(ArmTwist):
 
 
 def times(a: Column, b: Column) -> Column:
-    """A b; a factor that is the number 0, 1 or -1 costs nothing."""
+    """Return a b; a factor that is the number 0, 1 or -1 costs nothing."""
     for one, other in ((a, b), (b, a)):
         if isinstance(one, float) and one in (0.0, 1.0, -1.0):
             return 0.0 if one == 0.0 else other if one == 1.0 else -other
@@ -323,24 +322,24 @@ def times(a: Column, b: Column) -> Column:
 
 
 def plus(a: Column, b: Column) -> Column:
-    """A + b, without adding the number 0."""
+    """Return a + b, without adding the number 0."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
 def scaled(factor: Column, vector: Vector) -> Vector:
-    """A vector times a factor."""
+    """Return a vector times a factor."""
     x, y, z = (times(factor, part) for part in vector)
     return x, y, z
 
 
 def added(a: Vector, b: Vector) -> Vector:
-    """A + b."""
+    """Return a + b."""
     x, y, z = (plus(one, other) for one, other in zip(a, b, strict=True))
     return x, y, z
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """A × b."""
+    """Return a × b."""
 
     def part(i: int, j: int) -> Column:
         return plus(times(a[i], b[j]), times(-1.0, times(a[j], b[i])))
@@ -349,12 +348,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def carried(angular: Vector, spin: Vector, step: Vector) -> Vector:
-    """α × r + ω × (ω × r): acceleration of what a turning frame carries."""
+    """Return α × r + ω × (ω × r): the acceleration of a point carried by a turning frame."""
     return added(cross(angular, step), cross(spin, cross(spin, step)))
 
 
 def _onto(axis: FloatArray) -> FloatArray:
-    """A rotation (4, 4) that takes z to an axis; of axes of a frame a permutation of those, exact."""
+    """Return a rotation (4, 4) that takes z to an axis; for axes of a frame an exact permutation."""
     aside = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(aside, axis)
     x /= np.linalg.norm(x)
@@ -364,7 +363,7 @@ def _onto(axis: FloatArray) -> FloatArray:
 
 
 def _offset(pose: FloatArray) -> Offset:
-    """A pose (4, 4) in numbers; rotation parts that are 0 or ±1 but for round-off are that."""
+    """Return a pose (4, 4) in numbers; rotation parts within rounding of 0 or ±1 are exactly that."""
     x, y, z = ((exact(float(c[0])), exact(float(c[1])), exact(float(c[2]))) for c in pose[:3, :3].T)
     origin = pose[:3, 3].tolist()
     return Offset(Axes(x, y, z), (origin[0], origin[1], origin[2]))

@@ -1,7 +1,7 @@
-"""Motion laws of an arm, the limits of its joints, and what a body at the tip does along a reach.
+"""Motion laws of an arm, the limits of its joints, and the motion of a body at the tip along a reach.
 
-A reach is straight in the space of the joints. With the changes D of the joints and the Jacobian J of a body,
-∫|ω| dt = ∫ |J_ω(q(s)) D| ds over the share s done: one smooth integrand instead of three phases.
+A reach is straight in the space of the joints. With the changes D of the joints and the Jacobian J of a body, ∫|ω| dt =
+∫ |J_ω(q(s)) D| ds over the share s done: one smooth integrand instead of three phases.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.motions import Body, Law, LawDefaults, Motions, Phase, States, Twist
 from hpop.motions.quadrature import adaptive_integrals, evenly, pieces_of
 
-BEYOND = 1e-6  # rad or m: so far beyond a limit is still at it
-FASTER = 1e-6  # relative: so much faster than a limit is still at it
+BEYOND = 1e-6  # rad or m: tolerance of limits
+FASTER = 1e-6  # relative tolerance of limits of speed and acceleration
 CLOCK = "clock"
-PIECES = 3  # of a reach on symbols, unless its batch says otherwise
+PIECES = 3  # of a reach on symbols, unless its batch sets another number
 NODES = [0.5 + 0.5 * place for place in (-math.sqrt(6 / 7), -math.sqrt(1 / 3), 0.0, math.sqrt(1 / 3), math.sqrt(6 / 7))]
 KRONROD = [49 / 495, 27 / 110, 14 / 45, 27 / 110, 49 / 495]
-"""The five nodes on [0, 1] and weights of Kronrod's rule (1965) on Gauss' of two nodes, exact to degree 7."""
+"""Weights of Kronrod's rule (1965) with five nodes on [0, 1], on Gauss' rule of two nodes, exact to degree 7."""
 
 
 class Extremes(NamedTuple):
@@ -41,10 +41,10 @@ class Extremes(NamedTuple):
 
 
 class JointLaw(Law, Protocol):
-    """A motion law of an arm."""
+    """Motion law of an arm."""
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return how far (M,), rad or m, a joint travels at most, back and forth."""
+        """Return a bound (M,), rad or m, on the distance that a joint travels, back and forth."""
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
         """Return the exact extremes of a joint along each motion (M,)."""
@@ -53,9 +53,9 @@ class JointLaw(Law, Protocol):
 class Excess(NamedTuple):
     """Value of motions (M,) at one limit of one joint.
 
-    quantity  in words; of a value itself nothing
+    quantity  in words; "" for the joint value itself
     value     (M,)
-    over      (M,)  by how much it is beyond the limit; not positive where it keeps it
+    over      (M,)  excess over the limit; not positive within it
     """
 
     joint: str
@@ -67,7 +67,7 @@ class Excess(NamedTuple):
 
 
 def excesses(chain: Chain, law: JointLaw, start: States, end: States) -> Iterator[Excess]:
-    """Return the excess of each joint at each of its limits."""
+    """Yield the excess of each joint at each of its limits."""
     for i, name in enumerate(chain.names):
         found, unit = law.extremes(name, start, end), "m" if chain.sliding[i] else "rad"
         if not chain.turning[i]:
@@ -87,7 +87,7 @@ def doubtful(chain: Chain, law: JointLaw, start: States, end: States) -> BoolArr
 
 
 def faults(chain: Chain, law: JointLaw, start: States, end: States, motions: IntArray) -> Iterator[str]:
-    """Describe each limit that a motion (M,) of a trajectory breaks, where it is broken most."""
+    """Yield each limit that a motion (M,) of a trajectory breaks, where it is broken most."""
     for excess in excesses(chain, law, start, end):
         if excess.over.max(initial=0.0) > 0.0:
             i = int(np.argmax(excess.over))
@@ -99,14 +99,14 @@ def faults(chain: Chain, law: JointLaw, start: States, end: States, motions: Int
 
 @dataclass(frozen=True)
 class Reach(LawDefaults):
-    """A motion from rest to rest in which all joints have done the same share of their ways at each moment.
+    """Motion from rest to rest in which all joints have done equal shares of their paths at each moment.
 
     names          of the joints
     speeds         rad/s or m/s, of each
     accelerations  rad/s² or m/s², of each
 
-    The share keeps what the joint that is worst off allows: with the ways D, its speed is min v/|D| and its
-    acceleration min a/|D|. Reaches are executed as they are planned, and their durations add up.
+    The most restricted joint limits the share: with the changes D, its speed is min v/|D| and its acceleration min
+    a/|D|. Reaches are executed as they are planned, and their durations add up.
     """
 
     names: tuple[str, ...]
@@ -123,7 +123,7 @@ class Reach(LawDefaults):
         return frozenset(self.names)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a trapezoidal profile; a triangle for a short way."""
+        """Return a trapezoidal profile; a triangle for a short motion."""
         lasts, square = self._least_times(start, end)
         safe = np.where(square > TINY, square, TINY) if is_symbolic(square) else square
         moves = lasts > 0
@@ -143,7 +143,7 @@ class Reach(LawDefaults):
         return linear(name, start, end, share)
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return how far (M,), rad or m, a joint travels."""
+        """Return the distance (M,), rad or m, that a joint travels."""
         return smooth_abs(getattr(end, name) - getattr(start, name))
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
@@ -174,14 +174,14 @@ def rate_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class JointSpline:
-    """A piece of a spline: Hermite cubics through the joints and their speeds at both ends.
+    """Piece of a spline: Hermite cubics through the joints and their speeds at both ends.
 
     names          of the joints
     speeds         rad/s or m/s, of each, the greatest
     accelerations  rad/s² or m/s², of each, the greatest
 
     A state needs more columns than the joints: ``<joint>_rate``, rad/s or m/s, of each, and ``clock`` (s, from any
-    zero; its difference is the motion's duration). It leads to whatever state is given, if the clock goes on.
+    zero; its difference is the motion's duration). It leads to any given state, if the clock goes on.
     """
 
     names: tuple[str, ...]
@@ -261,7 +261,7 @@ class JointSpline:
         return np.where(end.clock > start.clock, 0.0, np.where(end.clock == start.clock, jump, np.inf))
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return a bound (M,), rad or m, on how far a joint travels: between the control points of its cubic."""
+        """Return a bound (M,), rad or m, on a joint's travel: that between the control points of its cubic."""
         first, last = self._tangents(name, start, end)
         span = getattr(end, name) - getattr(start, name)
         return (smooth_abs(first) + smooth_abs(last) + smooth_abs(3.0 * span - first - last)) / 3.0
@@ -296,14 +296,14 @@ class JointSpline:
 
 
 def _inside(above: FloatArray, below: FloatArray) -> FloatArray:
-    """Return the quotients (M,) that lie in [0, 1]; 0 in the place of others."""
+    """Return the quotients (M,) that lie in [0, 1]; 0 in place of others."""
     some = below != 0.0
     quotient = np.where(some, above / np.where(some, below, 1.0), 0.0)
     return np.where((quotient > 0.0) & (quotient < 1.0), quotient, 0.0)
 
 
 class ArmBody(Body):
-    """A body at the tip of an arm along reaches; only attributes that are read are integrated."""
+    """Motion of a body at the tip of an arm along reaches; only attributes that are read are integrated."""
 
     def __init__(self, name: str, kinematics: Kinematics, motions: Motions) -> None:
         ends = {key: kinematics.pose(name, states) for key, states in (("start", motions.start), ("end", motions.end))}

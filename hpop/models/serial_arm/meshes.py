@@ -1,4 +1,4 @@
-"""Meshes as convex hulls: found within the folders that are given, read by trimesh, refused where not convex."""
+"""Meshes as convex hulls: found within given folders, read by trimesh, refused if not convex."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from hpop.world.geometry.solids import Hull
 MOST_BYTES = 50_000_000
 """Largest mesh file that is read."""
 MOST_FACES = 20_000
-"""Of one mesh: more are not for collisions, and take long to tell from a convex one."""
+"""Largest number of faces of a mesh; finer ones are not for collisions, and slow to check for convexity."""
 MOST_BODIES = 64
-"""Convex pieces of one mesh, at most."""
+"""Largest number of convex pieces of a mesh."""
 DEEPEST = 1e-3
-"""m: a mesh whose surface lies deeper in its convex hull is not convex."""
+"""Largest depth, m, of a convex mesh's surface in its convex hull."""
 SAME = 1e-6
-"""Share of a mesh's size by which corners differ that are one: a file may have one for each face."""
+"""Tolerance of equal corners, as a share of a mesh's size: a file may repeat corners for each face."""
 KINDS = ("stl", "obj", "ply", "off")
 
 
 def found_mesh(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
-    """Where a mesh is, within the URDF's folder or the package that it names; ModelError for anywhere else."""
+    """Return the path of a mesh within the URDF's folder or the package that it names; ModelError for other paths."""
     kind, _, rest = mesh.name.partition("://")
     if rest and kind == "package":
         package, _, rest = rest.partition("/")
@@ -59,7 +59,7 @@ def found_mesh(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Pat
 
 
 def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
-    """The convex pieces of a mesh, in m; ModelError where one is not convex."""
+    """Return the convex pieces of a mesh, in m; ModelError if one is not convex."""
     mesh = _loaded(data, path)
     deepest = _depth(mesh, scale, path)
     bodies = [mesh] if deepest <= DEEPEST else mesh.split(only_watertight=False)
@@ -77,7 +77,7 @@ def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
 
 
 def _loaded(data: bytes, path: Path) -> Any:
-    """A mesh of one piece or several, its vertices merged."""
+    """Return a mesh of one piece or several, its vertices merged."""
     try:
         import trimesh  # of the extra hpop[arm]
     except ImportError:
@@ -127,7 +127,7 @@ def _joined(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray
 
 
 class _Convex(NamedTuple):
-    """A convex hull: the points (V, 3) that span it, and its planes (P, 4), n·x + d <= 0 within."""
+    """Convex hull: the points (V, 3) that span it, and its planes (P, 4), n·x + d <= 0 within."""
 
     points: FloatArray
     planes: FloatArray
@@ -144,7 +144,7 @@ def _hull(points: FloatArray, path: Path) -> _Convex:
 
 
 def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
-    """How deep, m, the surface of a mesh lies in its convex hull, by the middles of its faces and their sides."""
+    """Return the depth, m, of a mesh's surface in its convex hull, by the middles of its faces and their sides."""
     corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)] * scale  # (F, 3, 3)
     planes = _hull(corners.reshape(-1, 3), path).planes
     sides = 0.5 * (corners + np.roll(corners, 1, axis=1))
@@ -157,7 +157,7 @@ def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
 
 
 def _is_convex(piece: Any, scale: FloatArray, path: Path) -> bool:
-    """Whether a piece of a mesh is a solid and convex: one that touches others is torn where they share corners."""
+    """Return whether a piece of a mesh is a convex solid; pieces that share corners with others are not."""
     try:
         return _depth(piece, scale, path) <= DEEPEST
     except ModelError:
@@ -169,5 +169,5 @@ def _error(path: Path, said: str) -> ModelError:
 
 
 def mesh_bytes(path: Path) -> bytes:
-    """What is in a mesh file."""
+    """Return the bytes of a mesh file."""
     return file_bytes(path, "mesh", MOST_BYTES)

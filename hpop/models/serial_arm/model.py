@@ -1,4 +1,4 @@
-"""A serial arm with a camera in its hand."""
+"""Serial arm with a camera in its hand."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from hpop.world import World
     from hpop.world.geometry.solids import Shape
 
-NEAR = 1e-9  # m or rad: an end that is so near to a state is that state
-REFERENCE = 1.0  # m/s: states are as many metres apart as the joints need seconds at their greatest speeds
+NEAR = 1e-9  # m or rad: tolerance for equal states
+REFERENCE = 1.0  # m/s: metres of distance between states per second that the joints need
 FARTHEST = 1e4  # m: from the origin of the world to an arm's base
 Placed = tuple[float, float, float, Angle, Angle, Angle]
 HERE: Placed = (0.0,) * 6
@@ -44,10 +44,10 @@ HERE: Placed = (0.0,) * 6
 @model("serial_arm")
 @dataclass(frozen=True, eq=False)
 class SerialArm(Model):
-    """An arm with a camera in its hand; states are the angles, rad, and slides, m, of the joints from base to tip.
+    """Arm with a camera in its hand; states are the angles, rad, and slides, m, of the joints from base to tip.
 
     urdf           the file that describes it; its root link stands at ``base``
-    tip            name of the last link, whose frame is the body "tool"
+    tip            name of the last link, with the frame of the body "tool"
     acceleration   rad/s² or m/s², the greatest, of all joints or by name: a URDF has only their speeds
     srdf           file with named states and pairs of links that never collide, or None
     packages       folders of meshes by the name of their package (package://name/...)
@@ -56,11 +56,11 @@ class SerialArm(Model):
     base           m and rad  (x, y, z, roll, pitch, yaw) of the root link in the world
     fixed          rad or m   values of joints that stand, by name; others beside the chain stand at 0, or at the limit
                               nearest to it
-    field_of_view  rad        (horizontal, vertical) angles of what the camera sees, or None for all round
+    field_of_view  rad        (horizontal, vertical) angles of view, or None for all round
 
-    It has two laws: "reach", from rest to rest, all joints having done the same share of their ways at each moment, and
-    "spline", cubics of time from knot to knot. Two states are as far apart as the joints need seconds at their greatest
-    speeds, as a root of squares, times 1 m/s.
+    It has two laws: "reach", from rest to rest, all joints having done equal shares of their paths at each moment, and
+    "spline", cubics of time from knot to knot. The distance of two states is the root of the sum of squares of the
+    seconds that the joints need at their greatest speeds, times 1 m/s.
     """
 
     name: ClassVar[str]
@@ -124,7 +124,7 @@ class SerialArm(Model):
 
     @classmethod
     def from_urdf(cls, path: str | os.PathLike[str], **parameters: Any) -> SerialArm:
-        """The arm that a URDF describes; parameters as of the class, by name, ``tip`` and ``acceleration`` at least.
+        """Return the arm of a URDF; parameters as of the class, by name, ``tip`` and ``acceleration`` at least.
 
         Raises ModelError for parameters that are missing or unknown, and as the class does.
         """
@@ -146,27 +146,27 @@ class SerialArm(Model):
 
     @property
     def chain(self) -> Chain:
-        """The joints that move, and where the bodies are."""
+        """Chain of the joints that move, with the positions of bodies."""
         return self._arm.chain
 
     @property
     def parts(self) -> tuple[ArmPart, ...]:
-        """What collides."""
+        """Collision geometry."""
         return self._arm.parts
 
     @property
     def apart(self) -> frozenset[Pair]:
-        """Pairs of links, each in alphabetical order, whose collisions are not looked at."""
+        """Pairs of links, each in alphabetical order, without collision tests."""
         return self._arm.apart | self.always_touching
 
     @cached_property
     def always_touching(self) -> frozenset[Pair]:
-        """Of these the pairs that touch in each of 10,000 states drawn; none where an SRDF says which may touch."""
+        """Those pairs of ``apart`` that touch in each of 10,000 random states; none if an SRDF lists pairs."""
         return frozenset() if self.srdf is not None else always_touching(self.chain, self.parts, self._arm.apart)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed of the arm, in words."""
+        """Assumptions about the arm, in words."""
         return self._arm.notes + tuple(
             f"the links {shown(one)} and {shown(other)} touch in each of {SAMPLES:,} states drawn, so their collisions "
             "are not looked at; an SRDF says which links may touch"
@@ -175,7 +175,7 @@ class SerialArm(Model):
 
     @property
     def provides(self) -> frozenset[str]:
-        """The bodies, joints, and the law of splines."""
+        """Bodies, joints, and the law of splines."""
         return frozenset({"camera", "tool", "joints", "spline"})
 
     @property
@@ -200,7 +200,7 @@ class SerialArm(Model):
 
     @cached_property
     def laws(self) -> Mapping[str, JointLaw]:
-        """From rest to rest, straight in the space of the joints; and splines there."""
+        """Laws: from rest to rest, straight in the space of the joints; and splines there."""
         chain = self.chain
         of_chain = (chain.names, tuple(chain.speed.tolist()), tuple(chain.acceleration.tolist()))
         return {"reach": Reach(*of_chain), "spline": JointSpline(*of_chain)}
@@ -216,30 +216,30 @@ class SerialArm(Model):
         return levers(self.chain)
 
     def pose(self, body: str, states: States) -> Pose:
-        """Pose of the camera or the tool in each of the states."""
+        """Return the pose of the camera or the tool in each of the states."""
         return self._kinematics.pose(body, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """How fast it moves and turns."""
+        """Return the velocity and rotation of camera or tool."""
         return self._kinematics.twist(body, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """How fast that changes."""
+        """Return the derivative of their twist."""
         return self._kinematics.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """What the camera or the tool does in each of the motions, its twists integrated."""
+        """Return the motion of camera or tool in each motion, by integrating twists."""
         if not isinstance(motions.law, Reach):
             return integrated(name, motions)
         return ArmBody(name, self._kinematics, motions)
 
     def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:
-        """What may stand in the way of the camera: the shapes of the parts, and their poses (N, 4, 4)."""
+        """Return the shapes of the parts, which may hide things from the camera, and their poses (N, 4, 4)."""
         placed = frames(self.chain, states)
         return [(part.solid.shape, placed[part.frame] @ part.solid.pose) for part in self.parts]
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """How far (M,), m and rad, no body moves or turns farther: the ways of the joints times their levers."""
+        """Return bounds (M,), m and rad, on how far any body moves and turns: changes of joints times their levers."""
         law, farthest, turned = cast(JointLaw, motions.law), np.float64(0.0), np.float64(0.0)
         for name, lever, sliding in zip(self.chain.names, self._levers, self.chain.sliding, strict=True):
             way = law.ways(name, motions.start, motions.end)
@@ -248,18 +248,18 @@ class SerialArm(Model):
         return farthest, turned + 0.0 * farthest
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """One reach; joints without limits the shorter way round, those that are NaN in b as they are in a."""
+        """Return one reach; joints without limits the shorter way round, joints that are NaN in b as they are in a."""
         given = States(**{n: np.where(np.isnan(getattr(b, n)), getattr(a, n), getattr(b, n)) for n in self.space.names})
         end = self.space.onward(a, given)
         moved = np.any([np.abs(getattr(end, n) - getattr(a, n)) > NEAR for n in self.space.names], axis=0)
         return [Leg("reach", States(**{n: np.where(moved, getattr(end, n), getattr(a, n)) for n in end.names}), moved)]
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """What is planned: reaches go from rest to rest."""
+        """Return the plan: reaches go from rest to rest already."""
         return trajectory, trajectory.times
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Joints beyond their limits, too fast, or sped up too fast."""
+        """Yield joints beyond their limits, too fast, or accelerated too fast."""
         states = trajectory.states
         for kind in dict.fromkeys(trajectory.kinds):
             motions = np.flatnonzero([kind == other for other in trajectory.kinds])
@@ -269,25 +269,25 @@ class SerialArm(Model):
             yield from faults(self.chain, self.laws["reach"], states, states, np.zeros(1, np.int64))
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Motions (M,) that break a limit of a joint."""
+        """Return which motions (M,) break a limit of a joint."""
         return doubtful(self.chain, self._joint_law(law.kind), start, end)
 
     def _joint_law(self, kind: str) -> JointLaw:
-        """The law of some motions; one that holds is at the end of a reach that leads nowhere."""
+        """Return the law of some motions; a hold counts as the end of a reach that leads nowhere."""
         return self.laws.get(kind, self.laws["reach"])
 
     # Where it collides
 
     def collision(self, world: World) -> ArmCollision:
-        """Convex hulls, and certificates that whole motions are free: never too kind."""
+        """Return the collision test of planning: convex hulls, and certificates that whole motions are free."""
         return ArmCollision(self.chain, self.parts, self.apart, world)
 
     def judge(self, world: World) -> ArmJudge:
-        """By python-fcl, at states between which no part moves farther than 1 mm."""
+        """Return the collision test of verification, by python-fcl, at states between which no part moves over 1 mm."""
         return ArmJudge(self.chain, self.parts, self.apart, world)
 
     def describe(self) -> dict[str, Any]:
-        """JSON-able parameters, enough to build the same arm: its files by path and SHA-256."""
+        """Return JSON-able parameters, enough to build the same arm: its files by path and SHA-256."""
         arm: dict[str, Any] = {**self._records, "tip": self.tip, "acceleration": self.acceleration}
         if self.packages:
             arm["packages"] = {name: record(folder) for name, folder in self.packages.items()}
@@ -304,7 +304,7 @@ WORDS = {"urdf": "URDF", "srdf": "SRDF"}
 
 
 def _path(name: str, given: Any) -> str:
-    """A path, or that of a record."""
+    """Return a path, or that of a record."""
     path = path_of(given, WORDS.get(name, name)) if is_record(given) else given
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise ModelError(f"{name} is the path of a file, got {shown(given)}")
@@ -312,7 +312,7 @@ def _path(name: str, given: Any) -> str:
 
 
 def _pose(name: str, given: Any) -> FloatArray:
-    """A pose (4, 4) from x, y, z, roll, pitch, yaw."""
+    """Return a pose (4, 4) from x, y, z, roll, pitch, yaw."""
     try:
         numbers = [
             real(name, number, -FARTHEST, FARTHEST, "x, y, z, m, and roll, pitch, yaw, rad,", error=ModelError)

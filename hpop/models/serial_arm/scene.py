@@ -1,4 +1,4 @@
-"""An arm and its surroundings as flat arrays of convex bodies, for kernels of distances and certificates.
+"""Scenes of an arm and its surroundings, as flat arrays of convex bodies for kernels.
 
 A body is a Minkowski sum: the hull of points, a disc and a ball. A sphere is a point and a ball, a cylinder the two
 ends of its axis and a disc, exactly; the disc of a box or a hull has no radius. So one support function serves all
@@ -19,10 +19,10 @@ from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 
 class Bodies(NamedTuple):
-    """B convex bodies, each in a frame of its own.
+    """Arrays of B convex bodies, each in a frame of its own.
 
     points    (P, 3)     m, those of all bodies, one body's after another's
-    first     (B + 1,)   where those of each body begin
+    first     (B + 1,)   index of each body's first point
     disc      (B,)       m, radius of the disc
     plane     (B, 2, 3)  unit vectors in the plane of the disc, one across the other
     ball      (B,)       m, radius of the ball
@@ -102,14 +102,15 @@ def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
 
 
 class ArmScene(NamedTuple):
-    """An arm of n joints and what stands round it, as arrays.
+    """Scene of an arm of n joints and its surroundings, as arrays.
 
     origins  (n, 3, 4)  each joint's frame at value 0 in the frame before, the joint's axis along z
     sliding  (n,)
     bodies   B, each in its frame
     frames   (B,)       0 stands, i moves with joint i
-    levers   (B, n)     m, no point of a body is farther from the axis of each joint that turns, slides between at 0
-    pairs    (P, 2)     bodies whose distances are looked at, the one of the lower frame first
+    levers   (B, n)     m, bound on the distance of a body's points from the axis of each turning joint, slides between
+                        at 0
+    pairs    (P, 2)     bodies that are tested, the one of the lower frame first
     """
 
     origins: FloatArray

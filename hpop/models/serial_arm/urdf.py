@@ -1,6 +1,6 @@
-"""A robot as URDF and SRDF describe it: links, joints, named states, and pairs of links without collision tests.
+"""Robots from URDF and SRDF files: links, joints, named states, and pairs of links without collision tests.
 
-Only what planning needs is read. Of a URDF's link these are its ``collision`` elements, of a joint its type, origin,
+Only entries that planning needs are read: of a URDF's link its ``collision`` elements, of a joint its type, origin,
 axis, limits, soft limits (``safety_controller``) and the joint that it mimics. http://wiki.ros.org/urdf/XML,
 http://wiki.ros.org/srdf
 """
@@ -26,11 +26,11 @@ from hpop.world.geometry.solids import Box, Cylinder, Shape, Sphere
 KINDS = ("fixed", "revolute", "prismatic", "continuous", "floating", "planar")
 MOST_LINKS = 1000
 MOST_SHOWN = 12
-"""Links of a circle that a message names."""
+"""Largest number of links of a circle in a message."""
 
 
 class UrdfMesh(NamedTuple):
-    """A mesh file that a URDF names for a link, with the scale (3,) of its coordinates."""
+    """Mesh file of a link in a URDF, with the scale (3,) of its coordinates."""
 
     link: str
     name: str
@@ -38,9 +38,9 @@ class UrdfMesh(NamedTuple):
 
 
 class Geometry(NamedTuple):
-    """A solid of a link.
+    """Solid of a link.
 
-    shape  what it is, or the file that says it
+    shape  itself, or the file that has it
     pose   (4, 4)  in the link's frame
     """
 
@@ -49,7 +49,7 @@ class Geometry(NamedTuple):
 
 
 class Mimic(NamedTuple):
-    """The value of a joint as that of another, times a factor, plus an offset."""
+    """Rule by which a joint follows another: its value times a factor, plus an offset."""
 
     joint: str
     factor: float
@@ -58,14 +58,14 @@ class Mimic(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
-    """A joint between a link and its parent.
+    """Joint between a link and its parent.
 
     kind    one of KINDS
     origin  (4, 4)  its frame, which is the child's at value 0, in that of the parent
     axis    (3,)    unit vector in its frame
-    low, high, speed  None where the file does not say them; soft limits where these are tighter
+    low, high, speed  None if missing in the file; soft limits where these are tighter
     mimic   the joint that it follows, or None
-    doubt   what is strange about its limits, in words, or ""
+    doubt   oddity of its limits, in words, or ""
     """
 
     name: str
@@ -83,7 +83,7 @@ class UrdfJoint:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """A tree of links.
+    """Robot as a tree of links.
 
     file    that describes it
     root    its first link
@@ -114,7 +114,7 @@ class Robot:
 
 
 def read_urdf(path: str | os.PathLike[str]) -> Robot:
-    """Read a URDF. ModelError for a file that is none, or cannot be trusted."""
+    """Return the robot of a URDF; ModelError for another file, or one that cannot be trusted."""
     file = XmlFile(path, "URDF", "robot")
     file.refuse_xacro("arm.urdf")
     links, bare = {}, set()
@@ -202,7 +202,7 @@ def _joint(file: XmlFile, element: Element) -> UrdfJoint:
         key: file.number(f"the {key} limit of {what}", limit.get(key)) if limit is not None and limit.get(key) else None
         for key in ("lower", "upper", "velocity")
     }
-    if limit is not None and kind in ("revolute", "prismatic"):  # an attribute that is left out is 0
+    if limit is not None and kind in ("revolute", "prismatic"):  # missing attributes are 0
         bounds |= {key: bounds[key] or 0.0 for key in ("lower", "upper")}
     soft, doubt = element.find("safety_controller"), ""
     if soft is not None and kind in ("revolute", "prismatic"):
@@ -231,9 +231,9 @@ def _joint(file: XmlFile, element: Element) -> UrdfJoint:
 
 
 def _soft(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return the tighter of the hard limits and those of a safety_controller, as MoveIt has them.
+    """Return the tighter of the hard limits and those of a safety_controller, as in MoveIt.
 
-    An attribute that is left out sets no limit.
+    A missing attribute sets no limit.
     """
     given = {
         key: file.number(f"the soft {key} limit of {what}", text)
@@ -294,10 +294,10 @@ class Semantics:
     states    values of joints, rad or m, by the name of the state; "group/name" where groups differ in a name
     groups    names of the groups that it defines
     grouped   the state and the group of each set of values
-    loose     names of joints by which it says that the robot stands in the world: no URDF has those
+    loose     names of joints that place the robot in the world: no URDF has those
     disabled  pairs of links that never collide, or always do, each in alphabetical order
-    passive   joints that it says are not driven
-    lonely    links whose collisions with any other are not looked at, but for the pairs in ``enabled``
+    passive   joints that are not driven
+    lonely    links without collision tests, except for the pairs in ``enabled``
     """
 
     file: XmlFile
@@ -317,7 +317,7 @@ class Semantics:
 
 
 def read_srdf(path: str | os.PathLike[str]) -> Semantics:
-    """Read an SRDF; ModelError for a file that is none."""
+    """Return the contents of an SRDF; ModelError for another file."""
     file = XmlFile(path, "SRDF", "robot")
     file.refuse_xacro("arm.srdf")
     root = file.root
@@ -336,7 +336,7 @@ def read_srdf(path: str | os.PathLike[str]) -> Semantics:
 
 
 def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:
-    """Return joint values by state name; groups that differ in a state keep it under "group/name"."""
+    """Return joint values by state name, or by "group/name" if groups differ in the state."""
     states: dict[str, dict[str, float]] = {}
     groups: dict[str, dict[str, dict[str, float]]] = {}
     for state in root.findall("group_state"):
@@ -344,7 +344,7 @@ def _states(file: XmlFile, root: Element) -> dict[str, dict[str, float]]:
         values = {}
         for joint in state.findall("joint"):
             given = joint.get("value") or ""
-            if len(given.split()) == 1:  # a joint of several degrees of freedom is none of a chain
+            if len(given.split()) == 1:  # joints of a chain have one degree of freedom
                 what = f"the value of joint {file.name(joint)!r} in the state {name!r}"
                 values[file.name(joint)] = file.number(what, given)
         groups.setdefault(name, {})[group] = values

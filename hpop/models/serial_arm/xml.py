@@ -1,4 +1,4 @@
-"""XML that came from anybody: elements and attributes, of bounded size, without document types or entities.
+"""XML from untrusted files: elements and attributes of bounded size, without document types or entities.
 
 An entity may stand for a thousand others, or for a file of the computer that reads it; neither URDF nor SRDF needs one.
 """
@@ -25,15 +25,15 @@ MOST_BYTES = 10_000_000
 MOST_ELEMENTS = 100_000
 MOST_NESTED = 50
 LONGEST_NAME = 200
-"""Characters of a link's or joint's name, at most."""
+"""Largest number of characters in a link's or joint's name."""
 NEARLY = 1e-11
-"""Sines and cosines that differ by less from 0 or ±1 are that."""
+"""Tolerance of sines and cosines that are 0 or ±1."""
 
 
 class XmlFile:
-    """An XML file, and error messages about it.
+    """XML file, and error messages about it.
 
-    path  where it is
+    path  of the file
     data  its bytes
     root  its elements
     """
@@ -51,7 +51,7 @@ class XmlFile:
         return ModelError(f"{self.what} {shown(str(self.path), 400)}: {said}")
 
     def refuse_xacro(self, expanded: str) -> None:
-        """Raise ModelError for xacro, whose macros and includes are not expanded here."""
+        """Raise ModelError for xacro: its macros and includes are not expanded here."""
         if any(element.tag.startswith("xacro:") for element in self.root.iter()):
             raise self.error(
                 f"it is xacro, which has to be expanded first: xacro {printable(self.path.name)[:80]} > {expanded} (a "
@@ -68,7 +68,7 @@ class XmlFile:
         return given
 
     def number(self, where: str, given: str | None) -> float:
-        """Return the number in an attribute, which ``where`` describes."""
+        """Return the number in an attribute; ``where`` describes the attribute."""
         return float(self.numbers(where, given, 1)[0])
 
     def numbers(self, where: str, given: str | None, count: int) -> FloatArray:
@@ -136,7 +136,8 @@ def file_bytes(path: Path, what: str, most: int) -> bytes:
 def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
     """Return a pose (4, 4) from a position, m, and roll, pitch, yaw, rad, about the fixed axes x, y, z in this order.
 
-    What is 0 or ±1 but for decimals that a file left out (1.57079632679) is that: kinematics leave such terms out.
+    Entries that are 0 or ±1 up to decimals that a file left out (1.57079632679) become exact: kinematics omit such
+    terms.
     """
     cosines, sines = (np.array([[exact(f(angle)) for angle in rpy]]) for f in (math.cos, math.sin))
     (cr, cp, cy), (sr, sp, sy) = cosines[0], sines[0]
