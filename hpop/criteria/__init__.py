@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from hpop.criteria.performance.hand_eye_misalignment import HandEyeMisalignment as HandEyeMisalignment
     from hpop.criteria.performance.landmark_visibility import LandmarkBlindness as LandmarkBlindness
     from hpop.criteria.performance.landmark_visibility import LandmarkVisibility as LandmarkVisibility
-    from hpop.criteria.performance.look_at import LookAtCriterion as LookAtCriterion
+    from hpop.criteria.performance.look_at import LookAt as LookAt
     from hpop.criteria.performance.obstruction import Exposure as Exposure
     from hpop.criteria.performance.obstruction import Obstruction as Obstruction
     from hpop.criteria.performance.obstruction import WorstObstruction as WorstObstruction

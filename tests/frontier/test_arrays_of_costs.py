@@ -101,7 +101,7 @@ def test_what_is_maximised_is_kept_with_a_minus(maximise):
 @pytest.mark.parametrize(
     ("maximise", "message"),
     [
-        (["gian"], "has names of costs, or a bool for each of cost, gain"),
+        (["gian"], "must be names of costs, or a bool for each of cost, gain"),
         ([True], "got 1 bools"),
         (True, "bool for each"),
     ],

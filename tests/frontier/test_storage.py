@@ -182,7 +182,7 @@ def test_where_a_front_cannot_be_saved_the_error_names_no_temporary_file(tmp_pat
 
 
 def test_a_missing_folder_is_named_with_the_way_out(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"not there; make it first: '.*/missing'$"):
+    with pytest.raises(FileNotFoundError, match=r"does not exist; make it first: '.*/missing'$"):
         front_of().save(tmp_path / "missing" / "front.json")
 
 
@@ -270,9 +270,9 @@ def drop(mapping, key):
         (lambda document: document["points"].update(count=10**300), "entries in origin"),
         (lambda document: document["points"].update(count=True), "'count' to be of type int"),
         (lambda document: document["points"].update(origins=[[]]), "origins[0] to be an object"),
-        (lambda document: document["points"].update(origin=[0, 1]), "places in a table of 1 rows in origin"),
-        (lambda document: document["points"].update(origin=[0, -1]), "places in a table of 1 rows in origin"),
-        (lambda document: document["points"].update(origin=[0, 10**30]), "places in a table of 1 rows in origin"),
+        (lambda document: document["points"].update(origin=[0, 1]), "rows of a table of 1 rows in origin"),
+        (lambda document: document["points"].update(origin=[0, -1]), "rows of a table of 1 rows in origin"),
+        (lambda document: document["points"].update(origin=[0, 10**30]), "rows of a table of 1 rows in origin"),
         (lambda document: document["points"].update(origin=[0, False]), "2 whole numbers in origin"),
         (lambda document: document["points"]["costs"]["turns"].append(1.0), "2 numbers in costs.turns, found 3"),
         (lambda document: document["points"]["reported"]["duration"].clear(), "2 numbers in reported.duration"),

@@ -13,7 +13,7 @@ from hpop.motions import Motions
 
 @criterion("look_at", group="P", unit="rad s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
-class LookAtCriterion(Targeted):
+class LookAt(Targeted):
     """Angle by which the target is off the middle of the view, over time: ∫ γ dt.
 
     target  (x, y, z)  m, world frame

@@ -85,7 +85,9 @@ def _names(layers: Any) -> list[str] | None:
     return list(names)
 
 
-def build(path: str | Path, found: ChildAnswer, placement: Placement, options: DrawingOptions, *, nothing: str) -> World:
+def build(
+    path: str | Path, found: ChildAnswer, placement: Placement, options: DrawingOptions, *, nothing: str
+) -> World:
     """Build the world of a drawing's lines, with notes on everything left out.
 
     found      ``points`` (n, 2) of all lines, their first points ``starts`` (m + 1,), their ``layer`` (m,), and their
