@@ -18,7 +18,7 @@ from hpop.cli.report import number, plain_table, print_wide
 from hpop.cli.results import output_errors
 from hpop.errors import OptionError, UnknownName
 from hpop.frontier import FrontError, UnknownColumnError, conditions
-from hpop.frontier.conditions import Condition
+from hpop.frontier.conditions import ColumnCondition
 from hpop.preference import Preference
 from hpop.preference.posterior import NEAR
 from hpop.problems.front import FOR_YOU, Front, Point
@@ -50,7 +50,7 @@ def picked(
     try:
         if row is not None:
             return Picked(front[row], f"row {row}, as asked")
-        asked = [Condition.of(name, f"<={bound!r}") for name, bound in at_most.items()]
+        asked = [ColumnCondition.of(name, f"<={bound!r}") for name, bound in at_most.items()]
         rows = np.flatnonzero(conditions.met(front, asked))
         if not rows.size:
             raise OptionError(f"no trajectory to pick: asked for {conditions.in_words(front, asked)}")

@@ -246,7 +246,7 @@ def test_an_object_that_is_half_a_model_is_refused_with_what_it_lacks():
 
     with pytest.raises(ModelError, match=r"lacks .*collision, judge, execution, faults.*PlanarModel"):
         Problem(room(0), Half(), (1, 1, 0), (2, 2, 0), ["length"])
-    with pytest.raises(ModelError, match=r"one such as hpop.DifferentialDrive\(radius=0.3\), got 3$"):
+    with pytest.raises(ModelError, match=r"such as hpop.DifferentialDrive\(radius=0.3\), got 3$"):
         Problem(room(0), 3, (1, 1, 0), (2, 2, 0), ["length"])
 
 

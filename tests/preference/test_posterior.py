@@ -193,5 +193,5 @@ def test_no_difference_must_have_been_an_answer() -> None:
 def test_a_front_without_a_choice_is_refused() -> None:
     with pytest.raises(StudyError, match="of 1 point there is nothing to prefer"):
         Preference.fit(TRIANGLE[:1])
-    with pytest.raises(StudyError, match="learnt about a front"):
+    with pytest.raises(StudyError, match="needs a front"):
         Preference.fit([[1.0, 2.0]])  # type: ignore[arg-type]

@@ -141,8 +141,8 @@ DROPPED = object()
         (changed(criteria__0__ideal=-1e308), "numbers from -1e+308 to"),
         (changed(answers__0__costs=[[1e308, 0.0, 0.0], [2.0, 0.0, 0.0]]), "1e+308 in the costs of an answer"),
         (changed(prior__concentration=[1.0, 1.0]), "concentrations of 2 costs, and there are 3"),
-        (changed(question="\x1b[2J"), "a question is"),
-        (changed(question=""), "a question is"),
+        (changed(question="\x1b[2J"), "a question must be"),
+        (changed(question=""), "a question must be"),
     ],
 )  # fmt: skip
 def test_what_is_no_preference_is_refused(tmp_path: Path, written: Any, change: Any, said: str) -> None:

@@ -120,7 +120,7 @@ def test_saved_it_is_verified_with_its_further_columns(problem: hpop.Problem, mo
             "'obstruction' has a column already, with other parameters",
         ),
         ([{"exposure": {"radius": 1.0}}], CriterionError, "'exposure' has a column already, with other parameters"),
-        (["clearance", {"clearance": {"enough": 3.0}}], CriterionError, "'clearance' is there already"),
+        (["clearance", {"clearance": {"enough": 3.0}}], CriterionError, "'clearance' has a column already"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(

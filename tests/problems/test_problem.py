@@ -74,9 +74,9 @@ LONGER = ((1.0, 1.0, 0.0), (1.0, 3.5, 0.0), (4.0, 3.5, 0.0), (4.0, 1.0, 0.0))
 @pytest.mark.parametrize(
     ("changes", "kind", "said"),
     [
-        ({"criteria": []}, CriterionError, "criteria is a list"),
-        ({"criteria": "turns"}, CriterionError, "criteria is a list"),
-        ({"criteria": {"turns": {}}}, CriterionError, "criteria is a list"),
+        ({"criteria": []}, CriterionError, "criteria must be a list"),
+        ({"criteria": "turns"}, CriterionError, "criteria must be a list"),
+        ({"criteria": {"turns": {}}}, CriterionError, "criteria must be a list"),
         ({"criteria": ["turns", "length", "turns"]}, CriterionError, "turns more than once"),
         ({"criteria": ["turnz"]}, UnknownName, "Did you mean 'turns'?"),
         ({"criteria": [Length]}, CriterionError, "instance"),
@@ -89,7 +89,7 @@ LONGER = ((1.0, 1.0, 0.0), (1.0, 3.5, 0.0), (4.0, 3.5, 0.0), (4.0, 1.0, 0.0))
         ({"goal": (np.inf, 1, None)}, QueryError, "x of the goal must be a position in m"),
         ({"start": (1, 1, 90)}, QueryError, "in radians, within two turns of 0; got 90: write math.radians(90)"),
         ({"goal": (4, 1, -180.0)}, QueryError, "yaw of the goal is in radians"),
-        ({"criteria": 3}, CriterionError, "criteria is a list"),
+        ({"criteria": 3}, CriterionError, "criteria must be a list"),
         ({"criteria": [{"obstruction": {"radius": "x"}}]}, CriterionError, "radius must be a length in m"),
         ({"world": "x"}, MapError, "such as hpop.World.from_geojson(path), got 'x'"),
         ({"model": "x"}, ModelError, "such as hpop.DifferentialDrive(radius=0.3), got 'x'"),
