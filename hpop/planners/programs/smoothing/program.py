@@ -4,8 +4,7 @@ This is direct collocation in phases. The turns of a polyline are structure: pha
 exactly zero) alternate with phases of turning (yaw rate of one sign, at least LEAST_PHASE in all), so that the number
 of turns cannot decrease. Each phase has its own free duration and a fixed number of intervals of constant wheel
 accelerations, which follow from the speeds at the nodes. The motion in an interval is
-:class:`hpop.models.driven.Drive`, the law by which the trajectory is then evaluated. Criteria are evaluated by their
-own ``cost``, on CasADi symbols.
+:class:`hpop.models.driven.Drive`, the law by which the trajectory is evaluated. Criteria take CasADi symbols.
 """
 
 from __future__ import annotations
