@@ -17,7 +17,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.cli import asking_page
-from hpop.cli.live_server import Shown, server_of
+from hpop.cli.live_server import LiveFront, server_of
 from hpop.cli.serving import OnePage
 from hpop.runtime.page_server import CONNECTIONS, LOCAL, PageHandler, PageServer, no_port
 from hpop.study.server import StudyServer
@@ -74,7 +74,7 @@ def of_search(front: hpop.Front, folder: Path) -> tuple[PageServer, str]:
     listening = socket.socket()
     listening.bind((LOCAL, 0))
     listening.listen()
-    return server_of(listening, "the-secret", Shown()), "/the-secret/"
+    return server_of(listening, "the-secret", LiveFront()), "/the-secret/"
 
 
 @pytest.mark.parametrize("made", [of_study, of_ride, of_search])

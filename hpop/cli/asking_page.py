@@ -1,7 +1,7 @@
-"""``hpop prefer --web``: the questions on a page, served to this machine alone; without scripts, as forms.
+"""Page of ``hpop prefer --web``: questions as forms without scripts, served to this machine alone.
 
-Whoever does not know the token in the page's address is shown nothing, and a page of another origin cannot answer. An
-answer names the question that it answers, so that one that is sent twice counts once.
+Requests need the token in the page's address, and pages of another origin cannot answer. An answer names its question,
+so that a repeated answer counts once.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ POLICY = (
     "frame-ancestors 'none'"
 )
 """What the page may load."""
-# Under a and b are their lines as on the map: its first two colours and dashes.
+# Trajectories a and b have the first two line colours and dashes of the map.
 STYLE = """body{font:17px/1.45 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
 body{background:#fff}table{border-collapse:collapse;margin:1rem 0}td,th{padding:.3rem .9rem .3rem 0;text-align:right}
 td:first-child,td:last-child,th:first-child{text-align:left}td:last-child{color:#555}img{max-width:100%;max-height:60vh}
@@ -48,8 +48,8 @@ HEAD = (
 LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": "Stop here"}
 
 
-class Asked(Protocol):
-    """Content of a page: the open question, or the result."""
+class Questionnaire(Protocol):
+    """Content of the page: the open question, or the result."""
 
     @property
     def number(self) -> int: ...
@@ -63,8 +63,8 @@ class Asked(Protocol):
     def answer(self, word: str) -> None: ...
 
 
-def page_of(asked: Asked) -> str:
-    """Return the page as it is now."""
+def page_of(asked: Questionnaire) -> str:
+    """Return the page for the open question, or for the result."""
     if asked.is_over:
         said = "".join(f"<p>{html.escape(printable(line))}</p>" for line in asked.result())
         return f"{HEAD}<h1>Thank you</h1>{said}<p>This page can be closed.</p>"
@@ -89,18 +89,18 @@ def page_of(asked: Asked) -> str:
 
 
 def _page_of_loss(why: str, address: str) -> str:
-    """Return the page after an answer that could not be saved: its question is still open."""
+    """Return a page that says that an answer could not be saved and its question is still open."""
     said = html.escape(printable(why))
     return (
         f"{HEAD}<h1>Once more, please</h1><p>The answer was not kept: {said}</p><p><a href={address}>Ask again</a></p>"
     )
 
 
-def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
-    """Serve the page until all is answered and what came out was shown; OutputError where the port cannot be had."""
+def serve(asked: Questionnaire, port: int, say: Callable[[str], None]) -> None:
+    """Serve the page until the last question is answered and the result was shown; OutputError if the port is taken."""
     token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
 
-    class Handler(PageHandler):
+    class QuestionHandler(PageHandler):
         def answer(self) -> None:
             """Send the question, or the result; after the result the command ends."""
             if self._is_known():
@@ -141,7 +141,7 @@ def serve(asked: Asked, port: int, say: Callable[[str], None]) -> None:
         def _send(self, status: HTTPStatus, page: bytes, **more: str) -> None:
             self.page(page, status=status, **{"Content-Security-Policy": POLICY, **more})
 
-    with PageServer(Handler, port=port) as server:
+    with PageServer(QuestionHandler, port=port) as server:
         serving = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
         serving.start()
         try:

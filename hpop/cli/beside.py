@@ -1,13 +1,13 @@
 """Processes beside a search: one serves the page of the running search, another draws pictures of a saved front.
 
-Drawing takes seconds of Python, which would slow down the search, or keep a user waiting who has stopped it. Both
-processes read what is saved, so they need nothing but the user's own code, if there is any.
+Drawing takes seconds of Python, which would slow down the search or delay the prompt after Ctrl-C. Both processes read
+the saved front, and need nothing else but the user's own code.
 
-The page of ``hpop plan --web`` is served to this machine alone by :mod:`hpop.cli.live_server`. The command takes the
-port before the search begins, and says each time that a front was saved; the server ends with the command.
+The page of ``hpop plan --web`` is served to this machine alone by :mod:`hpop.cli.live_server`. The command opens the
+port before the search begins, and notifies the server of each saved front; the server ends with the command.
 
-``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES bounds the map's field
-(0: no limit); -P imports nothing from the current folder.
+``python -P -m hpop.cli.beside all|map FOLDER BYTES [FILE_OR_MODULE ...]`` draws pictures. BYTES bounds the memory of
+the map's field (0: no limit); -P keeps the current folder off the import path.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ from hpop.runtime.interrupts import interrupts_held
 # Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 TOKEN = "HPOP_LIVE_TOKEN"  # of the environment of the other process
-HOST = "127.0.0.1"  # nobody else's machine gets there
+HOST = "127.0.0.1"  # reachable from this machine only
 WAITING = 64  # browsers that ask before the other process answers
-LAST = 20.0  # s: so long the last front may take to be shown; then the command ends all the same
+LAST = 20.0  # s to wait until the last front is shown
 
 
 class LivePage:
-    """A page that follows the front saved in a folder; at the end of a ``with`` it shows the last one and is gone.
+    """Page that follows the front saved in a folder; at the end of a ``with`` it shows the last front and closes.
 
-    port     0 takes any that is free
-    imports  files and modules that register what the front was planned with
+    port     0: any free port
+    imports  files and modules with the user's criteria, models and planners
 
-    Raises OutputError where the port cannot be had.
+    Raises OutputError if the port is taken.
     """
 
     def __init__(self, port: int, folder: Path, imports: Sequence[str] = ()) -> None:
         self._process: Popen[bytes] | None = None
-        token = secrets.token_urlsafe(16)  # whoever does not know it is shown nothing
+        token = secrets.token_urlsafe(16)  # requests need it
         with socket.socket() as listening:
             listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -61,15 +61,15 @@ class LivePage:
             self.address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
             number = listening.fileno()
             command = [sys.executable, "-P", "-m", "hpop.cli.live_server", str(number), str(folder), *imports]
-            known = {**os.environ, TOKEN: token}  # not in the command, which all users of a machine see
-            # A session of its own: Ctrl-C on the terminal is not meant for it. Without a process there is no page.
+            known = {**os.environ, TOKEN: token}  # not in the command line, which all users of a machine see
+            # A session of its own: Ctrl-C on the terminal does not reach it. Without a process there is no page.
             with suppress(OSError), interrupts_held():
                 quiet: dict[str, Any] = {"stdout": DEVNULL, "stderr": DEVNULL, "start_new_session": True}
                 self._process = Popen(command, stdin=PIPE, pass_fds=[number], env=known, **quiet)
 
     @property
     def is_served(self) -> bool:
-        """True while a process serves the page."""
+        """Return whether a process serves the page."""
         return self._process is not None
 
     def __enter__(self) -> LivePage:
@@ -81,14 +81,14 @@ class LivePage:
         self.stop()
 
     def saved(self) -> None:
-        """Show the front that was just saved."""
+        """Tell the server that a front was saved."""
         if self._process is not None and self._process.stdin is not None:
-            with suppress(OSError):  # it is gone: the search matters more
+            with suppress(OSError):  # the server is gone, but the search goes on
                 self._process.stdin.write(b"\n")
                 self._process.stdin.flush()
 
     def stop(self) -> None:
-        """Let the last front be shown, and end."""
+        """Let the server show the last front, then close the page."""
         if self._process is None:
             return
         process, self._process = self._process, None
@@ -102,14 +102,14 @@ class LivePage:
             process.wait()
 
 
-NICENESS = 10  # the search comes first
-STANDS = 2.0  # s: a front of a stage that stands so long is worth a picture; most give way to the next one before
+NICENESS = 10  # lower priority than the search
+STANDS = 2.0  # s after which the front of a stage is drawn, unless a newer front came
 
 
 class PicturesBeside:
-    """Draws the front that is saved in a folder, beside what else is done; at the end of a ``with`` it stops.
+    """Process that draws the front saved in a folder; at the end of a ``with`` it is stopped.
 
-    imports     files and modules that register what the front was planned with
+    imports     files and modules with the user's criteria, models and planners
     max_memory  bytes  for the map's field
     """
 
@@ -130,29 +130,29 @@ class PicturesBeside:
         self.stop()
 
     def stage(self) -> None:
-        """Draw the map alone, if no better front comes soon."""
+        """Draw the map alone, unless a newer front comes soon."""
         self.stop()
         self._timer = Timer(STANDS, self._begin, ["map"])
         self._timer.daemon = True
         self._timer.start()
 
     def start(self) -> None:
-        """Begin to draw all pictures; they are a help, so where no process can be had there are none."""
+        """Begin to draw all pictures; without a process there are none."""
         self.stop()
         self._begin("all")
 
     def _begin(self, which: str) -> None:
-        given = [which, str(self.folder), str(self.max_memory or 0), *self.imports]
-        command = [sys.executable, "-P", "-m", "hpop.cli.beside", *given]
-        with suppress(OSError), interrupts_held():  # or a process would be begun that nobody can stop
-            # A session of its own: Ctrl-C on the terminal is not meant for it.
+        arguments = [which, str(self.folder), str(self.max_memory or 0), *self.imports]
+        command = [sys.executable, "-P", "-m", "hpop.cli.beside", *arguments]
+        with suppress(OSError), interrupts_held():  # an interrupted start would leave an orphaned process
+            # A session of its own, so that Ctrl-C on the terminal does not reach it.
             self._process = Popen(command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
 
     def stop(self) -> None:
-        """Make sure that nothing is drawn any more: a new front is about to be saved. No half of a picture is left."""
+        """Stop drawing before a new front is saved, and leave no unfinished picture."""
         if self._timer is not None:
             self._timer.cancel()
-            self._timer.join()  # it may just have begun
+            self._timer.join()  # the timer may just have fired
             self._timer = None
         if self._process is None:
             return
@@ -165,7 +165,7 @@ class PicturesBeside:
 
 
 def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str]) -> None:
-    """Draw the front saved in a folder, when there is nothing better to do: the map, or all pictures."""
+    """Draw the front saved in a folder, at low priority: the map, or all pictures."""
     from hpop.runtime import garbage
 
     garbage.seldom()

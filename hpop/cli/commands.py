@@ -1,8 +1,8 @@
 """The command line: ``hpop demo``, ``new``, ``look``, ``plan``, ``show``, ``pick``, ``export``, ``explain``, ...
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (what was
-found is kept), and those of :mod:`hpop.errors`.
+usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (results so
+far are kept), and those of :mod:`hpop.errors`.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ if TYPE_CHECKING:
     from hpop.scenario import Scenario
 
 MOST_PORT = 65_535
-# A thread of OpenBLAS, of which NumPy starts one for each core but the first, spins 2**26 cycles before it sleeps, for
-# nothing: 25 ms. 2**20 still bridge the pause between two products of large matrices.
+# NumPy starts an OpenBLAS thread for each further core, which spins for 2**26 cycles (25 ms) before it sleeps. 2**20
+# cycles suffice to bridge the pause between two products of large matrices.
 SPIN = "20"
 COLLISIONS = "collisions are compiled first, once: some 20 seconds that no time limit covers"
 COMPILING = "the search is compiled beside {}, once for each number and kind of costs"
 
 
 def _folder(context: click.Context, option: click.Parameter, given: str | None) -> Path | None:
-    """Return a folder's path; the empty one, as of a shell's variable that is not set, would be the current folder."""
+    """Return the path of a folder; an empty text, as from an unset shell variable, is refused."""
     if given == "":
         raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
     return None if given is None else Path(given)
@@ -140,7 +140,7 @@ def plan(
             f"shown while it runs at {live.address}" if is_served else "note: --web: no process could be begun",
             err=True,
         )
-    # To the command's end: what the next plan takes is compiled while this one's pictures are drawn.
+    # Until the command ends: kernels for the next plan are compiled while this plan's pictures are drawn.
     onset = click.get_current_context().with_resource(kernels_beside(loaded.planners, loaded.problem))
     if onset is not None:
         echo(COMPILING.format(onset), err=True)
@@ -159,7 +159,7 @@ def plan(
         if checkpoint is not None:
             _tidy(checkpoint, front)
         _draw(loaded, front, out, imports)
-    except KeyboardInterrupt:  # nothing that was found is lost
+    except KeyboardInterrupt:  # the results so far are saved
         what = "complete and saved" if report.is_complete(front) else "saved"
         left = f"the pictures were left out; `hpop show {argument(out)}` prints the front"
         echo(f"interrupted: the front is {what} in {out / SAVED}; {left}", err=True)
@@ -181,8 +181,8 @@ def plan(
 def demo(context: click.Context, name: str, out: Path | None) -> None:
     """Plan an example that comes with hpop.
 
-    The museum tour, if nothing else is asked. Its scenario and map are copied to the folder first, to be changed and
-    planned again.
+    The default is the museum tour. Its scenario and map are copied to the folder, so that you can change them and plan
+    again.
     """
     out = out or Path("out", name)
     scenario = examples.copied(name, out)
@@ -258,11 +258,11 @@ def _solved(
     *,
     waits: bool,
 ) -> list[Front]:
-    """Return the front after each planner of a scenario; each is saved as it comes.
+    """Return the front after each planner of a scenario; each is saved at once.
 
-    So are the fronts of a planner's stages; of one that stands for a while another process draws the map. Where
-    kernels are to be compiled before the search goes on (``waits``), this one draws the first, in half the time: what
-    that imports serves for the last pictures too.
+    Fronts of a planner's stages are saved too, and another process draws the map of a front that stands for a while. If
+    kernels must be compiled before the search goes on (``waits``), this process draws the first map meanwhile, which is
+    twice as fast and imports the libraries that the last pictures need.
     """
     from hpop.cli import report
 
@@ -281,7 +281,7 @@ def _solved(
             is_first = say.last is None
             keep(front)
             if waits and is_first:
-                with suppress(OutputError):  # which the last pictures will meet as well; the search goes on
+                with suppress(OutputError):  # the last pictures will report it; the search goes on
                     results.draw(scenario.problem, front, out, map_alone=True, max_memory=_most(scenario))
             else:
                 pictures.stage()
@@ -290,7 +290,7 @@ def _solved(
             for front in scenario.problem.fronts(scenario.planners, progress=progress, executor=executor, stage=stage):
                 try:
                     keep(front)
-                except KeyboardInterrupt:  # a second Ctrl-C is obeyed
+                except KeyboardInterrupt:  # a second Ctrl-C ends at once
                     keep(front)
                     fronts.append(front)
                     raise
@@ -303,7 +303,7 @@ def _solved(
 
 
 def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -> None:
-    """Draw the pictures; who has stopped the search gets the prompt back, and another process draws them."""
+    """Draw the pictures; after an interrupted search another process draws them, and the prompt returns at once."""
     if Status.INTERRUPTED in front.status:
         PicturesBeside(out, imports, _most(scenario)).start()
         echo(f"written to {out}: {SAVED}; pictures are being drawn in the background")
@@ -314,14 +314,14 @@ def _draw(scenario: Scenario, front: Front, out: Path, imports: Sequence[str]) -
 
 
 def _most(scenario: Scenario) -> int | None:
-    """Return bytes that the planners of a scenario may take, the one that may take most; None without a limit."""
+    """Return the largest memory limit, bytes, of a scenario's planners; None without a limit."""
     from hpop.planners.spending import common_spending
 
     return common_spending(scenario.planners).limits.max_memory
 
 
 def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
-    """Return planners, of which the one that searches exactly keeps its search in a file."""
+    """Return the planners, with the one exact search set to keep its checkpoint in a file."""
     from hpop.base.registry import planners
     from hpop.search.machinery.checkpoint import Checkpoint
 
@@ -339,7 +339,7 @@ def _keeping(chosen: Sequence[Planner], checkpoint: str) -> tuple[Planner, ...]:
 
 
 def _tidy(checkpoint: str, front: Front) -> None:
-    """Remove the checkpoint once the complete front is saved, or say that the search can go on."""
+    """Remove the checkpoint once the complete front is saved, or say that the search can be resumed."""
     from hpop.cli import report
 
     file = Path(checkpoint).resolve()

@@ -1,4 +1,4 @@
-"""``hpop drive``: a plan of a saved front is driven, while doors close, people stop and somebody aboard wishes."""
+"""``hpop drive``: drive a plan of a saved front, while doors close, people stop and the viewer's wishes change."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.runtime.status import Status, why_none
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.drive import Execution, Options
@@ -28,25 +28,23 @@ PICTURE, RECORD = "drive.png", "drive.json"
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--events", type=click.Path(path_type=Path), required=True, metavar="YAML", help="What happens when.")
-@click.option("--row", metavar="ROW", help="What is driven: a number, knee, or least NAME; as the events say, or knee.")
+@click.option("--events", type=click.Path(path_type=Path), required=True, metavar="YAML", help="Events of the drive.")
+@click.option("--row", metavar="ROW", help="Row to drive: a number, knee, or least NAME. [the events' row, or knee]")
 @click.option(
     "--deadline",
     type=click.FloatRange(0),
     default=DEADLINE,
     metavar="S",
     show_default=True,
-    help="Seconds of processor time in which options are looked for.",
+    help="Seconds of processor time to search for options.",
 )
 @click.option(
     "--speed",
     type=click.FloatRange(0, min_open=True),
     metavar="N",
-    help="So many times as fast as real; at once if left out.",
+    help="Multiple of real time; as fast as possible by default.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder of what is written. [FOLDER/drive]"
-)
+@click.option("--out", type=click.Path(path_type=Path), metavar="PATH", help="Folder for the results. [FOLDER/drive]")
 @imports_option
 @user_errors
 def drive(
@@ -58,11 +56,11 @@ def drive(
     out: Path | None,
     imports: tuple[str, ...],
 ) -> None:
-    """Simulate a drive along a plan of the front in a FOLDER that `hpop plan` wrote, and what happens on its way.
+    """Simulate a drive along a plan of the front in a FOLDER that `hpop plan` wrote, with events on its way.
 
-    After each event the options are printed: the front of the rest of the way. The robot changes its plan by itself
-    where its way is closed, or where another is better by a margin and announced in time. Writes a picture,
-    drive.png, and a record that can be replayed, drive.json.
+    After each event the options are printed: the front of the remaining paths. The robot changes its plan by itself if
+    its path is closed, or if another path is better by a margin and announced in time. Writes a picture, drive.png, and
+    a record that can be replayed, drive.json.
     """
     from hpop.cli import user_code
     from hpop.drive import follow
@@ -95,7 +93,7 @@ def drive(
 
 
 def _print(happening: Happening, driven: Execution) -> None:
-    """Print an event, its consequences for the plan, the options, and the trajectory that is driven then."""
+    """Print an event, its consequences for the plan, the options, and the trajectory driven from then on."""
     x, y = (float(getattr(happening.driven.states, name)[-1]) for name in ("x", "y"))
     echo(f"\n{happening.event.at:.1f} s, at ({x:.2f}, {y:.2f}): {happening.event}")
     if happening.change is not None:
@@ -153,7 +151,7 @@ def _print_options(options: Options, happening: Happening) -> None:
 
 
 def _how_far(options: Options) -> str:
-    """Return how much better what is missing may be, and what to do about it."""
+    """Return by how much missing options may be better, and advice."""
     if options.gap == 0:
         return ""
     if math.isfinite(options.gap):
@@ -162,7 +160,7 @@ def _how_far(options: Options) -> str:
 
 
 def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
-    """Return which options are shown, and why each."""
+    """Return the rows of options to print, each with its labels."""
     names: dict[int, list[str]] = {}
     if options.keep_on is not None:
         names.setdefault(options.keep_on, []).append("present plan")
@@ -174,7 +172,7 @@ def _named(options: Options, happening: Happening) -> dict[int, list[str]]:
 
 
 def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
-    """Write the record and the picture of a drive, also of one that a fault ended."""
+    """Write the record and the picture of a drive, even if an error ended it."""
     from hpop.view.moments import draw_drive
     from hpop.view.save import save_figure
 

@@ -1,4 +1,4 @@
-"""Registered criteria, planners, models, goals and formats, printed, and what a printed word or name means."""
+"""Print registered criteria, planners, models, goals and formats, and explain printed words and names."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def print_criteria(console: Console | None = None) -> None:
 
 
 def declared(item: Any) -> str:
-    """Describe a registered type on one line: unit and requirements of a criterion, and its fields."""
+    """Describe a registered type in one line: unit and requirements of a criterion, and its fields."""
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):
         requires = f"requires {', '.join(item.requires)}" if item.requires else ""
@@ -67,7 +67,7 @@ def print_planners(console: Console | None = None) -> None:
 
 
 def print_formats(console: Console | None = None) -> None:
-    """Print the export formats, how their files are called, and their axes."""
+    """Print the export formats, with their file endings and axes."""
     console = console or Console()
     console.print("Formats of `hpop export`: name, ending of its files, axes")
     formats: dict[str, Any] = dict(registry.formats)
@@ -76,7 +76,7 @@ def print_formats(console: Console | None = None) -> None:
 
 
 def _provided(cls: type) -> str:
-    """Return in words what a robot with its defaults provides; "" for a robot without defaults."""
+    """Return a sentence on what a robot with default parameters provides; "" for a robot without defaults."""
     try:
         made = cls()
     except (TypeError, HpopError):
@@ -94,14 +94,14 @@ def _fields(cls: Any) -> str:
 
 
 def _default(field: dataclasses.Field[Any]) -> str:
-    """Return the default of a field, "..." for a field without one."""
+    """Return the default of a field, or "..." for a field without one."""
     if field.default_factory is not dataclasses.MISSING:
         return repr(field.default_factory())
     return "..." if field.default is dataclasses.MISSING else repr(field.default)
 
 
 def _first_line(cls: Any) -> str:
-    """Return first paragraph of a docstring, on one line, without markup."""
+    """Return the first paragraph of a docstring, on one line, without markup."""
     text = " ".join((cls.__doc__ or "").strip().split("\n\n")[0].split())
     return re.sub(r":\w+:`|`", "", text)
 
@@ -117,7 +117,7 @@ REGISTRIES: tuple[Registry[Any], ...] = (
 
 
 def explained(word: str) -> str:
-    """Return all that is known of a word; UnknownName where that is nothing."""
+    """Return the explanation of a word; UnknownName if there is none."""
     meant = _plain(word)
     found = [*_meanings(meant), *_registered(meant)]
     if not found:
@@ -129,14 +129,14 @@ def explained(word: str) -> str:
 
 
 def known() -> str:
-    """Return the words that are explained."""
+    """List the words that can be explained."""
     words = ", ".join(entry.word for entry in entries())
     *kinds, last = (each.kind for each in REGISTRIES)
     return f"Explained are {words}; and the name of each {', '.join(kinds)} and {last}."
 
 
 def _plain(word: str) -> str:
-    """Return a word as it is looked up: one that is printed with capitals, dashes or blanks is the same."""
+    """Normalise a word for look-up: capitals, dashes and blanks do not matter."""
     return re.sub(r"[\s_-]+", " ", word.strip().lower())
 
 

@@ -13,11 +13,11 @@ from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.errors import HpopError, OutputError
 from hpop.runtime.status import Status, progress_bar
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 
 def listed(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return names and numbers of several options, each with some between commas."""
+    """Return the names and numbers of repeated options, each a comma-separated list."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected some between commas, such as knee,3", context, option)
@@ -45,7 +45,9 @@ def listed(context: click.Context, option: click.Parameter, given: Sequence[str]
 )
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder for the files. [FOLDER/export]")
 @click.option("--rate", type=float, default=20.0, metavar="HZ", help="Poses a second. [20]")
-@click.option("--planned", is_flag=True, help="As planned; else what the robot does, from rest to rest.")
+@click.option(
+    "--planned", is_flag=True, help="Write the planned motion instead of the executed one (with speed ramps)."
+)
 @click.option("--body", default="camera", metavar="NAME", help="camera, base or tool. [camera]")
 @click.option("--frame-id", default="map", metavar="NAME", help="Frame of the world, in ROS and Nav2. [map]")
 @click.option("--base-frame", default="base_link", metavar="NAME", help="Frame of the base. [base_link]")
@@ -67,9 +69,8 @@ def export(
 ) -> None:
     """Write trajectories of the front in a FOLDER that `hpop plan` wrote, for other programs.
 
-    Files are called after the rows, such as knee_70.tum. knee_70.about.json says their costs, and the axes of each
-    file. Earlier files of these names give way. Where a format cannot be written, the others are, and the exit code
-    is not 0.
+    Files are named after the rows, such as knee_70.tum; knee_70.about.json has the costs and the axes of each file.
+    Existing files are replaced. If a format cannot be written, the others are, and the exit code is not 0.
     """
     from hpop.cli import user_code
     from hpop.export import Frames, save
@@ -83,7 +84,7 @@ def export(
     if of_world:
         try:
             problem = problem_of(path, front)
-        except HpopError as error:  # the map is gone: what does not show it is written all the same
+        except HpopError as error:  # the map is missing: formats without the world are still written
             formats = [name for name in formats if name not in of_world]
             if not formats:
                 raise
@@ -114,11 +115,11 @@ def export(
     default="knee",
     metavar="NAME",
     show_default=True,
-    help="What an empty planner_id means: knee, or a criterion, such as 'fewest turns', for the least in it.",
+    help="Meaning of an empty planner_id: knee, or a criterion, such as 'fewest turns', for its least.",
 )
 @click.option("--frame-id", default="map", metavar="NAME", show_default=True, help="Frame of goals and paths.")
 @click.option(
-    "--pose-topic", default="/amcl_pose", metavar="NAME", show_default=True, help="Where the robot's pose is told."
+    "--pose-topic", default="/amcl_pose", metavar="NAME", show_default=True, help="Topic of the robot's pose."
 )
 @click.option(
     "--pose-type",
@@ -132,7 +133,7 @@ def export(
     default="/hpop/options",
     metavar="NAME",
     show_default=True,
-    help="Where the front of each plan is told, as JSON.",
+    help="Topic for the front of each plan, as JSON.",
 )
 @imports_option
 @user_errors
@@ -150,8 +151,8 @@ def ros(
 ) -> None:
     """Offer the planner of a SCENARIO to ROS 2, as the action ComputePathToPose over rosbridge, until Ctrl-C.
 
-    World, robot, criteria and planner are the scenario's; start and goal come with each goal. The scenario's own
-    question is planned first: what that takes is compiled then, and its mistakes are told before a robot waits.
+    World, robot, criteria and planner are the scenario's; start and goal come with each ROS goal. The scenario itself
+    is planned first, so that kernels are compiled and errors reported before a robot waits.
     """
     from hpop.cli import user_code
     from hpop.ros.bridge import Bridge, checked_url
@@ -167,7 +168,7 @@ def ros(
     planning = Planning(loaded.problem, loaded.planners, known)
     with progress_bar() as progress:
         front = planning.rehearsed(progress)
-    if Status.INTERRUPTED in front.status:  # nobody waits for a goal yet
+    if Status.INTERRUPTED in front.status:  # no goal is waiting yet
         raise KeyboardInterrupt
     echo(f"planned {scenario}: {len(front):,} trajectories, {front.status}")
     server = PathServer(planning, say=echo)

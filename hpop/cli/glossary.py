@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """Entry of the glossary: a word, its other names, and its meaning."""
+    """Word with its synonyms and its meaning."""
 
     word: str
     also: tuple[str, ...]

@@ -6,14 +6,14 @@ import click
 
 from hpop.cli.terminal import echo, imports_option, user_errors
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 
 @click.command()
 @imports_option
 @user_errors
 def criteria(imports: tuple[str, ...]) -> None:
-    """List the criteria: group, unit, how motions add up, and what each is."""
+    """List the criteria: group, unit, how the costs of motions add up, and meaning."""
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -24,7 +24,7 @@ def criteria(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def models(imports: tuple[str, ...]) -> None:
-    """List the robots: their parameters, what they provide to criteria and planners, and what each is."""
+    """List the robots: parameters, what they provide to criteria and planners, and meaning."""
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -35,7 +35,7 @@ def models(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def goals(imports: tuple[str, ...]) -> None:
-    """List the goals that are no states: their parameters, and what each is."""
+    """List the goals other than states: parameters and meaning."""
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -57,7 +57,7 @@ def planners(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def formats(imports: tuple[str, ...]) -> None:
-    """List the formats of `hpop export`: how their files are called, their axes, and what each is."""
+    """List the formats of `hpop export`: file endings, axes and meaning."""
     from hpop.cli import explain, user_code
 
     user_code.register(imports)
@@ -69,10 +69,10 @@ def formats(imports: tuple[str, ...]) -> None:
 @imports_option
 @user_errors
 def explain(word: str | None, imports: tuple[str, ...]) -> None:
-    """Say what a printed word means.
+    """Explain a printed word.
 
-    A WORD is also the name of a criterion, planner, robot, goal, reader or export format. Without one those that are
-    explained are listed.
+    A WORD may also be the name of a criterion, planner, robot, goal, reader or export format. Without a WORD, all words
+    with an explanation are listed.
     """
     from hpop.cli import user_code
     from hpop.cli.explain import explained, known
@@ -87,8 +87,8 @@ def explain(word: str | None, imports: tuple[str, ...]) -> None:
 def schema(imports: tuple[str, ...]) -> None:
     """Print the JSON schema of scenarios.
 
-    Editors complete and check scenarios by it. Write it to a file, and name that in the first line of a scenario:
-    # yaml-language-server: $schema=FILE
+    Editors use it to complete and check scenarios. Write it to a file, and name the file in the first line of a
+    scenario: # yaml-language-server: $schema=FILE
     """
     from hpop.cli import user_code
     from hpop.scenario import json_schema

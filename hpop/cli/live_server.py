@@ -1,12 +1,11 @@
-"""The process that serves the page of a running search: ``python -P -m hpop.cli.live_server SOCKET FOLDER ...``.
+"""Process that serves the page of a running search: ``python -P -m hpop.cli.live_server SOCKET FOLDER ...``.
 
-SOCKET is the number of a listening socket that it inherits, what comes after FOLDER registers the user's own code, and
-the token is in its environment: commands are seen by all users of a machine. Each line on its standard input says that
-a new front is saved in FOLDER; at the end of the input it shows the last one and ends. Of fronts that come while it
-works it takes the newest.
+SOCKET is the number of an inherited listening socket; the arguments after FOLDER name the user's own code. The token is
+in the environment, because command lines are visible to all users of a machine. Each line on standard input announces a
+new front saved in FOLDER; fronts that come while the process is busy are skipped but for the newest. At the end of the
+input it shows the last front and ends.
 
-It answers to whoever names the token, as :mod:`hpop.runtime.page_server` allows. It serves the page and its events, and
-no file.
+It answers requests with the token, see :mod:`hpop.runtime.page_server`, and serves the page and its events only.
 """
 
 from __future__ import annotations
@@ -28,10 +27,10 @@ from hpop.base.text import printable
 from hpop.cli.beside import NICENESS, TOKEN
 from hpop.runtime.page_server import PageHandler, PageServer
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
-ALIVE = 15.0  # s between two signs of life to a page that waits
-FAREWELL = 2.0  # s for the pages that are open to hear that the search has ended
+ALIVE = 15.0  # s between keep-alive messages to a waiting page
+FAREWELL = 2.0  # s for open pages to receive the end of the search
 WAITING = """<!doctype html>
 <html lang="en">
 <head>
@@ -51,14 +50,14 @@ SEARCHING = "The search has begun. Its first trajectories will be shown here as 
 
 
 @dataclass(eq=False)
-class Shown:
-    """Front that the page shows now, and the requests that wait for the next one.
+class LiveFront:
+    """Front that the page shows, with the requests that wait for the next front.
 
     number   fronts shown so far
-    page     the page of the newest
-    payload  of the newest, as one line of JSON
-    ended    whether no other will come
-    streams  pages that are told what comes
+    page     page of the newest front
+    payload  of the newest front, as one line of JSON
+    ended    whether the search has ended
+    streams  number of open pages that receive events
     """
 
     number: int = 0
@@ -69,7 +68,7 @@ class Shown:
     changed: Condition = field(default_factory=Condition)
 
     def publish(self, payload: dict[str, object]) -> None:
-        """Show another front."""
+        """Show a new front."""
         from hpop.view.explorer.payload import SCRIPT
         from hpop.view.single_page import single_page
 
@@ -82,30 +81,30 @@ class Shown:
             self.changed.notify_all()
 
     def failed(self, error: Exception) -> None:
-        """Say that what was found cannot be shown, where nothing is shown yet; more may come."""
+        """Say that the front cannot be shown, if none is shown yet."""
         said = html.escape(printable(f"{SEARCHING} What it has found so far cannot be shown: {error!s:.600}"))
         with self.changed:
             if not self.number:
                 self.page = WAITING.format(words=said).encode(errors="backslashreplace")
 
     def since(self, seen: int) -> tuple[int, bytes, bool]:
-        """Wait for a newer front, or for a while; return the last number and payload, and whether all is over."""
+        """Wait a while for a newer front; return the last number and payload, and whether the search has ended."""
         with self.changed:
             self.changed.wait_for(lambda: self.number > seen or self.ended, ALIVE)
             return self.number, self.payload, self.ended
 
     def end(self) -> None:
-        """Tell all pages that no other front will come, and wait until they have heard it."""
+        """Tell all open pages that the search has ended, and wait until they have received it."""
         with self.changed:
             self.ended = True
             self.changed.notify_all()
             self.changed.wait_for(lambda: self.streams == 0, FAREWELL)
 
 
-def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
-    """Return a server of what is shown, on a socket that listens."""
+def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageServer:
+    """Return a server of the current front on a listening socket."""
 
-    class Handler(PageHandler):
+    class LiveHandler(PageHandler):
         def answer(self) -> None:
             path = urlsplit(self.path)
             _, given, *rest = (*path.path.split("/"), "")
@@ -117,7 +116,7 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
                 self.send_error(HTTPStatus.NOT_FOUND)
             elif rest[0] == "events":
                 self._stream(parse_qs(path.query))
-            elif rest == [""]:  # without the last slash, by which the page finds its events
+            elif rest == [""]:  # without the last slash, which the page needs to find its events
                 self.send_response(HTTPStatus.MOVED_PERMANENTLY)
                 self.send_header("Location", f"/{token}/")
                 self.end_headers()
@@ -125,7 +124,7 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
                 self.page(shown.page)
 
         def _stream(self, query: dict[str, list[str]]) -> None:
-            """Send fronts as server-sent events, first those that came since the page was made."""
+            """Send fronts as server-sent events, beginning with those since the page was made."""
             known = [self.headers.get("Last-Event-ID", ""), *query.get("after", [])]
             seen = max((int(number) for number in known if number.isascii() and number.isdigit()), default=0)
             self.send_response(HTTPStatus.OK)
@@ -155,15 +154,15 @@ def server_of(listening: socket.socket, token: str, shown: Shown) -> PageServer:
                 else:
                     self.wfile.write(b":\n\n")
 
-    return PageServer(Handler, listening=listening)
+    return PageServer(LiveHandler, listening=listening)
 
 
-def follow(shown: Shown, folder: Path, imports: Sequence[str], said: int) -> None:
-    """Show the front of a folder each time that something is said on a pipe, the newest; at its end no more."""
+def follow(shown: LiveFront, folder: Path, imports: Sequence[str], said: int) -> None:
+    """Show the newest front of a folder after each message on a pipe; stop at the end of the pipe."""
     from hpop.cli import results, user_code
 
     user_code.register(imports)
-    while os.read(said, 2**16):  # what was said while the last one was made is one thing
+    while os.read(said, 2**16):  # messages that came meanwhile count as one
         try:
             shown.publish(results.page_payload(folder / results.SAVED))
         except Exception as error:
@@ -171,8 +170,8 @@ def follow(shown: Shown, folder: Path, imports: Sequence[str], said: int) -> Non
 
 
 def main(number: int, token: str, folder: Path, imports: Sequence[str]) -> None:
-    """Serve until the command that began this process has ended."""
-    shown = Shown()
+    """Serve until the command that started this process has ended."""
+    shown = LiveFront()
     with socket.socket(fileno=number) as listening, server_of(listening, token, shown) as server:
         Thread(target=server.serve_forever, daemon=True).start()
         if hasattr(os, "nice"):

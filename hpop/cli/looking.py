@@ -1,4 +1,4 @@
-"""What comes before a plan: ``hpop look`` draws a map or scenario, ``hpop new`` writes a first scenario for a map."""
+"""Commands before planning: ``hpop look`` draws a map or scenario, ``hpop new`` writes a first scenario for a map."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, user
 from hpop.errors import OptionError, OutputError, QueryError
 from hpop.runtime.status import Status
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -25,18 +25,18 @@ DPI = 150
 
 
 def _pairs(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, str]:
-    """Return texts by name of several options NAME=VALUE."""
-    found = {}
+    """Return the texts of repeated options NAME=VALUE, by name."""
+    texts = {}
     for text in given:
         name, equals, value = text.partition("=")
         if not equals or not name.strip():
             raise click.BadParameter(f"expected NAME=VALUE, such as polygons=outline, got {text!r}", context, option)
-        found[name.strip()] = value
-    return found
+        texts[name.strip()] = value
+    return texts
 
 
 def _map_options(command: Any) -> Any:
-    """Return the options by which a map is read, and for which robot."""
+    """Add the options for reading a map, and for the robot's size, to a command."""
     for option in (
         click.option("--radius", type=float, metavar="M", help="Radius of the robot, m; 0.3 by default."),
         click.option("--reader", metavar="NAME", help="What reads the map, where its ending does not say."),
@@ -73,9 +73,9 @@ def look(
 ) -> None:
     """Draw a map or scenario, before planning.
 
-    The picture, in metres, shows where the robot is free, start, goal, people, landmarks and zones. A start or goal
-    that cannot be used is told with the nearest place that can (exit code 5), and where no way leads from the start to
-    a goal that too (6). Of a MAP start and goal are those that `hpop new` would try first.
+    The picture, in metres, shows free space, start, goal, people, landmarks and zones. If a start or goal is blocked,
+    the nearest free one is printed (exit code 5); if no path leads from the start to a goal, that is printed too (6).
+    For a MAP, start and goal are those that `hpop new` would try first.
     """
     from hpop.cli import user_code
     from hpop.scenario import load_scenario, new
@@ -129,9 +129,9 @@ def new(
 ) -> None:
     """Write a first scenario for a map.
 
-    It has comments, and plans as it is; where no path was found that is told, and the exit code is 6, or 13 where the
-    time ran out. Beside it lies the schema that editors use. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a
-    MovingAI grid, or what a reader of your own reads.
+    It has comments, and can be planned as it is. If no path is found, the exit code is 6, or 13 if the time ran out.
+    The schema for editors is written beside it. A MAP is an image, GeoJSON, DXF, PDF, a ROS map or bag, a MovingAI
+    grid, or a file for a reader of your own.
     """
     from hpop.cli import user_code
     from hpop.scenario import new as scenarios
@@ -169,7 +169,7 @@ def new(
 
 
 def _write(file: Path, given: GivenMap, draft: Draft, *, chosen: bool) -> None:
-    """Write a scenario that is read again before anybody is told of it, and its schema."""
+    """Write a scenario and its schema, and check that the scenario can be read again."""
     from hpop.scenario import json_schema, load_scenario, new
 
     text = new.scenario_text(given, draft, file.parent, file.name, chosen=chosen)

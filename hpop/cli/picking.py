@@ -1,4 +1,4 @@
-"""Printed choices: the trajectory that is picked and why, a person's preference, and two trajectories to compare."""
+"""Print a picked trajectory and the reason, a person's preference, or two trajectories to compare."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from hpop.problems.front import FOR_YOU, Front, Point
 
 @dataclass(frozen=True)
 class Picked:
-    """A point of a front, and the reason in words."""
+    """Point of a front, with the reason for picking it."""
 
     point: Point
     why: str
@@ -41,9 +41,9 @@ def picked(
     row: int | None = None,
     preference: Preference | None = None,
 ) -> Picked:
-    """The point that ``front.where(...)`` and its ``lexicographic``, ``nearest``, ``select``, ``knee`` give, or a row.
+    """Return the point chosen by a row, or by ``front.where(...)`` and ``lexicographic``, ``nearest`` or ``knee``.
 
-    Raises OptionError and UnknownName where there is none.
+    Raises OptionError or UnknownName if there is none.
     """
     if not len(front):
         raise OptionError(f"the front has no trajectories to pick from; its search ended with {front.status!r}")
@@ -79,7 +79,7 @@ def picked(
 
 
 def print_picked(front: Front, choice: Picked, console: Console | None = None, *, saved: Path) -> None:
-    """Print which trajectory it is and why, and its costs beside the least and the most of the front."""
+    """Print the picked trajectory and the reason, and its costs beside the least and greatest of the front."""
     console = console or Console()
     point, trajectory = choice.point, choice.point.trajectory
     lasts = f"{trajectory.duration:.1f} s as planned, {trajectory.execution().duration:.1f} s executed"
@@ -106,11 +106,11 @@ def _say(console: Console, line: str) -> None:
 
 MOST_NEAR = 8
 MUCH, LITTLE = 0.5, 0.1  # of the range of a cost on the front
-SMALL = 0.01  # of the cost itself: so little is a little, whatever the range
+SMALL = 0.01  # of the cost itself: a smaller difference is "a little", whatever the range
 
 
 def loaded_preference(path: Path | None) -> Preference | None:
-    """Return the preference in a file, if one is given."""
+    """Return the preference saved in a file; None without a file."""
     if path is None:
         return None
     with output_errors(f"cannot read {path}", "give the file that `hpop prefer` wrote"):
@@ -118,7 +118,7 @@ def loaded_preference(path: Path | None) -> Preference | None:
 
 
 def print_preference(person: Preference, front: Front, console: Console | None = None) -> None:
-    """Print the best row of a front for a person, how sure that is, and the shares of the costs."""
+    """Print a person's best row of a front, its probability, and the weights of the costs."""
     console = console or Console()
     best = person.best(front)
     asked = f"{person.question}, from {counted(len(person.answers), 'answer')}"
@@ -147,7 +147,7 @@ def print_preference(person: Preference, front: Front, console: Console | None =
 
 
 def pair_table(front: Front, pair: Sequence[int]) -> Table:
-    """Return a table of the costs of two rows, and of their differences in words."""
+    """Return a table of the costs of two rows and of their differences in words."""
     table = plain_table()
     for column in ("", "a", "b"):
         table.add_column(column, justify="right" if column else "left", no_wrap=True)
@@ -158,7 +158,7 @@ def pair_table(front: Front, pair: Sequence[int]) -> Table:
 
 
 class Difference(NamedTuple):
-    """One cost of two rows a and b, as they are printed, and in words which has less of it."""
+    """Cost of two rows a and b, as printed, with the difference in words."""
 
     name: str
     unit: str
@@ -168,12 +168,12 @@ class Difference(NamedTuple):
 
     @property
     def label(self) -> str:
-        """The cost with its unit."""
+        """Return the cost with its unit."""
         return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
 def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
-    """Return each cost of two rows, beside one another."""
+    """Return each cost of two rows, side by side."""
     found = []
     span = np.ptp(front.costs, axis=0)
     for j, (name, unit) in enumerate(zip(front.names, front.units, strict=True)):
@@ -191,5 +191,5 @@ def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
 
 
 def percent(share: float) -> str:
-    """Return a share in words."""
+    """Format a share as a percentage."""
     return f"{100 * share:.1f} %"

@@ -1,4 +1,4 @@
-"""``hpop prefer``: somebody is asked which of two trajectories they prefer, until the best one for them is known."""
+"""``hpop prefer``: ask a person which of two trajectories is better, until the best trajectory is known."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.errors import OutputError, StudyError
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.cli.picking import Difference
@@ -34,7 +34,7 @@ MOST_PORT = 65_535
 
 
 class Asking:
-    """Questions about a front to one person; each answer is saved as it is given."""
+    """Questions to one person about a front; each answer is saved at once."""
 
     def __init__(self, person: Preference, problem: Problem, front: Front, file: Path, most: int) -> None:
         self.person, self.problem, self.front, self.file, self.most = person, problem, front, file, most
@@ -43,21 +43,21 @@ class Asking:
 
     @property
     def number(self) -> int:
-        """Number of the question, from 1."""
+        """Return the number of the question, from 1."""
         return len(self.person.answers) + 1
 
     @property
     def words(self) -> str:
-        """The question."""
+        """Return the text of the question."""
         return f"{self.number}. {WORDS[self.person.question]}"
 
     @property
     def is_over(self) -> bool:
-        """True once no question is left."""
+        """Return whether no question is left."""
         return self.pair is None
 
     def answer(self, word: str) -> None:
-        """Take an answer: a, b, tie or stop."""
+        """Save an answer: a, b, tie or stop."""
         assert self.pair is not None
         if word == "stop":
             self.pair, self.why = None, "as asked"
@@ -66,7 +66,7 @@ class Asking:
         person = self.person.told(a, b, {"a": a, "b": b, "tie": None}[word])
         with results.output_errors(f"cannot write {self.file}", "choose another --out"):
             person.save(self.file)
-        self.person = person  # only now: what is told of at the end is in the file
+        self.person = person  # only after it is saved
         self.why = self._why()
         self.pair = self._next()
 
@@ -78,7 +78,7 @@ class Asking:
         return differences(self.front, self.pair)
 
     def picture(self) -> bytes:
-        """Return both on the map, as PNG."""
+        """Return a map of both trajectories, as PNG."""
         import numpy as np
 
         from hpop.view import draw_map
@@ -109,14 +109,14 @@ class Asking:
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help=f"What is learnt. [FOLDER/{FILE}]")
+@click.option("--out", type=click.Path(path_type=Path), metavar="FILE", help=f"File for the answers. [FOLDER/{FILE}]")
 @click.option(
-    "--question", type=click.Choice([PREFER, COMFORT]), default=PREFER, show_default=True, help="What is asked."
+    "--question", type=click.Choice([PREFER, COMFORT]), default=PREFER, show_default=True, help="Question to ask."
 )
 @click.option("--most", type=click.IntRange(1, 200), default=QUESTIONS, show_default=True, help="Questions, at most.")
-@click.option("--seed", type=click.IntRange(0), metavar="N", help="Of what is drawn: which is left, which right. [any]")
-@click.option("--web", is_flag=True, help="Ask on a page in a browser, of this machine alone.")
-@click.option("--port", type=click.IntRange(0, MOST_PORT), default=0, metavar="PORT", help="Of that page. [any]")
+@click.option("--seed", type=click.IntRange(0), metavar="N", help="Random seed of left and right. [any]")
+@click.option("--web", is_flag=True, help="Ask on a page in a browser, on this machine alone.")
+@click.option("--port", type=click.IntRange(0, MOST_PORT), default=0, metavar="PORT", help="Port of the page. [any]")
 @imports_option
 @user_errors
 def prefer(
@@ -129,11 +129,11 @@ def prefer(
     port: int,
     imports: tuple[str, ...],
 ) -> None:
-    """Ask somebody which of two trajectories they prefer, of the front in a FOLDER that `hpop plan` wrote.
+    """Ask a person which of two trajectories they prefer, of the front in a FOLDER that `hpop plan` wrote.
 
-    Each pair is the one whose answer tells most. Asking ends when the best trajectory is known, after --most questions,
-    or with "stop"; Ctrl-C keeps what was answered, and asking goes on where it ended. The answers and the weights of
-    the costs that they show are written to a file, which `hpop show --preference` and a scenario's `choose` take.
+    Each question is the most informative one. Asking ends when the best trajectory is known, after --most questions, or
+    with "stop". After Ctrl-C the answers are kept, and the command continues where it ended. The answers and the
+    inferred weights of costs are written to a file, for `hpop show --preference` and a scenario's `choose`.
     """
     from hpop.cli import user_code
     from hpop.cli.asking_page import serve
@@ -204,7 +204,7 @@ def _ask(asking: Asking, picture: Path) -> None:
 
 
 def _answered() -> str:
-    """Return the answer that is typed; the end of the input stops."""
+    """Return the typed answer; the end of the input means stop."""
     while True:
         click.echo("a, b, tie or stop? ", nl=False)
         line = sys.stdin.readline()

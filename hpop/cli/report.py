@@ -1,4 +1,4 @@
-"""What the command line prints: the front as a table, what each planner added, what ended a search."""
+"""Output of the command line: the front as a table, contributions of planners, and the end of a search."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 MOST_ROWS = 20
-MOST_DIGITS = 7  # more than usual, in which costs are told apart
+MOST_DIGITS = 7  # most extra digits to distinguish costs
 WORDS = "what these words mean: `hpop explain certificate`, knee, exposure and so on (docs/glossary.md)"
-BOX = 1.1  # side of the box of scaled costs of which a hypervolume is a part
-MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # points whose hypervolume takes seconds, by number of costs
+BOX = 1.1  # side of the box of scaled costs in which hypervolumes are measured
+MOST_MEASURED = {4: 20_000, 5: 4_000, 6: 1_000, 7: 100}  # most points, by number of costs: more take too long
 
 
 def marks(front: Front, preference: Preferring | None = None) -> dict[int, list[str]]:
-    """Return the rows that are marked, each with all its names."""
+    """Return the marked rows, each with all its labels."""
     names: dict[int, list[str]] = {}
     for label, point in front.named(preference).items():
         names.setdefault(point.index, []).append(label)
@@ -57,9 +57,9 @@ def print_front(
 
     Parameters
     ----------
-    saved : where the whole front is
-    verbose : whether also what was counted while it was searched for
-    preference : of a person, whose best trajectory is marked "for you"
+    saved : file with the whole front
+    verbose : whether to print statistics of the search
+    preference : of a person; the best trajectory for that person is marked "for you"
     """
     console = console or Console()
 
@@ -101,10 +101,10 @@ def print_front(
 class Contribution:
     """Contribution of one planner to the front.
 
-    points      of the final front that it was the first to find: an equal one of a later planner is not its merit
-    found       points of the front after it
-    before      hypervolume of the front before it ran, 0 for the first
-    after       hypervolume of the front with it; not a number where it would take minutes
+    points      points of the final front that this planner found first
+    found       points of the front after this planner
+    before      hypervolume of the front before this planner, 0 for the first
+    after       hypervolume of the front after this planner; NaN if it would take minutes
     """
 
     planner: str
@@ -117,7 +117,7 @@ class Contribution:
 def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Contribution]:
     """Return the contribution of each planner; ``fronts[i]`` is the front of planners 0 to i.
 
-    Hypervolumes are in the scale of all these fronts together.
+    Costs are scaled by all fronts together.
     """
     known: set[tuple[int, ...]] = set()
     last = set(map(tuple, fronts[-1].integers.tolist()))
@@ -134,9 +134,9 @@ def contributions(planners: Sequence[str], fronts: Sequence[Front]) -> list[Cont
 
 
 def _hypervolumes(fronts: Sequence[Front], scale: Sequence[Front]) -> list[float]:
-    """Hypervolume of each front, costs scaled so that the least of ``scale`` is 0, the greatest 1, up to 1.1 in each.
+    """Return the hypervolume of each front, with costs scaled to [0, 1] over ``scale`` and reference point 1.1.
 
-    A cost that is the same all over ``scale`` is only shifted. Not a number where it would take minutes.
+    A cost that is constant in ``scale`` is only shifted. The result is NaN if it would take minutes.
     """
     scale = [front for front in scale if len(front)]
     if not scale:
@@ -146,18 +146,18 @@ def _hypervolumes(fronts: Sequence[Front], scale: Sequence[Front]) -> list[float
         return [math.nan] * len(fronts)
     costs, integers = (np.concatenate([getattr(front, each) for front in scale]) for each in ("costs", "integers"))
     ideal = costs.min(axis=0)
-    same = np.ptp(integers, axis=0) == 0  # in whole quanta: no scale is made of rounding
+    same = np.ptp(integers, axis=0) == 0  # in whole quanta, so that rounding makes no scale
     span = np.where(same, 1.0, costs.max(axis=0) - ideal)
     reference = np.full(len(names), BOX)
     return [hypervolume((front.costs - ideal) / span, reference) if len(front) else 0.0 for front in fronts]
 
 
 class StageLines:
-    """Prints a line for each front that a run arrives at, so that a user sees it grow: ``first`` to ``last``.
+    """Printer of a line for each front of a running search, so that a user sees it grow.
 
-    Hypervolumes are of costs scaled so that the ideal of the first front with points is 0 and its nadir 1, with 1.1 as
-    the reference point: a front that is no worse covers no less. One that covers more than this box, as where the first
-    front was a few points close together, has left that scale, and is not measured in it.
+    Hypervolumes use costs scaled so that the first front with points has ideal 0 and nadir 1, with reference point 1.1.
+    So a front that is no worse has no smaller hypervolume. No hypervolume is printed for a front that leaves this box,
+    as after a first front of a few close points.
     """
 
     def __init__(self) -> None:
@@ -166,7 +166,7 @@ class StageLines:
         self._began = perf_counter()
 
     def __call__(self, front: Front) -> None:
-        """Print what there is now."""
+        """Print a line for a front."""
         self.last = front
         if self.first is None or not len(self.first):
             self.first = front
@@ -176,7 +176,7 @@ class StageLines:
         if volume > BOX ** len(front.names):
             measured = ", hypervolume beyond the scale of the first front"
         line = f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}"
-        sys.stdout.write(f"{printable(line)}\n")  # plain text: a live progress line on the terminal makes room for it
+        sys.stdout.write(f"{printable(line)}\n")  # plain text, so that the live progress line is not broken
 
 
 def how_many(front: Front) -> str:
@@ -204,7 +204,7 @@ def print_contributions(planners: Sequence[str], fronts: Sequence[Front], consol
 
 
 def _counted(key: str, value: float) -> str:
-    """Return a count, seconds or bytes of a run.
+    """Format a count, seconds or bytes of a run.
 
     >>> _counted("search_seconds", 0.0912), _counted("peak_memory", 14_383_600), _counted("edges", 440_878)
     ('search 0.09 s', 'peak memory 14 MB', 'edges 440,878')
@@ -220,7 +220,7 @@ def _counted(key: str, value: float) -> str:
 
 
 def print_wide(console: Console, table: Table) -> None:
-    """Print a table whole: one wider than the terminal is wrapped by it, not cut."""
+    """Print a table in full; the terminal wraps it if it is too wide."""
     width = console.width
     console.width = max(width, console.measure(table, options=console.options.update(max_width=10_000)).maximum)
     console.print(table, crop=False)
@@ -233,12 +233,12 @@ def plain_table() -> Table:
 
 
 def header(name: str, unit: str) -> Text:
-    """Name over unit."""
+    """Return a column's header: name over unit."""
     return Text(printable(name) if unit == "1" else f"{printable(name)}\n({printable(unit)})")
 
 
 def _labels(names: Sequence[str]) -> Text:
-    """Return names one below another."""
+    """Return names below each other."""
     return Text("\n".join(map(printable, names)))
 
 
@@ -260,14 +260,14 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def shown_rows(front: Front, most: int, marked: Iterable[int] = ()) -> list[int]:
-    """Return all rows of a short front; of a long one the marked rows and those that differ most."""
+    """Return all rows of a short front, or of a long one the marked rows and the rows that differ most."""
     if len(front) <= most:
         return list(range(len(front)))
     return sorted(differing(front.costs, most, always=sorted({*marks(front), *marked})))
 
 
 def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence[str]]) -> Table:
-    """Return planned beside executed costs: what the planning law adds up, and what real speed ramps make of it."""
+    """Return a table of planned and executed costs; executed costs include speed ramps."""
     table = plain_table()
     table.add_column("#", justify="right")
     table.add_column("costs")
@@ -285,14 +285,14 @@ def _executed_table(problem: Problem, front: Front, names: Mapping[int, Sequence
 
 
 def is_complete(front: Front) -> bool:
-    """Return whether nothing is missing of what its planners can find."""
+    """Return whether nothing is missing that its planners could find."""
     from hpop.frontier.union import JOINT
 
     return set(front.status.split(JOINT)) <= {Status.COMPLETE, Status.NO_PATH}
 
 
 def why_nothing(status: str) -> str:
-    """Return why a front has no points, and the way out."""
+    """Return why a front has no points, and what to do."""
     from hpop.frontier.union import JOINT
 
     ways: dict[str, str] = {
@@ -308,7 +308,7 @@ def why_nothing(status: str) -> str:
 
 
 def numbers(values: FloatArray, quantum: float) -> list[str]:
-    """Return a column of costs, with as many digits more as it takes to tell apart what differs by a quantum.
+    """Format a column of costs, with enough digits to distinguish values that differ by a quantum.
 
     >>> numbers(np.array([41.29117, 41.29132, 3.0]), 1e-6), numbers(np.array([3.0, 3.0000001]), 1e-6)
     (['41.2912', '41.2913', '3.0000'], ['3.000', '3.000'])
@@ -324,7 +324,7 @@ def numbers(values: FloatArray, quantum: float) -> list[str]:
 def number(value: float, quantum: float, more: int = 0) -> str:
     """Format a cost: counts as whole numbers, 0 below half a quantum, else four significant digits.
 
-    ``more`` digits can be asked for.
+    ``more`` adds digits.
 
     >>> number(3.0, 1.0), number(41.29117, 1e-6), number(0.01234567, 1e-6), number(3e-8, 1e-6)
     ('3', '41.291', '0.01235', '0')

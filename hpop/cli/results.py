@@ -1,4 +1,4 @@
-"""The folder that `hpop plan` writes and other commands read: a front, its problem, its pictures and its page."""
+"""Folder that `hpop plan` writes and other commands read: a front, its problem, its pictures and its page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from hpop.errors import OutputError, UnknownName
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.preference import Preference
@@ -25,7 +25,7 @@ except ImportError:  # no such locks on this system
 
 
 SAVED = "front.json"
-LEAST_ROOM = 2**20  # bytes: a disk that is full takes empty files
+LEAST_ROOM = 2**20  # bytes to test, since a full disk still takes empty files
 PAGE = "front.html"
 RIDE = "ride.html"
 PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", "encounters.png", PAGE, RIDE)
@@ -45,7 +45,7 @@ def output_errors(what: str, way_out: str) -> Iterator[None]:
 
 
 def check_writable(out: Path) -> None:
-    """Make sure that results can be written, before hours are spent on finding them; nothing is left behind."""
+    """Check that results can be written before the search begins; nothing is left behind."""
     with output_errors(f"cannot write to {out}", "choose another --out"):
         there = next(folder for folder in (out, *out.absolute().parents) if folder.exists() or folder.is_symlink())
         with TemporaryFile(dir=there) as file:
@@ -57,10 +57,10 @@ def check_writable(out: Path) -> None:
 
 @contextmanager
 def held(out: Path) -> Iterator[None]:
-    """Lock the folder, created if it is missing, while a plan writes to it, so no second plan overwrites it.
+    """Lock a folder, created if missing, while a plan writes to it, so that no second plan overwrites it.
 
-    The system lets go of it when the process ends, however it ends. Where folders cannot be held they are not. Folders
-    that were made and stayed empty are removed. Raises OutputError where another process holds it.
+    The system releases the lock when the process ends. Without locks on the file system the folder is not locked.
+    Created folders that stay empty are removed. Raises OutputError if another process has the lock.
     """
     with output_errors(f"cannot write to {out}", "choose another --out"):
         made = [folder for folder in (out, *out.parents) if not folder.exists()]
@@ -73,12 +73,12 @@ def held(out: Path) -> Iterator[None]:
             with suppress(OSError):
                 empty.rmdir()
         if folder is not None:
-            fcntl.flock(folder, fcntl.LOCK_UN)  # also where a worker has a copy of it
+            fcntl.flock(folder, fcntl.LOCK_UN)  # also if a worker process has a copy of it
             os.close(folder)
 
 
 def _opened(out: Path) -> int | None:
-    """Return a folder, open and held until it is closed; None where that cannot be."""
+    """Return the file descriptor of a locked folder; None if folders cannot be locked."""
     if fcntl is None:
         return None
     folder = None
@@ -98,7 +98,7 @@ def _opened(out: Path) -> int | None:
 
 
 def _holder(out: Path) -> str:
-    """Return the process that holds a folder, in words; nothing where the system does not tell."""
+    """Name the process that holds a folder; "" if the system does not tell."""
     inode = f":{out.stat().st_ino}"
     with suppress(OSError):
         for _, kind, _, _, process, file, *_ in map(str.split, Path("/proc/locks").read_text().splitlines()):
@@ -108,7 +108,7 @@ def _holder(out: Path) -> str:
 
 
 def save(front: Front, out: Path) -> None:
-    """Write the front, elsewhere if need be; pictures and the page of an earlier one would contradict it."""
+    """Write the front, to another folder if it cannot be written, and remove outdated pictures and pages."""
     try:
         with output_errors(f"cannot write to {out}", "choose another --out"):
             out.mkdir(parents=True, exist_ok=True)
@@ -126,14 +126,14 @@ def save(front: Front, out: Path) -> None:
 
 
 def save_page(problem: Problem, front: Front, saved: Path, preference: Preference | None = None) -> Path:
-    """Write the page to choose from beside the file of a front."""
+    """Write the explorer page beside the file of a front."""
     from hpop.view import save_explorer
 
     return save_explorer(problem, front, saved.with_name(PAGE), saved=saved, preference=preference)
 
 
 def page_payload(saved: Path) -> dict[str, Any]:
-    """Return the payload of the page of a saved front."""
+    """Return the data of the page of a saved front."""
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem
     from hpop.view.explorer.payload import payload
@@ -151,7 +151,7 @@ def draw(
     max_memory: int | None = None,
     preference: Preference | None = None,
 ) -> list[str]:
-    """Names of what is drawn, the map or all pictures and the page; whatever goes wrong with it, the front is saved."""
+    """Draw the map, or all pictures and the page, and return their names; on an error the front stays saved."""
     drawn: list[Path] | None = None
     try:
         from hpop.view import save_pictures
@@ -166,7 +166,7 @@ def draw(
 
 
 def loaded(folder: Path) -> tuple[Path, Front]:
-    """Return the file of a front, and the front in it."""
+    """Return the file of a front, and the front."""
     from hpop.problems.front import Front
 
     path = folder / SAVED if os.path.isdir(folder) else folder
@@ -175,7 +175,7 @@ def loaded(folder: Path) -> tuple[Path, Front]:
 
 
 def problem_of(path: Path, front: Front) -> Problem:
-    """Return the problem that a saved front answers."""
+    """Return the problem of a saved front."""
     from hpop.problems.problem import Problem
 
     try:

@@ -1,4 +1,4 @@
-"""``hpop ride``: what the viewer would see along trajectories of a front, as a page, to a headset, or as a video."""
+"""``hpop ride``: show the viewer's view along trajectories of a front, as a page, in a headset, or as a video."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hpop.cli.results import RIDE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, open_page, user_errors
 from hpop.runtime import status
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -22,7 +22,7 @@ FPS, WIDTH = 30.0, 2048
 
 
 def video_options(command: Any) -> Any:
-    """Return the options of a command that also makes videos."""
+    """Add the options for videos to a command."""
     for option in (
         click.option("--width", type=int, default=WIDTH, metavar="N", help=f"Pixels of a video's width. [{WIDTH}]"),
         click.option("--fps", type=float, default=FPS, metavar="N", help=f"Frames a second. [{FPS:g}]"),
@@ -45,7 +45,7 @@ def film(
     fps: float,
     width: int,
 ) -> None:
-    """Make the video, or its frames, or both, of the one row that is asked for, the knee by default; say what it is."""
+    """Make a video, or its frames, or both, of one row, by default the knee, and print what was written."""
     from hpop.problems.named_rows import named_rows
     from hpop.view import save_frames, save_video
     from hpop.view.ride.scene import Scene
@@ -68,7 +68,7 @@ KNEE = ["knee"]
 
 
 def _rows(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return rows of several options, each with some between commas."""
+    """Return the rows of repeated options, each a comma-separated list."""
     rows = [row.strip() for text in given for row in text.split(",")]
     if not all(rows):
         raise click.BadParameter("expected ROW or ROW,ROW, such as knee,3", context, option)
@@ -76,7 +76,7 @@ def _rows(context: click.Context, option: click.Parameter, given: Sequence[str])
 
 
 def _page_options(command: Any) -> Any:
-    """Return the options of the page, and of how a headset comes to it."""
+    """Add the options for the page, and for serving it to a headset, to a command."""
     for option in (
         click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"To serve on. [{PORT}]"),
         click.option("--cable", is_flag=True, help="Serve it to this machine, and to a headset on its cable (adb)."),
@@ -117,10 +117,10 @@ def ride(
     width: int,
     imports: tuple[str, ...],
 ) -> None:
-    """Show what the viewer would see along trajectories of the front in a FOLDER that `hpop plan` wrote.
+    """Show the viewer's view along trajectories of the front in a FOLDER that `hpop plan` wrote.
 
-    Writes a page, one file that needs no network, in which one rides along them and compares them. With --serve or
-    --cable the page is served until Ctrl-C instead, with --video or --frames a video all round of one row is made.
+    Writes a page, one file that needs no network, to ride along trajectories and compare them. With --serve or --cable
+    the page is served until Ctrl-C instead; with --video or --frames a 360 degree video of one row is made.
     """
     from hpop.cli import user_code
 
@@ -141,7 +141,7 @@ def ride(
 
 
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
-    """Print the trajectories of a page, and notes of inexact drawings; return their number in words."""
+    """Print the trajectories of a page, and notes on inexact drawings; return their number in words."""
     from hpop.problems.named_rows import named_rows
     from hpop.view.ride.scene import Scene
 
@@ -163,7 +163,7 @@ def _write(problem: Problem, front: Front, rows: Sequence[str], out: Path, *, bl
 
 
 def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, cable: bool, port: int) -> None:
-    """Serve the page until Ctrl-C, and say how a headset comes to it."""
+    """Serve the page until Ctrl-C, and print how to open it in a headset."""
     from hpop.cli.serving import EVERYWHERE, OnePage, certificate_for, own_address
     from hpop.runtime.page_server import LOCAL
     from hpop.view.ride.page import ride_page

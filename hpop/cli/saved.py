@@ -1,4 +1,4 @@
-"""The commands on a front that is there: ``hpop show``, ``hpop pick``."""
+"""Commands on a saved front: ``hpop show`` and ``hpop pick``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hpop.errors import OutputError
 from hpop.runtime import status
 from hpop.runtime.status import Progress
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -26,7 +26,7 @@ PAIR = "NAME=NUMBER"
 
 
 def _numbers(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, float]:
-    """Return numbers by name of several options such as turns=5."""
+    """Return the numbers of repeated options such as turns=5, by name."""
     found: dict[str, float] = {}
     for text in given:
         name, _, number = text.rpartition("=")
@@ -41,7 +41,7 @@ def _numbers(context: click.Context, option: click.Parameter, given: Sequence[st
 
 
 def _names(context: click.Context, option: click.Parameter, given: Sequence[str]) -> list[str]:
-    """Return names of several options, each with some between commas."""
+    """Return the names of repeated options, each a comma-separated list."""
     names = [name.strip() for text in given for name in text.split(",")]
     if not all(names):
         raise click.BadParameter("expected NAME or NAME,NAME, such as sickness,rotation", context, option)
@@ -108,21 +108,25 @@ def show(
     metavar=PAIR,
     multiple=True,
     callback=_numbers,
-    help="Only what costs no more, such as turns=5. Repeatable.",
+    help="Only trajectories that cost no more, such as turns=5. Repeatable.",
 )
 @click.option(
-    "--least", metavar="NAME", multiple=True, callback=_names, help="The least of this; ties by the next. Repeatable."
+    "--least",
+    metavar="NAME",
+    multiple=True,
+    callback=_names,
+    help="The least of this cost; ties are broken by the next. Repeatable.",
 )
 @click.option(
     "--wish",
     metavar=PAIR,
     multiple=True,
     callback=_numbers,
-    help="What is nearest to this, such as turns=3. Repeatable.",
+    help="The trajectory nearest to this cost, such as turns=3. Repeatable.",
 )
 @click.option("--row", type=click.IntRange(0), metavar="N", help="The trajectory of this number in `hpop show`.")
 @click.option(
-    "--knee", is_flag=True, help="The compromise deepest below the extremes; it is what is picked by default."
+    "--knee", is_flag=True, help="The knee: the compromise farthest below the plane through the extremes. [default]"
 )
 @preference_option
 @click.option("--csv", type=click.Path(path_type=Path), metavar="FILE", help="Write what the camera does, executed.")
@@ -141,10 +145,10 @@ def pick(
     also: list[str],
     imports: tuple[str, ...],
 ) -> None:
-    """Pick one trajectory of the front in a FOLDER that `hpop plan` wrote, and say which and why.
+    """Pick one trajectory of the front in a FOLDER that `hpop plan` wrote, and give the reason.
 
-    Give one of --least, --wish, --row, --knee and --preference; --at-most says among which. What --also adds can be
-    asked for by --at-most and --wish.
+    Give one of --least, --wish, --row, --knee and --preference; --at-most limits the choice. --at-most and --wish may
+    name criteria added by --also.
     """
     from hpop.cli import picking, user_code
 
@@ -170,7 +174,7 @@ def pick(
 
 
 def _refuse_faults(path: Path, faults: list[str]) -> None:
-    """List what is wrong with a saved front, if anything is, and end with it."""
+    """Print the faults of a saved front, and raise OutputError if there are any."""
     for fault in faults[:MOST_FAULTS]:
         echo(f"fault: {fault}", err=True)
     if faults:
@@ -179,7 +183,7 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
-    """Return the front with further criteria reported."""
+    """Return the front with additional criteria reported."""
     from hpop.problems import evaluation
 
     with status.progress_bar() as progress:

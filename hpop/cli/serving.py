@@ -1,8 +1,8 @@
-"""One page of this machine for a headset: over https with a certificate made for the occasion, or to a cable alone.
+"""Serve one page to a headset: over https with a temporary certificate, or over a cable.
 
-Headsets show pages in three dimensions only where the connection is secure: https, or http from their own 127.0.0.1,
-to which `adb reverse` brings a port of this machine. Nothing is served but the page, and that only to who knows the
-token in its address and asks for this machine by its own name.
+Headsets show pages in VR only over a secure connection: https, or http from their own 127.0.0.1, which `adb reverse`
+connects to a port of this machine. Only the page is served, and only to requests with the token in its address that
+address this machine by its own name.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ DAYS = 7
 
 
 class Certificate(NamedTuple):
-    """A key, and who says of itself that it is that of some addresses; both as PEM."""
+    """Self-signed certificate of some addresses with its key, both as PEM."""
 
     pem: bytes
     key: bytes
@@ -35,10 +35,10 @@ class Certificate(NamedTuple):
 
 
 class OnePage(PageServer):
-    """Serves one page under a token, on a port of one address of this machine or of all.
+    """Server of one page under a token, on a port of one or all addresses of this machine.
 
-    page     to be served
-    names    by which this machine may be asked for it, besides its own
+    page     the page, bytes
+    names    further names of this machine that requests may use
     """
 
     def __init__(
@@ -47,15 +47,15 @@ class OnePage(PageServer):
         self.page = page
         self.token = secrets.token_urlsafe(9)
         secured = None if certificate is None else context_of(certificate)
-        super().__init__(_Handler, host=host, port=port, names=names, secured=secured)
+        super().__init__(_OnePageHandler, host=host, port=port, names=names, secured=secured)
 
     def address(self, host: str) -> str:
-        """Return where the page is, as it is typed into a browser."""
+        """Return the address of the page, as typed into a browser."""
         return f"{self.root(host)}/{self.token}"
 
 
-class _Handler(PageHandler):
-    """Answers with the page, or not at all."""
+class _OnePageHandler(PageHandler):
+    """Handler that answers requests with the token, and refuses others."""
 
     server: OnePage
 
@@ -69,7 +69,7 @@ class _Handler(PageHandler):
 
 
 def own_address() -> str:
-    """Return the address of this machine in its network, or 127.0.0.1; nothing is sent to find it."""
+    """Return the address of this machine in its network, or 127.0.0.1, without sending anything."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.connect(("192.0.2.1", 9))  # an address of documentation (RFC 5737)
@@ -79,9 +79,9 @@ def own_address() -> str:
 
 
 def certificate_for(*hosts: str) -> Certificate:
-    """Return a certificate of this machine's own for some IP addresses; browsers warn of it once.
+    """Return a self-signed certificate for some IP addresses; browsers warn about it once.
 
-    Raises OutputError where there is no `cryptography`.
+    Raises OutputError without `cryptography`.
     """
     try:
         from cryptography import x509
@@ -116,7 +116,10 @@ def certificate_for(*hosts: str) -> Certificate:
 
 
 def context_of(certificate: Certificate) -> ssl.SSLContext:
-    """Make an SSL context of a certificate; its key is on the disk only while it is read, only for its owner."""
+    """Make an SSL context of a certificate.
+
+    The key is on the disk only while it is read, readable by its owner only.
+    """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     with TemporaryDirectory(prefix="hpop-") as folder:
         paths = [Path(folder) / name for name in ("certificate.pem", "key.pem")]

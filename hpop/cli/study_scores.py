@@ -1,4 +1,4 @@
-"""``hpop study score``, ``report`` and ``power``: what answers come to, and how many people it takes."""
+"""``hpop study score``, ``report`` and ``power``: tables and tests of answers, and the number of people needed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import click
 
 from hpop.cli.terminal import echo, user_errors
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.study import Answers
@@ -25,8 +25,8 @@ folder_argument = click.argument("folder", metavar="DIR", type=click.Path(path_t
 def score(folder: Path) -> None:
     """Make tables of the answers; print medians.
 
-    Writes answers.csv, scores.csv, choices.csv and answers.sqlite; what participants wrote goes to remarks.csv alone.
-    Exit code 17 where the front of the study has changed since.
+    Writes answers.csv, scores.csv, choices.csv and answers.sqlite; free text of participants goes to remarks.csv only.
+    Exit code 17 if the front of the study has changed since.
     """
     from hpop.study import Answers, Design
     from hpop.study.design_file import FILE
@@ -34,7 +34,7 @@ def score(folder: Path) -> None:
     from hpop.study.folder import front_of
 
     design = Design.load(folder)
-    with changing(folder):  # not while somebody withdraws
+    with changing(folder):  # not while a participant is withdrawn
         answers = Answers.load(folder, design)
         written = answers.save_tables(folder)
     for said in (*answers.faults, *answers.notes):
@@ -52,18 +52,18 @@ def score(folder: Path) -> None:
     "named",
     default="ssq.total",
     metavar="FORM.SCORE",
-    help="What is tested, such as comfort.comfort. [ssq.total]",
+    help="Score to test, such as comfort.comfort. [ssq.total]",
 )
 @click.option(
     "--method", default="default", metavar="NAME", help="default, or paper: the tests of the paper. [default]"
 )
-@click.option("--correction", metavar="NAME", help="Of several comparisons: holm, bonferroni or none. [the method's]")
+@click.option("--correction", metavar="NAME", help="For several comparisons: holm, bonferroni or none. [the method's]")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the report. [DIR/report]")
 @user_errors
 def report(folder: Path, named: str, method: str, correction: str | None, out: Path | None) -> None:
     """Test a score of the answers; write a report.
 
-    It is a page, tables, figures, and the code that repeats them.
+    The report has a page, tables, figures, and the code that repeats them.
     """
     from hpop.study import Answers, analyse
     from hpop.study.folder import REPORT, front_of
@@ -83,7 +83,7 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
 
 
 def _score(text: str) -> tuple[str, str]:
-    """Return a form and the name of a score of it."""
+    """Split FORM.SCORE into the form and the name of its score."""
     form, _, name = text.partition(".")
     if not form or not name:
         raise click.UsageError(f"--score is a form and a score of it, such as ssq.total, got {text!r}")
@@ -91,17 +91,19 @@ def _score(text: str) -> tuple[str, str]:
 
 
 @click.command()
-@click.option("--effect", metavar="SD,SD", help="Shift of each stimulus in standard deviations; one: of the last.")
-@click.option("--people", type=int, metavar="N", help="Whose power is asked for; the least number if left out.")
-@click.option("--stimuli", type=int, metavar="K", help="How many there are. [3]")
-@click.option("--correlation", type=float, metavar="R", help="Of two answers of one person. [0.5]")
-@click.option("--test", metavar="NAME", help="friedman, wilcoxon or kruskal. [friedman; of two stimuli wilcoxon]")
-@click.option("--target", type=float, default=0.8, metavar="SHARE", help="Power that the least number reaches. [0.8]")
 @click.option(
-    "--pilot", type=click.Path(path_type=Path), metavar="DIR", help="People are drawn from this study's answers."
+    "--effect",
+    metavar="SD,SD",
+    help="Shift of each stimulus, in standard deviations; one number: of the last stimulus.",
 )
-@click.option("--score", "named", metavar="FORM.SCORE", help="Of the pilot. [ssq.total]")
-@click.option("--seed", type=int, default=0, metavar="N", help="Of the simulated studies. [0]")
+@click.option("--people", type=int, metavar="N", help="Number of people; by default the least number is computed.")
+@click.option("--stimuli", type=int, metavar="K", help="Number of stimuli. [3]")
+@click.option("--correlation", type=float, metavar="R", help="Between two answers of one person. [0.5]")
+@click.option("--test", metavar="NAME", help="friedman, wilcoxon or kruskal. [friedman; wilcoxon for two stimuli]")
+@click.option("--target", type=float, default=0.8, metavar="SHARE", help="Power that the least number reaches. [0.8]")
+@click.option("--pilot", type=click.Path(path_type=Path), metavar="DIR", help="Draw people from this study's answers.")
+@click.option("--score", "named", metavar="FORM.SCORE", help="Score of the pilot. [ssq.total]")
+@click.option("--seed", type=int, default=0, metavar="N", help="Random seed of the simulation. [0]")
 @user_errors
 def power(
     effect: str | None,
@@ -114,10 +116,10 @@ def power(
     named: str | None,
     seed: int,
 ) -> None:
-    """Say how many people a study needs.
+    """Compute how many people a study needs.
 
-    Or how likely so many find a difference: by simulation, before the study. Give --effect, the least difference that
-    would matter, or --pilot.
+    Or the probability that --people people find a difference, by simulation before the study. Give --effect, the
+    smallest difference that would matter, or --pilot.
     """
     from hpop.study import Answers
     from hpop.study import power as simulated
@@ -146,7 +148,7 @@ def power(
 
 
 def _shifts(text: str) -> Any:
-    """Return a number, or several between commas; "observed" is told why it is refused."""
+    """Return a number, or several from a comma-separated list; "observed" is refused with the reason."""
     if text == "observed":
         return text
     try:
@@ -161,7 +163,7 @@ def _shifts(text: str) -> Any:
 
 
 def _print_scores(answers: Answers) -> None:
-    """Print medians of each score before and after each stimulus, with the numbers of people."""
+    """Print the medians of each score before and after each stimulus, with the numbers of people."""
     import numpy as np
     from rich.console import Console
 

@@ -1,4 +1,4 @@
-"""``hpop study``: a study of what people make of some trajectories, from its design to its tables."""
+"""``hpop study``: a study of people's opinions on trajectories, from its design to its tables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from hpop.errors import StudyError
 from hpop.runtime import status
 from hpop.runtime.status import Progress
 
-# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+# Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -34,9 +34,9 @@ MOST_CONSENT = 100_000  # bytes
 
 @click.group(cls=Commands)
 def study() -> None:
-    """Ask people what they make of trajectories: design, pages, answers, scores.
+    """Ask people about trajectories: design, pages, answers, scores.
 
-    Everything lies in one folder DIR: `hpop study init DIR` makes it, and each of the others takes it.
+    Everything is in one folder DIR: `hpop study init DIR` creates it, and the other commands use it.
     """
 
 
@@ -45,7 +45,7 @@ for _command in (power, report, score):
 
 
 def _strata(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str]]:
-    """Return levels by stratum of several options such as sex=f,m."""
+    """Return the levels of repeated options such as sex=f,m, by stratum."""
     found: dict[str, list[str]] = {}
     for text in given:
         name, _, levels = text.partition("=")
@@ -59,36 +59,40 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
 
 @study.command()
 @folder_argument
-@click.option("--front", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Where `hpop plan` wrote.")
+@click.option(
+    "--front", type=click.Path(path_type=Path), required=True, metavar="DIR", help="Folder that `hpop plan` wrote."
+)
 @click.option(
     "--rows",
     metavar="ROW,ROW",
     multiple=True,
     callback=listed,
-    help="What is shown: numbers of `hpop show`, knee, names of criteria for the least in them; view is the still view "
+    help="Rows to show: numbers of `hpop show`, knee, names of criteria for the least in them; view is the still view "
     "from the start, a baseline. [the knee and two others]",
 )
-@click.option("--count", type=int, metavar="N", help="So many in all: rows that differ most from these are added.")
-@click.option("--by", metavar="NAME", help="In what they differ: costs, or paths. [costs]")
+@click.option("--count", type=int, metavar="N", help="Number of rows; rows that differ most from --rows are added.")
+@click.option("--by", metavar="NAME", help="Measure of the difference: costs, or paths. [costs]")
 @click.option(
     "--share",
     type=float,
     metavar="SHARE",
-    help="Added are only rows that last alike: the longest so much longer than the shortest at most, such as 0.1.",
+    help="Add only rows of similar duration: the longest at most this fraction longer than the shortest, such as 0.1.",
 )
 @click.option("--participants", type=int, required=True, metavar="N", help="How many people take part.")
 @click.option(
     "--order",
     default="permutations",
     metavar="NAME",
-    help="permutations, williams, latin or random: how orders are balanced. [permutations]",
+    help="Balancing of orders: permutations, williams, latin or random. [permutations]",
 )
 @click.option(
-    "--strata", multiple=True, metavar="NAME=A,B", callback=_strata, help="Balanced within orders: sex=f,m. Repeatable."
+    "--strata",
+    multiple=True,
+    metavar="NAME=A,B",
+    callback=_strata,
+    help="Stratum balanced within orders: sex=f,m. Repeatable.",
 )
-@click.option(
-    "--consent", type=click.Path(path_type=Path), required=True, metavar="FILE", help="Text that participants agree to."
-)
+@click.option("--consent", type=click.Path(path_type=Path), required=True, metavar="FILE", help="Text of the consent.")
 @click.option(
     "--forms",
     metavar="NAME,NAME",
@@ -97,12 +101,12 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     default=["ssq,comfort"],
     help="Questionnaires: ssq, vrsq, fms, comfort, naturalness, mssq, or files of your own. [ssq,comfort]",
 )
-@click.option("--comparisons/--no-comparisons", default=True, help="Whether pairs are compared after all. [yes]")
+@click.option("--comparisons/--no-comparisons", default=True, help="Whether pairs are compared at the end. [yes]")
 @click.option("--rest", type=float, default=180.0, metavar="S", help="Rest between stimuli, at least. [180]")
-@click.option("--video", is_flag=True, help="Show videos all round in a player of your own, not rides in the page.")
+@click.option("--video", is_flag=True, help="Show 360 degree videos in your own player instead of rides in the page.")
 @click.option("--language", default="en", metavar="CODE", help="Language of the pages. [en]")
 @click.option("--words", type=click.Path(path_type=Path), metavar="FILE", help="Texts of the pages in that language.")
-@click.option("--seed", type=int, default=0, metavar="N", help="Of letters, orders and pairs. [0]")
+@click.option("--seed", type=int, default=0, metavar="N", help="Random seed of letters, orders and pairs. [0]")
 @user_errors
 def init(
     folder: Path,
@@ -125,8 +129,8 @@ def init(
 ) -> None:
     """Begin a study of rows of a front.
 
-    Writes into a new folder DIR the design, the schedule, the stimuli, a page for each participant, and a copy of the
-    front.
+    Writes the design, the schedule, the stimuli, a page for each participant, and a copy of the front to a new folder
+    DIR.
     """
     from hpop.study import Design, Protocol
     from hpop.study import folder as folders
@@ -161,21 +165,21 @@ def init(
 
 @study.command()
 @folder_argument
-@click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"To serve on. [{PORT}]")
-@click.option("--network", is_flag=True, help="To headsets in the network too, over https: hpop[serve].")
+@click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"Port to serve on. [{PORT}]")
+@click.option("--network", is_flag=True, help="Serve headsets in the network too, over https: needs hpop[serve].")
 @user_errors
 def serve(folder: Path, port: int, network: bool) -> None:
-    """Show the pages, and write down each answer.
+    """Serve the pages, and save each answer.
 
-    Until Ctrl-C. To this machine alone, and to a headset on its cable after `adb reverse`; with --network to other
-    machines too.
+    Runs until Ctrl-C. Pages are served to this machine, and to a headset on a cable after `adb reverse`; with --network
+    to other machines too.
     """
     from hpop.cli.serving import EVERYWHERE, certificate_for, context_of, own_address
     from hpop.runtime.page_server import LOCAL
     from hpop.study import Design
     from hpop.study.server import StudyServer, token_of
 
-    Design.load(folder)  # what is no study gets no token
+    Design.load(folder)  # refuses a folder that is no study
     here = own_address() if network else LOCAL
     certificate = certificate_for(here) if network else None
     with StudyServer(
@@ -207,7 +211,7 @@ def serve(folder: Path, port: int, network: bool) -> None:
 def check(folder: Path) -> None:
     """Look for faults of the front, pages and answers.
 
-    Exit code 17 where the front, stimuli, pages or answers of the study in DIR have faults.
+    Exit code 17 if the front, stimuli, pages or answers of the study in DIR have faults.
     """
     from hpop.study.folder import check as checked
 
@@ -227,9 +231,9 @@ def check(folder: Path) -> None:
 @click.argument("participant")
 @user_errors
 def replace(folder: Path, participant: str) -> None:
-    """Let the next person take the place of a drop-out.
+    """Replace a drop-out by the next person.
 
-    PARTICIPANT is the id of who dropped out, such as p07. The answers so far stay.
+    PARTICIPANT is the id of the person who dropped out, such as p07. Answers so far are kept.
     """
     from hpop.study import replace as replaced
 
@@ -240,13 +244,13 @@ def replace(folder: Path, participant: str) -> None:
 @study.command()
 @folder_argument
 @click.argument("participant")
-@click.option("--yes", is_flag=True, help="Do not ask whether it is meant.")
+@click.option("--yes", is_flag=True, help="Do not ask for a confirmation.")
 @user_errors
 def withdraw(folder: Path, participant: str, yes: bool) -> None:
     """Delete a PARTICIPANT, and make tables and reports again.
 
-    PARTICIPANT is the id of who withdraws, such as p07. All that is known of that person is deleted, once it was
-    confirmed, or with --yes. The next person takes the place, under another id.
+    PARTICIPANT is the id of the person who withdraws, such as p07. All data of that person are deleted, after a
+    confirmation or with --yes. The next person takes the place, under another id.
     """
     from hpop.study import withdraw as withdrawn
     from hpop.study.leaving import known_of
@@ -267,7 +271,7 @@ def withdraw(folder: Path, participant: str, yes: bool) -> None:
 
 
 def _check_words(language: str, path: Path | None) -> None:
-    """Raise StudyError where texts of the pages are missing, in a file or in those that hpop brings."""
+    """Raise StudyError if texts of the pages are missing, in a file or in those of hpop."""
     from hpop.study.words import checked_file
     from hpop.study.words import words as shipped
 
@@ -279,7 +283,7 @@ def _check_words(language: str, path: Path | None) -> None:
 
 @contextmanager
 def _beside(check: Callable[[], None]) -> Iterator[None]:
-    """Make a check as well, so that a user is told at once what lacks in several files."""
+    """Run a further check, so that faults of several files are reported together."""
     said = []
     try:
         check()
@@ -296,7 +300,7 @@ def _beside(check: Callable[[], None]) -> Iterator[None]:
 def _rows(
     front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
 ) -> list[str | NamedRow]:
-    """Return the rows that are asked for, and so many in all that differ most from them."""
+    """Return the chosen rows, and, up to ``count``, further rows that differ most from them."""
     from hpop.study import pick
     from hpop.study.conditions import VIEW
 
@@ -316,7 +320,7 @@ def _rows(
 
 
 def _consent(path: Path) -> str:
-    """Return the text of a file."""
+    """Return the text of the consent file."""
     from hpop.base.files import read_regular
 
     try:

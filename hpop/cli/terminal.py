@@ -1,4 +1,4 @@
-"""What all commands share: cleaned text on the terminal, the option for the user's code, and errors in one message.
+"""Shared by all commands: cleaned text on the terminal, the option for the user's code, and one message per error.
 
 Text may hold names and values out of files, so it is cleaned and cannot steer the terminal.
 """
@@ -42,7 +42,7 @@ def warnings_as_notes() -> Iterator[None]:
 
 
 class Commands(click.Group):
-    """Commands of which a wrong one is quoted as text that cannot steer the terminal."""
+    """Group of commands that cleans quoted arguments, so that they cannot steer the terminal."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
         with _quoted():
@@ -101,7 +101,7 @@ preference_option = click.option(
 
 
 def user_errors(command: F) -> F:
-    """Return a user's mistake ends in one message and its exit code, never in a traceback."""
+    """Make a command end in one message and its exit code, never in a traceback, after a user's mistake."""
 
     @wraps(command)
     def guarded(*args: Any, **kwargs: Any) -> Any:
@@ -116,8 +116,8 @@ def user_errors(command: F) -> F:
             code, text = INTERRUPTED, "interrupted"
         except MemoryError:
             code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
-        except Exception as error:  # of what else the user's own code does; without any it is a bug, and shows itself
-            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_location(error)):
+        except Exception as error:  # from the user's own code; without such code it is a bug and is shown
+            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_place(error)):
                 raise
             code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
         echo(f"error: {text}", err=True)

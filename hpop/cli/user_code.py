@@ -1,6 +1,7 @@
-"""Python of the user's own, named on the command line: imported before a scenario or a front is read, which runs none.
+"""Python code of the user, named on the command line: imported before a scenario or a front is read.
 
-A file is imported under its own name with its folder on the path, so that worker processes and pickles find it.
+Scenarios and fronts themselves run no code. A file is imported under its own name, with its folder on the import path,
+so that worker processes and pickles find it.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ FORM = "give FILE.py, or MODULE as seen from this folder"
 
 
 def register(specs: Iterable[str]) -> None:
-    """Import files (``FILE.py``) and modules, for the criteria, planners, models, ... that they register.
+    """Import files (``FILE.py``) and modules that register criteria, planners, models, goals, readers or formats.
 
-    Raises OwnCodeError where one cannot be imported or registers nothing, and the registry's own error where what it
-    registers is declared wrongly or has a name that is taken; both with file and line.
+    Raises OwnCodeError if one cannot be imported or registers nothing, and the registry's own error for a wrong
+    declaration or a name that is taken; both with file and line.
     """
     for spec in dict.fromkeys(specs):
         before, module = list(_registered()), imported(spec)
@@ -46,19 +47,19 @@ def register(specs: Iterable[str]) -> None:
     for registry in REGISTRIES:
         own = registry.own()
         if own and any(point.name in own for point in entry_points(group=registry.group)):
-            len(registry)  # loads what is installed, which tells of a name that is taken
+            len(registry)  # loads installed packages, which reports names that are taken
 
 
 def _registered() -> Iterator[Any]:
-    """Return the registered types that do not come with hpop."""
+    """Yield the registered types that are not part of hpop."""
     for registry in REGISTRIES:
         yield from registry.own().values()
 
 
 def named(spec: str) -> Criterion | Model | Planner:
-    """Return a criterion, model or planner with its defaults, by ``FILE.py:NAME``, ``MODULE:NAME`` or name.
+    """Return a criterion, model or planner with default parameters, by ``FILE.py:NAME``, ``MODULE:NAME`` or name.
 
-    Raises OwnCodeError where its module cannot be imported, the error of its kind where that has no such class, and
+    Raises OwnCodeError if its module cannot be imported, CriterionError if the module has no such class, and
     UnknownName.
     """
     source, colon, name = spec.rpartition(":")
@@ -87,7 +88,7 @@ def named(spec: str) -> Criterion | Model | Planner:
 
 
 def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
-    """Return the error for a name that nothing has that is imported so far, with how to check it."""
+    """Return the error for an unknown name, with advice on how to check it."""
     packages = ("criteria", "planners", "models")
     home = [file for package in packages for file in HOME.glob(f"{package}/**/*.py") if file.stem == spec]
     if os.path.isfile(f"{spec}.py"):
@@ -109,12 +110,12 @@ def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
 
 
 def _is_at_home(thing: Any) -> bool:
-    """Return whether a registered class is one of hpop's."""
+    """Return whether a registered class is part of hpop."""
     return str(getattr(thing, "__module__", "")).partition(".")[0] == "hpop"
 
 
 def _named_in(module: ModuleType, name: str) -> Any:
-    """Return the attribute of a module by name, or the type that it registers under that name."""
+    """Return an attribute of a module by name, or the type that the module registers under that name."""
     if not hasattr(module, name):
         for registry in REGISTRIES:
             item = registry.own().get(name)
@@ -124,9 +125,9 @@ def _named_in(module: ModuleType, name: str) -> Any:
 
 
 def imported(spec: str) -> ModuleType:
-    """Return the module of a ``FILE.py``, or of a dotted name as seen from the current folder.
+    """Import a ``FILE.py``, or a dotted name as seen from the current folder, and return the module.
 
-    Raises OwnCodeError, or the HpopError that came up meanwhile, with file and line.
+    Raises OwnCodeError, or the HpopError raised by the code, with file and line.
     """
     source, _, name = spec.rpartition(":")
     if source and name.isidentifier():
@@ -143,15 +144,15 @@ def imported(spec: str) -> ModuleType:
 
 
 def _is_file(spec: str) -> bool:
-    """Return whether a file is meant, or a folder, rather than a module."""
+    """Return whether a spec names a file or folder rather than a module."""
     path_like = spec.endswith(".py") or spec.startswith(".") or "/" in spec or os.sep in spec
     return path_like or ("." in spec and os.path.isfile(spec))
 
 
 def _placed(file: Path) -> str:
-    """Name by which a file can be imported, once its folder is on the path.
+    """Put a file's folder on the import path, and return the name under which the file can be imported.
 
-    Workers and pickles know a module by its name, so another module of that name would be taken for it.
+    Workers and pickles find a module by its name, so no other module may have it.
     """
     if os.path.isdir(file):
         raise OwnCodeError(
@@ -170,10 +171,10 @@ def _placed(file: Path) -> str:
 
 
 def _only(name: str, file: Path) -> None:
-    """Make sure that no module but the file has a name."""
+    """Check that no other module has the name of a file."""
     try:
         found = find_spec(name)
-    except ValueError:  # __main__, and what else has no origin
+    except ValueError:  # __main__ and other modules without an origin
         other = "a part of Python"
     else:
         if found is None or found.origin is None:  # a plain folder gives way to a file
@@ -188,7 +189,7 @@ def _only(name: str, file: Path) -> None:
 
 
 def _look_in(folder: Path) -> None:
-    """Let imports look in a folder first, as those of a script do in its own."""
+    """Put a folder at the head of the import path, as Python does for scripts."""
     if str(folder) not in sys.path:
         sys.path.insert(0, str(folder))
     invalidate_caches()

@@ -15,7 +15,7 @@ import pytest
 from click.testing import Result
 
 from hpop.cli.beside import HOST, LivePage
-from hpop.cli.live_server import Shown, server_of
+from hpop.cli.live_server import LiveFront, server_of
 from hpop.errors import OutputError
 from tests.view.explorer.decoder import Page
 from tests.view.explorer.fronts import seeded
@@ -45,12 +45,12 @@ class Client:
 
 
 @pytest.fixture
-def shown() -> Shown:
-    return Shown()
+def shown() -> LiveFront:
+    return LiveFront()
 
 
 @pytest.fixture
-def ask(shown: Shown) -> Iterator[Client]:
+def ask(shown: LiveFront) -> Iterator[Client]:
     with socket.socket() as listening:
         listening.bind((HOST, 0))
         listening.listen()
@@ -87,7 +87,7 @@ def test_until_something_is_found_the_page_waits_and_asks_again(ask: Client) -> 
      f"/{TOKEN}/events/x", "/%2e%2e/", "/%C3%A9tranger/"],
 )  # fmt: skip
 def test_whoever_does_not_know_the_token_and_whatever_is_no_part_of_the_page_is_not_found(
-    ask: Client, shown: Shown, path: str
+    ask: Client, shown: LiveFront, path: str
 ) -> None:
     shown.publish(PAYLOAD)
     answer = ask(path)
@@ -98,7 +98,7 @@ def test_whoever_does_not_know_the_token_and_whatever_is_no_part_of_the_page_is_
 @pytest.mark.parametrize(
     "host", ["evil.example", "evil.example:{port}", "127.0.0.1", "localhost.evil.example:{port}", ""]
 )
-def test_a_page_that_calls_this_machine_by_another_name_is_refused(ask: Client, shown: Shown, host: str) -> None:
+def test_a_page_that_calls_this_machine_by_another_name_is_refused(ask: Client, shown: LiveFront, host: str) -> None:
     shown.publish(PAYLOAD)
     for path in (f"/{TOKEN}/", f"/{TOKEN}/events"):
         answer = ask(path, Host=host.format(port=ask.port))
@@ -111,7 +111,7 @@ def test_nothing_but_looking_is_possible(ask: Client, method: str) -> None:
     assert ask(f"/{TOKEN}/", method).status == 501
 
 
-def test_the_page_holds_what_is_shown_and_may_connect_to_its_own_server_alone(ask: Client, shown: Shown) -> None:
+def test_the_page_holds_what_is_shown_and_may_connect_to_its_own_server_alone(ask: Client, shown: LiveFront) -> None:
     shown.publish(PAYLOAD)
     for host in (f"{HOST}:{ask.port}", f"localhost:{ask.port}"):
         answer = ask(f"/{TOKEN}/", Host=host)
@@ -127,14 +127,14 @@ def test_the_page_holds_what_is_shown_and_may_connect_to_its_own_server_alone(as
 
 
 def test_a_page_is_whole_though_another_front_comes_while_it_is_sent(
-    ask: Client, shown: Shown, monkeypatch: pytest.MonkeyPatch
+    ask: Client, shown: LiveFront, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     several = iter([b"<p>longer</p>", b"<p>short</p>", b"<p>", b""])
-    monkeypatch.setattr(Shown, "page", property(lambda _: next(several)), raising=False)
+    monkeypatch.setattr(LiveFront, "page", property(lambda _: next(several)), raising=False)
     assert ask(f"/{TOKEN}/").read() == b"<p>longer</p>"
 
 
-def test_fronts_are_told_as_they_come_and_the_end_is_told_last(ask: Client, shown: Shown) -> None:
+def test_fronts_are_told_as_they_come_and_the_end_is_told_last(ask: Client, shown: LiveFront) -> None:
     early = ask(f"/{TOKEN}/events?after=0")
     assert early.getheader("Content-Type") == "text/event-stream"
     for number in (1, 2):
@@ -151,7 +151,7 @@ def test_fronts_are_told_as_they_come_and_the_end_is_told_last(ask: Client, show
     assert not any(stream.read() for stream in (early, late, again))
 
 
-def test_a_number_that_is_none_and_a_page_that_was_closed_are_no_errors(ask: Client, shown: Shown) -> None:
+def test_a_number_that_is_none_and_a_page_that_was_closed_are_no_errors(ask: Client, shown: LiveFront) -> None:
     shown.publish(PAYLOAD)
     stream = ask(f"/{TOKEN}/events?after=-1&after=%D9%A3&after=x", Last_Event_ID="none")
     assert event(stream)["id"] == "1"
@@ -160,7 +160,7 @@ def test_a_number_that_is_none_and_a_page_that_was_closed_are_no_errors(ask: Cli
     assert ask(f"/{TOKEN}/").status == 200
 
 
-def test_what_cannot_be_shown_is_told_until_something_can(ask: Client, shown: Shown) -> None:
+def test_what_cannot_be_shown_is_told_until_something_can(ask: Client, shown: LiveFront) -> None:
     shown.failed(ValueError("no such <criterion>"))
     said = ask(f"/{TOKEN}/").read().decode()
     assert "cannot be shown: no such &lt;criterion&gt;" in said
