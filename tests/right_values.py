@@ -71,7 +71,7 @@ def right_values() -> Right:
     answers, form = study.Answers.load("study", design), design.questionnaires[0]
     person = preference.Preference.fit(front, [(0, 1)])
     person.save("person.json")
-    planning = ros.Planning(problem, [planner], ros.Interface())
+    planning = ros.GoalPlanner(problem, [planner], ros.Interface())
     solid = Solid(Box((1, 1, 1)), pose_at((0, 0, 0)))
     square, track = shapely.box(0, 0, 1, 1), hpop.Track(np.arange(3.0), np.arange(3.0), np.zeros(3))
     raster = Raster(np.zeros((5, 5), bool), 0.5)
@@ -95,7 +95,7 @@ def right_values() -> Right:
         "Sequence[Happening]": [], "BaseGeometry": square, "Polygon": square, "RNG": 0, "Mapping[Any, Any]": {},
         "np.random.Generator": lambda: np.random.default_rng(0), "Solid": solid, "Shape": solid.shape,
         "Heights": (0.0, 1.0), "tuple[float, float, float]": (1.0, 1.0, 1.0), "tuple[float, float]": (1.0, 2.0),
-        "Iterable[Solid]": [solid], "PathServer": lambda: ros.PathServer(planning), "Planning": planning,
+        "Iterable[Solid]": [solid], "PathServer": lambda: ros.PathServer(planning), "GoalPlanner": planning,
         "Interface": ros.Interface(), "Any": [[1, 2, 3], [2, 3, 1], [3, 1, 2]], "Sequence[float]": (0.0, 0.0, 0.0),
         "Iterable[BaseGeometry | tuple[BaseGeometry, Heights]]": [square], "Sequence[int]": [0, 1],
         "Sequence[Any]": [[1, 2, 3], [2, 3, 1]], "Iterable[Event]": [], "object": 0, "Collection[str]": ["camera"],
@@ -156,7 +156,8 @@ def right_values() -> Right:
         "hpop.drive.Options": options, "hpop.search.Graph": graph, "hpop.search.ParetoPaths": types["ParetoPaths"],
         "hpop.preference.Preference": person, "hpop.preference.Prior": preference.Prior(),
         "hpop.preference.People": preference.People([person]), "hpop.study.Design": design, "hpop.study.Form": form,
-        "hpop.study.Answers": answers, "hpop.planners.Candidates": types["Candidates"], "hpop.ros.Planning": planning,
+        "hpop.study.Answers": answers, "hpop.planners.Candidates": types["Candidates"],
+        "hpop.ros.GoalPlanner": planning,
         "hpop.search.Prepared": lambda: search.Prepared(graph, 2), "hpop.ros.PathServer": types["PathServer"],
         "hpop.world.Ground": world.ground, "hpop.world.Raster": raster, "hpop.motions.StateSpace": robot.space,
         "hpop.motions.States": states, "hpop.frontier.Front": hpop.frontier.Front.of([[1.0, 2], [2, 1]]),

@@ -124,6 +124,7 @@ hpop.problem.Problem
 hpop.randomness
 hpop.registry.readers
 hpop.ros.Bridge
+hpop.ros.GoalPlanner
 hpop.ros.Interface
 hpop.ros.PathServer
 hpop.ros.PlanarPose

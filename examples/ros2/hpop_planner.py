@@ -1,8 +1,8 @@
 """hpop as a node of ROS 2: the action ComputePathToPose, and the front of each plan on a topic. UNTESTED.
 
 No ROS was at hand where this was written: it was read and linted, never run. What is tested is `hpop ros`, which does
-the same over rosbridge; both share `hpop.ros.Planning`. It needs ROS 2 Jazzy or later with Nav2's messages, and hpop in
-the same Python:
+the same over rosbridge; both share `hpop.ros.GoalPlanner`. It needs ROS 2 Jazzy or later with Nav2's messages, and
+hpop in the same Python:
 
     source /opt/ros/jazzy/setup.bash
     python examples/ros2/hpop_planner.py --ros-args -p scenario:=examples/museum.yaml -p choice:="fewest turns"
@@ -28,7 +28,7 @@ from rosidl_runtime_py import message_to_ordereddict, set_message_fields
 from std_msgs.msg import String
 from tf2_ros import Buffer, TransformException, TransformListener
 
-from hpop.ros import Interface, PlanarPose, Planning
+from hpop.ros import GoalPlanner, Interface, PlanarPose
 from hpop.scenario import load_scenario
 
 
@@ -48,7 +48,7 @@ class Planner(Node):
             frame_id=self._given("frame_id", "map"),
             choice=self._given("choice", "knee"),
         )
-        self.planning = Planning(scenario.problem, scenario.planners, known)
+        self.planning = GoalPlanner(scenario.problem, scenario.planners, known)
         front = self.planning.rehearsed()
         self.get_logger().info(f"planned the scenario's own question: {len(front)} trajectories, {front.status}")
         self.one = threading.Lock()

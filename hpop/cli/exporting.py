@@ -157,7 +157,7 @@ def ros(
     from hpop.cli import user_code
     from hpop.ros.bridge import Bridge, checked_url
     from hpop.ros.path_server import PathServer
-    from hpop.ros.planning import Planning
+    from hpop.ros.planning import GoalPlanner
     from hpop.ros.protocol import Interface
     from hpop.scenario import load_scenario
 
@@ -165,7 +165,7 @@ def ros(
     known = Interface(action, distro, frame_id, pose_topic, pose_type, options_topic, choice)
     checked_url(url)
     loaded = load_scenario(scenario)
-    planning = Planning(loaded.problem, loaded.planners, known)
+    planning = GoalPlanner(loaded.problem, loaded.planners, known)
     with progress_bar() as progress:
         front = planning.rehearsed(progress)
     if Status.INTERRUPTED in front.status:  # no goal is waiting yet

@@ -1,7 +1,7 @@
 """Examples that come with hpop: scenarios that need no other files, with their maps and robots.
 
-``hpop.examples.museum()`` is the problem of the museum tour; :func:`path` says where each file is, and :func:`copied`
-puts a scenario with its files where it can be changed. ``hpop demo`` plans one.
+``hpop.examples.museum()`` is the problem of the museum tour; :func:`path` returns the path of a file, and
+:func:`copied` copies a scenario with its files to a folder. ``hpop demo`` plans one.
 
 >>> import hpop
 >>> hpop.examples.museum().start
@@ -32,14 +32,14 @@ SCENARIOS = {
 
 
 def museum() -> Problem:
-    """The museum tour: 30 x 20 m, a robot with two wheels, and the paper's obstruction, turns and length."""
+    """Return the museum tour: 30 x 20 m, a robot with two wheels, and the paper's obstruction, turns and length."""
     from hpop.scenario import load_scenario
 
     return load_scenario(path("museum.yaml")).problem
 
 
 def path(file: str) -> Path:
-    """Where a file of the examples is, such as ``museum.geojson`` or ``arm/arm6.urdf``; UnknownName for others."""
+    """Return the path of an example's file, such as ``museum.geojson`` or ``arm/arm6.urdf``; UnknownName for others."""
     known = sorted({file for files in SCENARIOS.values() for file in files})
     if file not in known:
         raise unknown_name("example file", file, known)
@@ -47,9 +47,9 @@ def path(file: str) -> Path:
 
 
 def copied(name: str, folder: Path) -> Path:
-    """Copy a scenario with its files into a folder, made if need be; where the scenario is then.
+    """Copy a scenario with its files to a folder, created if missing, and return the scenario's path.
 
-    Files that are there stay, if they are the same. OutputError for others, which may be somebody's work, and where
+    Equal files may exist already. Raises OutputError if a different file exists, which may be the user's work, or if
     files cannot be written; UnknownName for an unknown scenario.
     """
     if name not in SCENARIOS:

@@ -4,8 +4,8 @@
     def tum(given: Exported) -> bytes:
         ...
 
-A format returns bytes, or files of a folder by name; its caller writes them, whole or not at all. The same trajectory
-gives the same bytes: no clock, no chance. Rotations are quaternions x, y, z, w.
+A format returns bytes, or the files of a folder by name; its caller writes them atomically. A format must be
+deterministic: equal trajectories give equal bytes. Rotations are quaternions x, y, z, w.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ LONGEST = 200  # characters of a frame's name
 
 
 class Format(Protocol):
-    """An export format, as the decorator declares it.
+    """Export format, as declared by the decorator.
 
     name     in the registry
     suffix   of the names of its files
     axes     frame, handedness, units, order of the columns and time base, on one line
-    world    whether it shows the problem's world
+    world    whether it contains the problem's world
     """
 
     name: str
@@ -71,7 +71,7 @@ def export_format(
 @checked_arguments
 @dataclass(frozen=True)
 class Frames:
-    """Names of frames, for formats that name them: of the world, and of bodies that move in it."""
+    """Names of frames, for formats that name them: the world's, and those of moving bodies."""
 
     world: str = "map"
     base: str = "base_link"
@@ -88,25 +88,25 @@ class Frames:
             raise OptionError(f"the frames of world, base and camera are three; got {', '.join(names)}")
 
     def of(self, body: str) -> str:
-        """Return the frame of a body: of one that has none here its own name."""
+        """Return the frame of a body; by default the body's own name."""
         return {"base": self.base, "camera": self.camera}.get(body, body)
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Exported:
-    """A trajectory as formats are given it.
+    """Trajectory with everything that a format may write.
 
     trajectory  as planned
     rate        Hz
-    body        whose poses are asked for
-    planned     whether they are those of the plan; else of what the robot does
-    frames      their names
+    body        body with the exported poses
+    planned     whether poses are those of the plan; else of the execution
+    frames      names of frames
     row         of a front, or None
-    name        what it was asked for as, such as "knee", or ""
+    name        of the row, such as "knee", or ""
     costs       value by criterion, reported ones too, and their ``units`` by name
-    claim       what is claimed of the front
-    problem     whose world is shown, or None
+    claim       certificate of the front
+    problem     problem with the world to write, or None
     """
 
     trajectory: Trajectory
@@ -123,7 +123,7 @@ class Exported:
 
     @cached_property
     def poses(self) -> Poses:
-        """Of the body that is asked for."""
+        """Return the poses of the exported body."""
         return self.of(self.body)
 
     def of(self, body: str) -> Poses:
@@ -132,24 +132,24 @@ class Exported:
 
     @cached_property
     def run(self) -> Trajectory:
-        """The trajectory that is written: as planned, or as executed."""
+        """Return the trajectory to write: as planned, or as executed."""
         return self.trajectory if self.planned else self.trajectory.execution()
 
     @property
     def has_base(self) -> bool:
-        """Whether the robot has a base."""
+        """Return whether the robot has a base."""
         return "base" in self.trajectory.model.provides
 
     @property
     def title(self) -> str:
-        """What it is called: "knee (row 70)", "row 3", or "trajectory"."""
+        """Return a title: "knee (row 70)", "row 3", or "trajectory"."""
         if self.row is None:
             return printable(self.name) or "trajectory"
         return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
 
     @property
     def values(self) -> dict[str, str]:
-        """Costs in words, by printable name with the unit: {"length (m)": "33.5"}."""
+        """Return the costs as text by printable name with the unit: {"length (m)": "33.5"}."""
         headings = {
             name: name if (unit := self.units.get(name, "1")) == "1" else f"{name} ({unit})" for name in self.costs
         }
@@ -166,7 +166,7 @@ class Exported:
 
 
 def rows_of_text(table: FloatArray, separator: str) -> str:
-    """Return a table (N, k) as lines, each number in the shortest form that reads back as the same."""
+    """Return a table (N, k) as lines, each number in the shortest form that reads back equal."""
     return "".join(separator.join(map(repr, row)) + "\n" for row in table.tolist())
 
 
@@ -182,13 +182,13 @@ def matrices(quaternions: FloatArray) -> FloatArray:
 
 
 def pitch_of(quaternions: FloatArray) -> FloatArray:
-    """Return how far up each looks (N,), rad."""
+    """Return the pitch (N,) of the body's x axis, rad, up positive."""
     ahead = matrices(quaternions)[:, :, 0]
     return np.arctan2(ahead[:, 2], np.hypot(ahead[:, 0], ahead[:, 1]))
 
 
 def roll_of(quaternions: FloatArray) -> FloatArray:
-    """Return how far each leans to the right (N,), rad."""
+    """Return the roll (N,), rad, to the right positive."""
     turned = matrices(quaternions)
     return np.arctan2(turned[:, 2, 1], turned[:, 2, 2])
 
@@ -208,6 +208,6 @@ def product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def back(quaternions: FloatArray) -> FloatArray:
-    """Return the rotations (N, 4) the other way round."""
+    """Return the inverse rotations (N, 4)."""
     turned: FloatArray = quaternions * np.array([-1.0, -1.0, -1.0, 1.0])
     return turned

@@ -1,4 +1,4 @@
-"""A scene with an animated camera, as binary glTF.
+"""Scene with an animated camera, as binary glTF.
 
 The scene is made of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. Metres in the
 world's frame, z up. Corners are not shared between faces, so that each face has its normal; triangles are
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
     from hpop.world.content.people import Person
 
 Colour = tuple[int, int, int]
-ROUND = 16  # sides of what is round
+ROUND = 16  # sides of cylinders
 ABOVE = 0.004  # m: zones lie on the floor
 
 
-class Mesh(NamedTuple):
+class TriangleMesh(NamedTuple):
     """Triangles of one colour.
 
     corners  (T, 3, 3)  m
     normals  (T, 3)     unit
     colour              red, green, blue in sRGB, 0 to 255
-    person              who it is a part of, without futures; the corners are where the person is at time 0
+    person              person that the mesh shows, with one future; corners are at the person's position at time 0
     """
 
     name: str
@@ -46,8 +46,8 @@ class Mesh(NamedTuple):
     person: Person | None = None
 
 
-def meshes_of(scene: Scene) -> Iterator[Mesh]:
-    """Yield the meshes of a scene, without empty ones."""
+def meshes_of(scene: Scene) -> Iterator[TriangleMesh]:
+    """Yield the non-empty meshes of a scene."""
     from hpop.view.ride import surfaces  # hpop.view imports Matplotlib
 
     flat = [_flat(rings, 0.0) for rings in scene.floor]
@@ -78,7 +78,7 @@ def extruded(rings: Sequence[FloatArray], low: float, high: float) -> FloatArray
 
 
 def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
-    """Return triangles (T, 3, 3) of a polygon that lies level, seen from above."""
+    """Return triangles (T, 3, 3) of a horizontal polygon, facing up."""
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.Polygon(rings[0], rings[1:])))
     rounds = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     ahead, aside = rounds[:, 1] - rounds[:, 0], rounds[:, 2] - rounds[:, 0]
@@ -88,7 +88,7 @@ def _flat(rings: Sequence[FloatArray], z: float) -> FloatArray:
 
 
 def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
-    """Return triangles (2 B K, 3, 3) of the sides above rings (B, K, 2), seen from their right."""
+    """Return triangles (2 B K, 3, 3) of the sides above rings (B, K, 2), facing their right."""
     a = rings.reshape(-1, 2)
     b = np.roll(rings, -1, axis=1).reshape(-1, 2)
     corners = [np.column_stack([place, np.full(len(a), z)]) for place, z in ((a, low), (b, low), (b, high), (a, high))]
@@ -97,7 +97,7 @@ def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _boxes(cells: Cells) -> FloatArray:
-    """Return triangles of boxes: walls and tops, with bottoms that are seen from a camera below."""
+    """Return triangles of boxes: walls, tops and bottoms."""
     rings = cells.corners
     level = [np.dstack([rings, np.full(rings.shape[:2], z)]) for z in (cells.low, cells.high)]
     bottom, top = level[0][:, ::-1], level[1]
@@ -124,7 +124,7 @@ def _round(part: Part, x: float, y: float) -> FloatArray:
 
 
 def _plate(plate: Plate) -> FloatArray:
-    """Return triangles of an upright plate, both sides; of one without a facing two plates across each other."""
+    """Return triangles of both sides of an upright plate; without a facing, of two crossed plates."""
     mark = plate.landmark
     facings = [mark.facing] if mark.facing is not None else [0.0, 0.5 * np.pi]
     several = []
@@ -137,7 +137,7 @@ def _plate(plate: Plate) -> FloatArray:
     return np.concatenate(several)
 
 
-def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[Mesh]:
+def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[TriangleMesh]:
     """Yield a mesh of triangles that have an area."""
     corners = np.concatenate(parts) if parts else np.zeros((0, 3, 3))
     areas = _areas(corners)
@@ -145,7 +145,7 @@ def _mesh(name: str, parts: Sequence[FloatArray], colour: Colour) -> Iterator[Me
     if len(corners):
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        yield Mesh(printable(name).strip(), corners, normals, colour)
+        yield TriangleMesh(printable(name).strip(), corners, normals, colour)
 
 
 def _areas(corners: FloatArray) -> FloatArray:
@@ -160,7 +160,7 @@ AXES = (
 )
 FLOAT, WHOLE = 5126, 5125  # float32 and uint32, as glTF counts them
 VERTICES, INDICES = 34962, 34963
-SEEN = (math.radians(90.0), math.radians(60.0))  # of a camera that sees all round: its picture in a viewer
+SEEN = (math.radians(90.0), math.radians(60.0))  # field of view in a viewer, for an all-round camera
 NEAR = 0.05  # m
 Y_UP = np.array([-math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5)])  # turns z up into y up
 OUT_OF_CAMERA = np.array([0.5, -0.5, -0.5, 0.5])  # axes of a glTF camera (right, up, back) in those of a body
@@ -168,14 +168,14 @@ OUT_OF_CAMERA = np.array([0.5, -0.5, -0.5, 0.5])  # axes of a glTF camera (right
 
 @export_format("glb", suffix=".glb", axes=AXES, world=True)
 def glb(given: Exported) -> bytes:
-    """Binary glTF 2.0 of the world and an animated camera, for Blender, three.js and other viewers.
+    """Return the world and an animated camera as binary glTF 2.0, for Blender, three.js and other viewers.
 
     Right-handed, y up, m: the world's (x, y, z) is (x, z, -y). A node (``camera_link``) has the poses as translation
     and rotation (quaternion x, y, z, w), linear between keys; the camera in it looks along -z. Another body is a node
-    of its own frame, x ahead, y left, z up. Times are float32 seconds from the start, strictly increasing: of several
-    poses in one step of a float32 the last is kept. Obstacles are prisms, walls without an upper end a storey high;
-    people who walk are animated as they are predicted, each of several futures under a name with its weight, and have
-    no size while they are not there. ``asset.extras`` has the costs, and what is not drawn as it is.
+    of its own frame, x ahead, y left, z up. Times are float32 seconds from the start, strictly increasing: of poses
+    with equal float32 times the last is kept. Obstacles are prisms; walls of unlimited height are a storey high.
+    Walking people are animated as predicted, each future as a node named with its weight, and have size 0 while absent.
+    ``asset.extras`` has the costs, and notes on inexact shapes.
     """
     file = _File()
     seen, body = given.poses, given.frames.of(given.body)
@@ -210,20 +210,20 @@ def glb(given: Exported) -> bytes:
 
 
 def y_up(vectors: FloatArray) -> FloatArray:
-    """Return places and directions (..., 3) of the world in the frame of glTF."""
+    """Convert points and directions (..., 3) from the world's frame to glTF's."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     return np.stack([x, z, -y], axis=-1) + 0.0  # no -0.0
 
 
 def linear(colour: tuple[int, int, int]) -> list[float]:
-    """Return a colour as glTF has it: linear light, 0 to 1."""
+    """Convert a colour to linear light from 0 to 1, as glTF stores it."""
     stored = np.array(colour) / 255.0
     light = np.where(stored <= 0.04045, stored / 12.92, ((stored + 0.055) / 1.055) ** 2.4)
     return [*np.round(light, 6).tolist(), 1.0]
 
 
 def _camera(given: Exported) -> dict[str, Any]:
-    """Return the camera of glTF."""
+    """Return the glTF camera."""
     across, upwards = given.trajectory.model.field_of_view or SEEN
     across, upwards = (min(angle, math.radians(170.0)) for angle in (across, upwards))
     ratio = math.tan(0.5 * across) / math.tan(0.5 * upwards)
@@ -231,8 +231,8 @@ def _camera(given: Exported) -> dict[str, Any]:
     return {"name": given.frames.camera, "type": "perspective", "perspective": perspective}
 
 
-def _add(file: _File, meshes: list[Mesh], lasts: float) -> None:
-    """Add the meshes of a world, each a node."""
+def _add(file: _File, meshes: list[TriangleMesh], lasts: float) -> None:
+    """Add the meshes of a world, each as a node."""
     document, colours = file.document, dict[tuple[int, int, int], int]()
     document["meshes"], document["materials"] = [], []
     for mesh in meshes:
@@ -255,14 +255,14 @@ def _add(file: _File, meshes: list[Mesh], lasts: float) -> None:
 
 
 def _walk(file: _File, node: int, person: Person, lasts: float) -> None:
-    """Let a node go where a person goes, and be there while the person is: where not, it has no size."""
+    """Animate a node along a person's path; it has size 0 while the person is absent."""
     times = [0.0, lasts, *([] if person.until is None else [person.until])]
     if person.track is not None:
         times += person.track.times.tolist()
     moments = np.unique(np.clip(times, 0.0, lasts))
     keys = moments.astype(np.float32)
     last = np.append(np.diff(keys) > 0.0, True)
-    keys, moments = keys[last], moments[last]  # as exact as they are given: of one who goes at such a time it matters
+    keys, moments = keys[last], moments[last]  # exact times, since a person may leave at one
     x, y = (np.broadcast_to(column, keys.shape) for column in person.at(moments))
     way = np.stack([x - person.x, y - person.y, np.zeros(keys.size)], axis=1)
     clock = file.accessor(keys[:, None], "SCALAR", bounds=True)
@@ -275,7 +275,7 @@ def _walk(file: _File, node: int, person: Person, lasts: float) -> None:
 
 
 class _File:
-    """A binary glTF file as it grows: its JSON, and the numbers in its buffer."""
+    """Binary glTF file under construction: its JSON, and the numbers in its buffer."""
 
     def __init__(self) -> None:
         self.document: dict[str, Any] = {
@@ -290,7 +290,7 @@ class _File:
         self._buffer = bytearray()
 
     def accessor(self, values: NDArray[Any], kind: str, *, target: int | None = None, bounds: bool = False) -> int:
-        """Keep rows (N, k) as float32; the number of their accessor."""
+        """Add rows (N, k) as float32, and return the number of their accessor."""
         numbers = np.ascontiguousarray(values, dtype="<f4")
         view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._buffer), "byteLength": numbers.nbytes}
         if target is not None:
@@ -309,7 +309,7 @@ class _File:
         return len(self.document["accessors"]) - 1
 
     def animate(self, node: int, times: int, path: str, values: int, *, interpolation: str = "LINEAR") -> None:
-        """Let a property of a node go through values at times."""
+        """Animate a property of a node by values at times."""
         (animation,) = self.document["animations"]
         animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
         animation["samplers"].append({"input": times, "output": values, "interpolation": interpolation})

@@ -16,13 +16,13 @@ CSV_AXES = (
 
 @export_format("csv", suffix=".csv", axes=CSV_AXES)
 def pose_csv(given: Exported) -> bytes:
-    """A table of poses, in the world's frame, for spreadsheets and scripts.
+    """Return a table of poses, in the world's frame, for spreadsheets and scripts.
 
     Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (m), ``qx``, ``qy``, ``qz``, ``qw`` (unit quaternion that
-    turns the world's axes to those of the body: x ahead, y left, z up; each on the side of the one before it, so that
-    interpolation goes the shorter way), ``v`` (m/s, the velocity along the direction ahead), ``yaw_rate`` (rad/s,
-    about the vertical, counter-clockwise). Right-handed, z up (REP-103). Lines that begin with ``#`` say
-    this and the costs: ``pandas.read_csv(file, comment="#")``. Numbers read back as the same float64.
+    turns the world's axes to those of the body: x ahead, y left, z up; signs are chosen so that interpolation takes the
+    shorter way), ``v`` (m/s, the velocity along the direction ahead), ``yaw_rate`` (rad/s, about the vertical,
+    counter-clockwise). Right-handed, z up (REP-103). Lines that begin with ``#`` state the axes and the costs:
+    ``pandas.read_csv(file, comment="#")``. Numbers read back as equal float64.
     """
     seen = given.poses
     table = np.column_stack([seen.times, seen.positions, seen.quaternions, seen.speeds, seen.yaw_rates])
@@ -38,12 +38,12 @@ JSON_AXES = (
 
 @export_format("json", suffix=".json", axes=JSON_AXES)
 def pose_json(given: Exported) -> bytes:
-    """One JSON object of poses, in the world's frame, with its costs: for web pages and scripts.
+    """Return a JSON object of poses, in the world's frame, with its costs, for web pages and scripts.
 
     ``times`` (s, from the start), ``positions`` [x, y, z] (m), ``quaternions`` [x, y, z, w] (unit; they turn the
     world's axes to those of the body: x ahead, y left, z up), ``yaws`` (rad, continuous), ``speeds`` (m/s, along the
-    direction ahead), ``yaw_rates`` (rad/s), a row a pose; ``axes`` says so. Right-handed, z up (REP-103). Strict JSON
-    of UTF-8; numbers read back as the same float64.
+    direction ahead), ``yaw_rates`` (rad/s), a row per pose; ``axes`` states this. Right-handed, z up (REP-103). Strict
+    JSON in UTF-8; numbers read back as equal float64.
     """
     seen = given.poses
     told = {
@@ -78,11 +78,11 @@ HEAD = "#timestamp [ns],p_RS_R_x [m],p_RS_R_y [m],p_RS_R_z [m],q_RS_w [],q_RS_x 
 
 @export_format("euroc", suffix=".euroc.csv", axes=EUROC_AXES)
 def euroc(given: Exported) -> bytes:
-    """The ground truth table of the EuRoC MAV data sets, for evo and visual-inertial tools.
+    """Return a ground truth table as in the EuRoC MAV data sets, for evo and visual-inertial tools.
 
-    Columns: time in whole nanoseconds from the start, position (m), unit quaternion with w first; one line of headings,
-    as in these. Right-handed, z up (REP-103); the axes of the body are x ahead, y left, z up.
-    Burri et al. 2016, The EuRoC micro aerial vehicle datasets, IJRR 35(10).
+    Columns: time in whole nanoseconds from the start, position (m), unit quaternion with w first; one line of headings.
+    Right-handed, z up (REP-103); the axes of the body are x ahead, y left, z up. Burri et al. 2016, The EuRoC micro
+    aerial vehicle datasets, IJRR 35(10).
     """
     seen = given.poses
     lines = [HEAD]
@@ -101,11 +101,11 @@ TUM_AXES = (
 
 @export_format("tum", suffix=".tum", axes=TUM_AXES)
 def tum(given: Exported) -> bytes:
-    """Lines ``timestamp tx ty tz qx qy qz qw`` of the TUM RGB-D benchmark, for evo and SLAM tools.
+    """Return lines ``timestamp tx ty tz qx qy qz qw`` of the TUM RGB-D benchmark, for evo and SLAM tools.
 
     s from the start, m, unit quaternion; right-handed, z up (REP-103). The axes of the body are x ahead, y left, z up,
-    not those of a picture (z ahead), which some SLAM systems write. Lines that begin with ``#`` say this and the costs.
-    Sturm et al. 2012, A benchmark for the evaluation of RGB-D SLAM systems, IROS.
+    not those of a picture (z ahead), which some SLAM systems write. Lines that begin with ``#`` state the axes and the
+    costs. Sturm et al. 2012, A benchmark for the evaluation of RGB-D SLAM systems, IROS.
     """
     seen = given.poses
     said = "".join(f"# {line}\n" for line in [*given.statement(TUM_AXES), "timestamp tx ty tz qx qy qz qw"])
@@ -120,12 +120,12 @@ UNITY_AXES = (
 
 @export_format("unity-csv", suffix=".unity.csv", axes=UNITY_AXES)
 def unity_csv(given: Exported) -> bytes:
-    """A table for Unity: left-handed, x right, y up, z ahead, m.
+    """Return a table for Unity: left-handed, x right, y up, z ahead, m.
 
     Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (m), ``qx``, ``qy``, ``qz``, ``qw``, as a transform's
-    ``position`` and ``rotation`` take them. A point (x, y, z) of the world becomes (-y, z, x), a quaternion
-    (q_y, -q_z, -q_x, q_w): ahead, left, up become forward, -right, up, as the ROS-TCP-Connector has it (FLU to RUF). A
-    heading of 0, along the world's x, looks along +z. Lines that begin with ``#`` say this and the costs.
+    ``position`` and ``rotation`` take them. A point (x, y, z) of the world becomes (-y, z, x), a quaternion (q_y, -q_z,
+    -q_x, q_w): ahead, left, up become forward, -right, up, as in the ROS-TCP-Connector (FLU to RUF). A heading of 0,
+    along the world's x, looks along +z. Lines that begin with ``#`` state the axes and the costs.
     """
     seen = given.poses
     x, y, z = seen.positions.T
@@ -143,12 +143,12 @@ UNREAL_AXES = (
 
 @export_format("unreal-csv", suffix=".unreal.csv", axes=UNREAL_AXES)
 def unreal_csv(given: Exported) -> bytes:
-    """A table for Unreal Engine: left-handed, x along the world's x, y to its right, z up, cm.
+    """Return a table for Unreal Engine: left-handed, x along the world's x, y to its right, z up, cm.
 
-    Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (cm), ``pitch``, ``yaw``, ``roll`` (degrees, as an FRotator
-    has them: pitch up, yaw clockwise from above, roll to the right). A point (x, y, z) m of the world becomes
-    (100 x, -100 y, 100 z); yaw changes its sign and is continuous, so that it may exceed 180. Lines that begin with
-    ``#`` say this and the costs.
+    Columns ``t`` (s, from the start), ``x``, ``y``, ``z`` (cm), ``pitch``, ``yaw``, ``roll`` (degrees, as in an
+    FRotator: pitch up, yaw clockwise from above, roll to the right). A point (x, y, z) m of the world becomes (100 x,
+    -100 y, 100 z); yaw changes its sign and is continuous, so that it may exceed 180. Lines that begin with ``#`` state
+    the axes and the costs.
     """
     seen = given.poses
     angles = [pitch_of(seen.quaternions), -seen.yaws, roll_of(seen.quaternions)]

@@ -18,8 +18,8 @@ from hpop.ros.messages import DIAGNOSTICS, PATH, STAMPED, TRANSFORMS, Message, h
 from hpop.ros.paths import message_of, spaced
 from hpop.trajectories.poses import Poses, nanoseconds, on_one_side
 
-FOLDER = "poses"  # the bag's, until it is where it belongs: the file in it is called so
-FIXED = 1e-9  # m and 1: what moves less on the base is fixed to it
+FOLDER = "poses"  # temporary folder of the bag, which names the file in it
+FIXED = 1e-9  # m and 1: a body that moves less relative to the base is fixed to it
 AXES = (
     "right-handed, x and y on the floor, z up (REP-103), m; quaternions x, y, z, w of bodies (x ahead, y left, z up); "
     "stamps in s and ns from the start"
@@ -27,7 +27,7 @@ AXES = (
 
 
 class Sent(NamedTuple):
-    """A message, where and when it is sent."""
+    """Message with its topic and time."""
 
     topic: str
     type: str
@@ -59,7 +59,7 @@ LATCHED = ("/plan", "/tf_static", "/costs")
 
 
 def topics(given: Exported) -> list[tuple[str, str]]:
-    """Return topics and the types of their messages; the same whatever the trajectory."""
+    """Return the topics and the types of their messages, equal for all trajectories."""
     return [
         ("/costs", DIAGNOSTICS),
         ("/plan", PATH),
@@ -89,7 +89,7 @@ def messages(given: Exported) -> Iterator[Sent]:
 
 
 class _Edge(NamedTuple):
-    """A frame in another: positions (N, 3) and quaternions (N, 4)."""
+    """Pose of a child frame in a frame: positions (N, 3) and quaternions (N, 4)."""
 
     frame: str
     child: str
@@ -97,12 +97,12 @@ class _Edge(NamedTuple):
     quaternions: FloatArray
 
     def first(self) -> tuple[list[float], list[float]]:
-        """Return where it is at the start, which for a fixed one is where it stays."""
+        """Return the pose at the start, which for a fixed frame is constant."""
         return self.positions[0].tolist(), self.quaternions[0].tolist()
 
 
 def _transforms(given: Exported) -> tuple[list[_Edge], list[_Edge]]:
-    """The tree of frames: what moves, and what is fixed to the base; without a base the body is in the world's."""
+    """Return the moving transforms, and those fixed to the base; without a base the body is in the world's frame."""
     frames, seen = given.frames, given.poses
     child = frames.of(given.body)
     if not given.has_base:
@@ -124,14 +124,14 @@ def _relative(base: Poses, body: Poses) -> tuple[FloatArray, FloatArray]:
 
 
 def _diagnostics(given: Exported) -> Message:
-    """Return costs as keys and values."""
+    """Return the costs as keys and values."""
     values = [{"key": name, "value": value} for name, value in given.values.items()]
     status = {"level": 0, "name": given.title, "message": printable(given.claim), "hardware_id": "hpop"}
     return {"header": header(0, ""), "status": [{**status, "values": values}]}
 
 
 def _qos() -> list[Any]:
-    """Return the quality of service: messages sent once are kept for late subscribers, as of maps."""
+    """Return the quality of service of latched topics: late subscribers receive messages sent once, such as maps."""
     kinds: Any = library("rosbags.interfaces", "a bag", "bags")
     for_ever = kinds.QosTime(*divmod(2**63 - 1, 10**9))
     return [
@@ -151,24 +151,23 @@ def _qos() -> list[Any]:
 
 @export_format("bag", suffix="_bag", axes=AXES)
 def bag(given: Exported) -> Mapping[str, bytes]:
-    """A bag of ROS 2, a folder with ``metadata.yaml`` (version 9) and an MCAP file; it needs the extra ``bags``.
+    """Return a bag of ROS 2, a folder with ``metadata.yaml`` (version 9) and an MCAP file; needs the extra ``bags``.
 
-    Topics, axes, units and times are those of the format ``mcap``; ``ros2 bag play knee_70_bag`` sends them.
+    Topics, axes, units and times are those of the format ``mcap``; ``ros2 bag play knee_70_bag`` plays it.
     """
     return bag_files(given)
 
 
 @export_format("mcap", suffix=".mcap", axes=AXES)
 def mcap(given: Exported) -> bytes:
-    """An MCAP file of ROS 2 messages, for Foxglove and MCAP readers; it needs the extra ``bags``.
+    """Return an MCAP file of ROS 2 messages, for Foxglove and MCAP readers; needs the extra ``bags``.
 
-    ``/plan`` (nav_msgs/Path, of the base, or of the body where there is none: poses at the ends of motions, and between
-    these about every 5 cm or 45 degrees; a hold is a pose that is there twice, when it is reached and when it is left),
-    ``/camera_pose`` (geometry_msgs/PoseStamped; ``/base_pose`` of a base),
-    ``/tf`` (the base in ``map``, and what moves on it), ``/tf_static`` (the camera on the base, where it is fixed),
-    ``/costs`` (diagnostic_msgs/DiagnosticArray, a key and a value a criterion). Right-handed, z up (REP-103), m,
-    quaternions x, y, z, w. ``camera_link`` looks along its x: it is no optical frame. Stamps are s and ns from the
-    start, as are the times at which messages are sent.
+    ``/plan`` (nav_msgs/Path, of the base, or of the body without a base: poses at the ends of motions, and between
+    these about every 5 cm or 45 degrees; the pose of a hold occurs twice, at its begin and its end), ``/camera_pose``
+    (geometry_msgs/PoseStamped; ``/base_pose`` of a base), ``/tf`` (the base in ``map``, and moving bodies on it),
+    ``/tf_static`` (the camera, if fixed to the base), ``/costs`` (diagnostic_msgs/DiagnosticArray, a key and a value
+    per criterion). Right-handed, z up (REP-103), m, quaternions x, y, z, w. ``camera_link`` looks along its x: it is no
+    optical frame. Stamps are s and ns from the start, as are the times at which messages are sent.
     """
     return bag_files(given)[f"{FOLDER}.mcap"]
 
@@ -177,12 +176,12 @@ GOAL_AXES = (
     "right-handed, x and y on the floor, z up (REP-103), m; orientation x, y, z, w of the base (x ahead, y left); "
     "components that are left out are 0; no times"
 )
-DIGITS = 9  # behind the point: 1 nm, without exponents, which YAML 1.1 takes for text
+DIGITS = 9  # behind the point: 1 nm, without exponents, which YAML 1.1 reads as text
 
 
 @export_format("nav2-yaml", suffix=".nav2.yaml", axes=GOAL_AXES)
 def nav2_yaml(given: Exported) -> bytes:
-    """The goal of Nav2's ``FollowPath`` action: the path of the base as YAML, to be sent as it is.
+    """Return the goal of Nav2's ``FollowPath`` action: the path of the base as YAML, ready to be sent.
 
     ``ros2 action send_goal --stdin /follow_path nav2_msgs/action/FollowPath < knee_70.nav2.yaml``. ``path`` is a
     nav_msgs/Path in the frame of the world (``map``): poses of the base at the ends of each motion, and between these
@@ -207,7 +206,7 @@ def nav2_yaml(given: Exported) -> bytes:
 
 
 def _components(names: str, values: Sequence[float], always: str) -> str:
-    """Return components by name; those that are 0 are left out, but for some."""
+    """Return components by name; zeros are left out, except those of ``always``."""
     rounded = {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)}  # no -0.0
     told = [f"{name}: {value:.{DIGITS}f}" for name, value in rounded.items() if value or name in always]
     return f"{{{', '.join(told)}}}"

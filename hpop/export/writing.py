@@ -1,4 +1,4 @@
-"""Trajectories written for other programs: one by the ending of a name, or rows of a front in several formats."""
+"""Write trajectories for other programs: one by a file's ending, or rows of a front in several formats."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 ABOUT = ".about.json"
-MARK = "metadata.yaml"  # a folder without it is none of ours, and stays
+MARK = "metadata.yaml"  # a folder without it is not replaced
 
 
 @checked_arguments
@@ -40,20 +40,20 @@ def write(
     planned: bool = False,
     frames: Frames | None = None,
 ) -> Path:
-    """Write a trajectory to a file, whole or not at all; an earlier file of that name gives way.
+    """Write a trajectory to a file, whole or not at all, replacing an existing file.
 
     Parameters
     ----------
-    path : its ending says the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists them)
-    format : name of a format, where the ending does not say it
-    problem : whose world is shown, by formats that show one
-    rate : poses a second
-    body : "camera", "base" or "tool", as far as the robot has them
-    planned : the trajectory as planned; else what the robot does of it, from rest to rest
+    path : its ending selects the format: ``cam.tum``, ``cam.unity.csv`` (``hpop formats`` lists them)
+    format : name of a format, instead of the ending
+    problem : problem with the world, for formats that contain it
+    rate : poses per second
+    body : "camera", "base" or "tool", if the robot has it
+    planned : write the planned motion; else the executed one, from rest to rest
     frames : names of frames, for formats that name them
 
-    Raises OptionError for an ending that says no format and for what a format cannot write, UnknownName for a name of
-    no format, OutputError where the file cannot be written or an extra is not installed.
+    Raises OptionError for an unknown ending and for a trajectory that the format cannot express, UnknownName for an
+    unknown format, OutputError if the file cannot be written or an extra is missing.
     """
     target = _checked(path)
     if not isinstance(trajectory, Trajectory):
@@ -77,19 +77,19 @@ def save(
     planned: bool = False,
     frames: Frames | None = None,
 ) -> list[Path]:
-    """Write rows of a front in some formats to a folder; the paths of what was written.
+    """Write rows of a front in several formats to a folder, and return the paths of the files.
 
-    Files are called ``knee_70.tum``, ``row_3.unity.csv``. Beside those of a row lies ``knee_70.about.json``: its costs,
-    what is claimed of the front, and the axes of each file. Each file is whole or not there; earlier ones give way.
-    Where a format cannot be written, the others are, and then its error is raised.
+    Files are named ``knee_70.tum``, ``row_3.unity.csv``. For each row ``knee_70.about.json`` has the costs, the front's
+    certificate, and the axes of each file. Files are written atomically and replace existing ones. If a format cannot
+    be written, the others are, and then its error is raised.
 
     Parameters
     ----------
-    problem : that the front answers, whose world is shown; None where no format shows one
+    problem : problem of the front, with the world; None if no format contains the world
     rows : numbers, or names such as "knee" and "least turns" (:func:`hpop.problems.named_rows.named_rows`)
     formats : names of formats (``hpop formats`` lists them)
 
-    Others as of :func:`write`. Raises as that does, and OptionError or UnknownName for a row that is not there.
+    Other parameters as of :func:`write`. Raises as :func:`write`, and OptionError or UnknownName for a missing row.
     """
     target = _checked(folder)
     if isinstance(formats, str) or not isinstance(formats, Sequence):
@@ -109,7 +109,7 @@ def save(
                 with _output_errors(target):
                     target.mkdir(parents=True, exist_ok=True)
                 _put(path, content)
-            except Exception as error:  # whatever a format of the user's own does
+            except Exception as error:  # a format of the user may raise anything
                 failed.setdefault(each.name, error)
             else:
                 own.append((path, each))
@@ -128,12 +128,12 @@ def save(
 
 
 def named_format(name: str) -> Format:
-    """Return the export format of a name; UnknownName where there is none."""
+    """Return the export format with a name; UnknownName if there is none."""
     return cast(Format, registered[name])
 
 
 def format_of(path: Path) -> Format:
-    """Return the export format that the ending of a file's name says: the longest that fits."""
+    """Return the export format of a file's name: the one with the longest matching ending."""
     known = {each.suffix: each for each in map(named_format, registered)}
     fitting = [suffix for suffix in known if path.name.lower().endswith(suffix)]
     if not fitting:
@@ -164,10 +164,10 @@ def _given(
 
 
 def _content(chosen: Format, given: Exported) -> Content:
-    """Return the content that a format makes of a trajectory."""
+    """Return the content of the file that a format makes of a trajectory."""
     try:
         made: Any = chosen(given)
-    except ImportError as error:  # of an extra, which says how to install it
+    except ImportError as error:  # the extra is missing; the error tells how to install it
         raise OutputError(f"{error}") from None
     files = made.values() if isinstance(made, Mapping) else [made]
     if not all(isinstance(file, bytes) for file in files):
@@ -178,7 +178,7 @@ def _content(chosen: Format, given: Exported) -> Content:
 
 
 def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) -> bytes:
-    """Return the description beside the files of a row."""
+    """Return the description of a row's files, as JSON."""
     told: dict[str, Any] = {
         "schema": "hpop-export",
         "version": 1,
@@ -203,7 +203,7 @@ def _about(front: Front, given: Exported, files: Sequence[tuple[Path, Format]]) 
 
 
 def _checked(path: Any) -> Path:
-    """Return a path, where it is one."""
+    """Return a path; OptionError for another value."""
     if not isinstance(path, str | os.PathLike) or not os.fspath(path) or not isinstance(os.fspath(path), str):
         raise OptionError(f"expected a path to write to, such as 'out/knee.tum', got {shown(path)}")
     return Path(path)
@@ -232,7 +232,7 @@ def _put(path: Path, content: Content) -> None:
 
 
 def _put_folder(path: Path, files: Mapping[str, bytes]) -> None:
-    """Write a folder, which takes the place of an earlier one of the same kind."""
+    """Write a folder, replacing an existing folder of the same kind."""
     if os.path.lexists(path) and not (path / MARK).is_file():
         raise OutputError(f"{shown(str(path), 400)} is there, and no bag; remove it, or choose another name")
     half = path.with_name(f".{path.name}.{uuid.uuid4().hex}.tmp")

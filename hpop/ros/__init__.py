@@ -1,26 +1,29 @@
 """ROS 2 without ROS: paths as messages and back, and the planner as an action server over rosbridge.
 
-``path_message(trajectory)`` is a nav_msgs/Path as a dictionary, ``trajectory_of(path, model)`` the way back,
-``typed(message, "nav_msgs/msg/Path", store)`` an instance of rosbags' types, and ``plain`` again a dictionary.
-``Bridge(url, PathServer(Planning(problem, planners, Interface())))`` serves the action ComputePathToPose, as
+``path_message(trajectory)`` returns a nav_msgs/Path as a dictionary, and ``trajectory_of(path, model)`` reads it back.
+``typed(message, "nav_msgs/msg/Path", store)`` converts it to rosbags' types, and ``plain`` back to a dictionary.
+``Bridge(url, PathServer(GoalPlanner(problem, planners, Interface())))`` serves the action ComputePathToPose, as
 ``hpop ros scenario.yaml --url ws://localhost:9090`` does (extra ``ros``).
 """
 
 from __future__ import annotations
 
+import warnings
+from typing import Any
+
 from hpop.ros.bridge import Bridge
 from hpop.ros.messages import PlanarPose, plain, planar_pose, pose_message, typed
 from hpop.ros.path_server import PathServer
 from hpop.ros.paths import path_message, trajectory_of
-from hpop.ros.planning import Planning
+from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import Interface
 
 __all__ = [
     "Bridge",
+    "GoalPlanner",
     "Interface",
     "PathServer",
     "PlanarPose",
-    "Planning",
     "path_message",
     "plain",
     "planar_pose",
@@ -28,3 +31,11 @@ __all__ = [
     "trajectory_of",
     "typed",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Return the class behind a deprecated name."""
+    if name == "Planning":
+        warnings.warn("hpop.ros.Planning is hpop.ros.GoalPlanner now", DeprecationWarning, stacklevel=2)
+        return GoalPlanner
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

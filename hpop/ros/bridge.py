@@ -1,7 +1,7 @@
-"""A connection to rosbridge's websocket, which is made again whenever it breaks.
+"""Connection to rosbridge's websocket, which reconnects whenever it breaks.
 
-What comes in is bounded in size, in number waiting (what does not fit waits with the sender) and in rate; a bridge that
-takes nothing is left after a while.
+Incoming messages are bounded in size, in number and in rate; further ones wait at the sender. A bridge that accepts no
+data is disconnected after a while.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from hpop.ros import protocol
 from hpop.ros.path_server import PathServer
 from hpop.runtime.status import log
 
-MOST_WAITING = 16  # frames that wait to be read
+MOST_WAITING = 16  # most unread frames
 MOST_A_SECOND = 500  # messages
 OPENING, CLOSING, SENDING = 10.0, 2.0, 10.0  # s
-DELAYS = (0.5, 30.0)  # s before the first next attempt, and before any at most: each is twice the one before, also
-# where a bridge takes the connection and closes it at once
-QUIET = logging.Logger("hpop.ros.websockets", logging.CRITICAL + 1)  # what websockets logs is told by us
+DELAYS = (0.5, 30.0)  # s before the first new attempt, and at most: each delay is twice the one before, also if a
+# bridge accepts the connection and closes it at once
+QUIET = logging.Logger("hpop.ros.websockets", logging.CRITICAL + 1)  # this module reports errors of websockets
 
 
 class Pace:
-    """Lets so many messages a second through; who sends more waits, and with it what comes behind."""
+    """Limit of messages per second: further messages, and those behind them, wait."""
 
     def __init__(self, most: int, clock: Callable[[], float], wait: Callable[[float], Any]) -> None:
         self.most, self.clock, self.wait = most, clock, wait
         self.since, self.count = clock(), 0
 
     def step(self) -> None:
-        """Count a message; wait for the next second where this one is full."""
+        """Count a message; wait for the next second if this one is full."""
         now = self.clock()
         if now - self.since >= 1.0:
             self.since, self.count = now, 0
@@ -53,15 +53,15 @@ class Pace:
 
 @checked_arguments
 class Bridge:
-    """Serves a :class:`PathServer` over a bridge's websocket until it is stopped.
+    """Client of rosbridge that serves a :class:`PathServer` until it is stopped.
 
     Parameters
     ----------
     url : such as ws://localhost:9090, or wss://
-    say : is told, in a line of text, what happens
-    delays : s, before the first attempt after one that failed, and before any
+    say : receives a line of text for each event
+    delays : s, before the first attempt after a failed one, and at most
 
-    Raises OptionError for a url that is none, ImportError without the extra ``ros``.
+    Raises OptionError for an invalid url, ImportError without the extra ``ros``.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Bridge:
         self._errors: Any = library("websockets.exceptions", "a bridge to ROS", "ros")
         self._stopped = Event()
         self._leaving = Lock()
-        self._connection: Any = None  # until it is left
+        self._connection: Any = None  # None while disconnected
 
     def run(self) -> None:
         """Connect, serve, and connect again, until :meth:`stop` or Ctrl-C."""
@@ -93,7 +93,7 @@ class Bridge:
             except (OSError, self._errors.WebSocketException, EOFError, ValueError) as error:
                 why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
             if not self._stopped.is_set():
-                if monotonic() - since > most:  # it was one that held
+                if monotonic() - since > most:  # the connection was stable
                     delay = first
                 self.say(printable(f"no connection to {self.url} ({why}); trying again in {delay:g} s"))
                 self._stopped.wait(delay)
@@ -107,7 +107,7 @@ class Bridge:
     def _connected(self) -> Any:
         return self._client.connect(
             self.url,
-            compression=None,  # on one machine or network; and nothing grows as it is unpacked
+            compression=None,  # not needed in one network, and no message grows when unpacked
             proxy=None,
             max_size=protocol.MOST_BYTES,
             max_queue=MOST_WAITING,
@@ -117,14 +117,14 @@ class Bridge:
         )
 
     def _serve(self, connection: Any) -> str:
-        """Return bring messages until the connection is closed; why it was."""
-        # A send to who reads nothing fails then, where it would hold the connection for ever.
+        """Receive messages until the connection is closed, and return the reason."""
+        # With a time-out, sending to a bridge that reads nothing fails instead of blocking for ever.
         seconds, rest = divmod(SENDING, 1.0)
         connection.socket.setsockopt(SOL_SOCKET, SO_SNDTIMEO, struct.pack("ll", int(seconds), int(1e6 * rest)))
         closed = self._errors.ConnectionClosed
 
         def send(text: str) -> None:
-            with suppress(closed):  # the goals are gone with it
+            with suppress(closed):  # the goals ended with the connection
                 connection.send(text)
 
         pace = Pace(MOST_A_SECOND, monotonic, self._stopped.wait)
@@ -145,7 +145,7 @@ class Bridge:
             self.server.disconnected()
 
     def _leave(self) -> None:
-        """Take back what was offered, and close: once, whichever thread is first."""
+        """Withdraw the action, and close the connection, once, from whichever thread is first."""
         with self._leaving:
             connection, self._connection = self._connection, None
             if connection is None:
@@ -157,7 +157,7 @@ class Bridge:
 
 
 def checked_url(url: Any) -> str:
-    """Return the address of a websocket, or OptionError.
+    """Return the address of a websocket; OptionError if it is none.
 
     >>> checked_url("ws://localhost:9090")
     'ws://localhost:9090'
@@ -165,7 +165,7 @@ def checked_url(url: Any) -> str:
     try:
         parts = urlsplit(url) if isinstance(url, str) else None
         fits = parts is not None and parts.scheme in ("ws", "wss") and bool(parts.hostname) and parts.port != 0
-    except ValueError:  # a port that is none
+    except ValueError:  # an invalid port
         fits = False
     if not fits or not url.isprintable() or not url.isascii():
         raise OptionError(f"url must be the address of a bridge, such as ws://localhost:9090, got {shown(url)}")

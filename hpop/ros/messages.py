@@ -1,7 +1,6 @@
-"""Messages of ROS 2 as dictionaries, field by field as rosbridge sends them, and as instances of rosbags' types.
+"""Messages of ROS 2 as dictionaries, as rosbridge sends them, and as instances of rosbags' types.
 
-Messages that are read come from outside: every field that is used is checked, and a :class:`RosError` names the field
-that does not fit.
+Incoming messages are not trusted: every field that is used is checked, and a :class:`RosError` names a wrong field.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ Message = dict[str, Any]
 PATH, STAMPED, TRANSFORMS = "nav_msgs/msg/Path", "geometry_msgs/msg/PoseStamped", "tf2_msgs/msg/TFMessage"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 LONGEST_NAME = 200  # characters of a frame's name
-UNIT = 0.1  # by which the length of a quaternion may be off 1: who sends float32, or rounds to two digits, is meant
+UNIT = 0.1  # tolerance of a quaternion's length, for senders of float32 or rounded numbers
 SECOND = 10**9  # ns
 MOST_SECONDS = 2**31 - 1  # of a stamp, an int32
 
 
 class PlanarPose(NamedTuple):
-    """A pose on the floor, and the frame in which it is given, "" for none."""
+    """Pose on the floor, and its frame, "" if none is given."""
 
     x: float  # m
     y: float  # m
@@ -39,7 +38,7 @@ class PlanarPose(NamedTuple):
 
 
 def stamp(time: int) -> Message:
-    """Return a time, or a duration, in ns."""
+    """Return a time or duration, given in ns, as builtin_interfaces/Time."""
     seconds, rest = divmod(time, SECOND)
     return {"sec": seconds, "nanosec": rest}
 
@@ -65,7 +64,7 @@ def pose_stamped(time: int, frame: str, place: Sequence[float], turned: Sequence
 
 
 def transform(time: int, frame: str, child: str, place: Sequence[float], turned: Sequence[float]) -> Message:
-    """Return a geometry_msgs/TransformStamped: where the axes of the child are in the frame."""
+    """Return a geometry_msgs/TransformStamped: the pose of the child frame in the frame."""
     moved = {"translation": vector(place), "rotation": quaternion(turned)}
     return {"header": header(time, frame), "child_frame_id": child, "transform": moved}
 
@@ -82,10 +81,10 @@ def pose_message(x: float, y: float, yaw: float, *, frame_id: str = "map") -> Me
 
 @checked_arguments
 def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
-    """Return a pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
+    """Return the pose on the floor of a PoseStamped, a PoseWithCovarianceStamped or an Odometry.
 
-    The height is left out, and of a body that leans the direction in which its x points is taken. Raises RosError for
-    what is no such message, for numbers that are none, for a quaternion that is no rotation.
+    The height is dropped; the yaw is the horizontal direction of the body's x axis. Raises RosError for another
+    message, for invalid numbers, and for a quaternion that is no rotation.
 
     >>> planar_pose(pose_message(1.0, 2.0, 0.5, frame_id="odom"))
     PlanarPose(x=1.0, y=2.0, yaw=0.5, frame='odom')
@@ -117,7 +116,7 @@ def _yaw(orientation: Any, where: str) -> float:
 
 
 def time_of(message: Any, where: str) -> int:
-    """Return the stamp of a message with a header, ns; 0 where it has none."""
+    """Return the stamp of a message with a header, ns; 0 without a stamp."""
     told = mapping(mapping(message, where).get("header", {}), f"header of {where}").get("stamp", {})
     given = mapping(told, f"stamp of {where}")
     seconds, rest = (given.get(name, 0) for name in ("sec", "nanosec"))
@@ -130,35 +129,35 @@ def time_of(message: Any, where: str) -> int:
 
 
 def mapping(value: Any, where: str) -> Mapping[str, Any]:
-    """Return a message, or RosError."""
+    """Return a message, or raise RosError for another value."""
     if not isinstance(value, Mapping):
         raise RosError(f"{where} must be a message with fields, got {shown(value)}")
     return value
 
 
 def number(value: Any, where: str, most: float) -> float:
-    """Return a finite number, or RosError; the bridge sends null for what is none."""
+    """Return a finite number, or raise RosError; the bridge sends null for NaN."""
     if not is_number(value) or not -most <= value <= most:
         raise RosError(f"{where} must be a number from {-most:g} to {most:g}, got {shown(value)}")
     return float(value)
 
 
 def text(value: Any, where: str) -> str:
-    """Return a short text, or RosError."""
+    """Return a short text, or raise RosError."""
     if not isinstance(value, str) or len(value) > LONGEST_NAME:
         raise RosError(f"{where} must be text of at most {LONGEST_NAME} characters, got {shown(value)}")
     return value
 
 
-KINDS = {"string": str, "bool": bool}  # of values, others are numbers
+KINDS = {"string": str, "bool": bool}  # all other types are numbers
 
 
 @checked_arguments
 def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
-    """Return an instance of a type, such as "nav_msgs/msg/Path", of a rosbags type store, which serialises it.
+    """Convert a message to a type, such as "nav_msgs/msg/Path", of a rosbags type store, which can serialise it.
 
-    Raises RosError for what is no type store, for a type that the store does not have, and for a field that is
-    missing, unknown, or of another type.
+    Raises RosError for an invalid type store, for a type that is not in the store, and for a field that is missing,
+    unknown, or of another type.
 
     >>> from rosbags.typesys import Stores, get_typestore
     >>> typed({"x": 1.0, "y": 2.0, "z": 0.0}, "geometry_msgs/msg/Point", get_typestore(Stores.ROS2_JAZZY)).y
@@ -179,7 +178,7 @@ def typed(message: Mapping[str, Any], kind: str, store: Any) -> Any:
 
 @checked_arguments
 def plain(message: Any) -> Message:
-    """Return a message that rosbags made as dictionaries and lists, as the bridge sends it.
+    """Convert a message of rosbags to dictionaries and lists, as the bridge sends it.
 
     >>> from rosbags.typesys import Stores, get_typestore
     >>> plain(get_typestore(Stores.ROS2_JAZZY).types["builtin_interfaces/msg/Time"](1, 2))
@@ -198,7 +197,7 @@ def _plain(value: Any) -> Any:
 
 
 def _value(value: Any, declared: Any, where: str, store: Any) -> Any:
-    """Return a value of a declared field: (kind of node, what of)."""
+    """Convert the value of a field declared as (kind of node, type)."""
     node, of = declared
     if node.name == "NAME":
         return typed(value, of, store)

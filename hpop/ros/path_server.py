@@ -1,6 +1,6 @@
-"""The action server: goals are accepted at once and planned in a thread, one at a time, the newest first.
+"""Action server: goals are accepted at once and planned in a thread, one at a time, the newest first.
 
-It knows messages, and no network: :mod:`hpop.ros.bridge` brings them.
+It only handles messages; :mod:`hpop.ros.bridge` does the networking.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from hpop.base.text import printable, shown
 from hpop.errors import RosError
 from hpop.ros import protocol
 from hpop.ros.messages import Message, PlanarPose, planar_pose
-from hpop.ros.planning import Planning
-from hpop.ros.protocol import Answer, ErrorCode, Failure, canceled, failed
+from hpop.ros.planning import GoalPlanner
+from hpop.ros.protocol import ErrorCode, Failure, GoalResult, canceled, failed
 from hpop.runtime.status import Progress, log
 
 Send = Callable[[str], None]
 ALIVE = 1.0  # s between two pieces of feedback, at least
-MOST_REMARKS = 20  # on messages that make no sense; who sends more does so on purpose
-FAREWELL = 10.0  # s for planning to be given up
+MOST_REMARKS = 20  # most complaints about invalid messages
+FAREWELL = 10.0  # s to wait until planning stops
 
 
 class _GivenUp(Exception):
-    """Planning that nobody waits for any more."""
+    """Planning that was aborted, since no client waits for it."""
 
 
 @dataclass(eq=False)
 class _Goal:
-    """A goal that was accepted.
+    """Goal that was accepted.
 
     id    of the protocol
-    args  its fields, as they came
-    open  whether its end is still to be told
+    args  its fields, as received
+    open  whether its result is still to be sent
     """
 
     id: str
@@ -46,17 +46,17 @@ class _Goal:
 
 @checked_arguments
 class PathServer:
-    """Answers the messages of a bridge; ``connected``, ``received`` and ``disconnected`` are called by one thread.
+    """Action server for a bridge; ``connected``, ``received`` and ``disconnected`` are called by one thread.
 
-    A goal that comes while another is planned takes its place, which is aborted: Nav2 asks anew every second. Messages
-    that make no sense are told once each, and ignored.
+    A new goal aborts the goal being planned, because Nav2 sends a new goal every second. Invalid messages are reported
+    once each, and ignored.
 
     Parameters
     ----------
-    say : is told, in a line of text, what happens
+    say : receives a line of text for each event
     """
 
-    def __init__(self, planning: Planning, *, say: Callable[[str], None] = log.info) -> None:
+    def __init__(self, planning: GoalPlanner, *, say: Callable[[str], None] = log.info) -> None:
         self.planning, self.known, self.say = planning, planning.known, say
         self._changed = Condition()
         self._send: Send | None = None
@@ -68,7 +68,7 @@ class PathServer:
         self._thread = Thread(target=self._plan, name="hpop-ros-planning", daemon=True)
         self._thread.start()
 
-    # Called with what the bridge brings
+    # Called by the bridge
 
     def connected(self, send: Send) -> None:
         """Offer the action on a new connection. ``send`` may be called by any thread, and raises nothing."""
@@ -78,18 +78,18 @@ class PathServer:
             send(protocol.encoded(message))
 
     def received(self, data: str | bytes) -> None:
-        """Take a message; one that makes no sense is remarked on and ignored."""
+        """Handle a message; an invalid one is reported and ignored."""
         try:
             message = protocol.parsed(data)
             take = self._ops().get(message["op"])
             if take is None:
-                raise RosError(f"op {shown(message['op'])}, which an action server is not told")
+                raise RosError(f"op {shown(message['op'])}, which an action server does not handle")
             take(message)
         except RosError as error:
             self._remark(f"ignored {error}")
 
     def disconnected(self) -> None:
-        """Drop all goals when the connection is lost: the bridge has aborted them."""
+        """Drop all goals when the connection is lost, since the bridge has aborted them."""
         with self._changed:
             self._send = None
             for goal in (self._next, self._now):
@@ -98,7 +98,7 @@ class PathServer:
             self._next = None
 
     def close(self) -> None:
-        """Give up what is planned, and end."""
+        """Abort planning, and end the thread."""
         with self._changed:
             self._closed = True
         self.disconnected()
@@ -144,10 +144,10 @@ class PathServer:
         if message.get("action") != self.known.action:
             raise RosError(f"a goal of action {shown(message.get('action'))}, which is not offered here")
 
-    # What is planned
+    # GoalPlanner
 
     def _plan(self) -> None:
-        """Plan one goal after the other, until all is over."""
+        """Plan one goal after another, until the server is closed."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._closed or self._next is not None)
@@ -162,8 +162,8 @@ class PathServer:
             with self._changed:
                 self._now = None
 
-    def _answer(self, goal: _Goal, robot: PlanarPose | None) -> Answer | None:
-        """Return the result of planning, None where no client waits for it; the server survives any error."""
+    def _answer(self, goal: _Goal, robot: PlanarPose | None) -> GoalResult | None:
+        """Return the result of planning a goal, None if no client waits for it; any error is caught."""
         told = monotonic()
 
         def follow(progress: Progress) -> None:
@@ -183,8 +183,8 @@ class PathServer:
             said = printable(f"{type(error).__name__}: {error}")
             return failed(self.known, Failure(ErrorCode.UNKNOWN, f"planning failed ({said})"), 0.0)
 
-    def _end(self, goal: _Goal, answer: Answer) -> None:
-        """Tell how a goal ended, once."""
+    def _end(self, goal: _Goal, answer: GoalResult) -> None:
+        """Send the result of a goal, once."""
         with self._changed:
             if not goal.open:
                 return
@@ -195,22 +195,22 @@ class PathServer:
         self.say(_line(goal, answer))
 
     def _tell(self, message: Message) -> None:
-        """Send a message, where there is somebody to send it to."""
+        """Send a message, if connected."""
         with self._changed:
             send = self._send
         if send is not None:
             send(protocol.encoded(message))
 
     def _remark(self, text: str) -> None:
-        """Tell what is wrong with messages, each kind once and not for ever."""
+        """Report a fault of messages, each kind once, up to a limit."""
         if text in self._remarks or len(self._remarks) > MOST_REMARKS:
             return
         self._remarks.add(text)
-        self.say(text if len(self._remarks) <= MOST_REMARKS else "of messages that make no sense no more are told")
+        self.say(text if len(self._remarks) <= MOST_REMARKS else "further invalid messages are not reported")
 
 
-def _line(goal: _Goal, answer: Answer) -> str:
-    """Return how a goal ended, in words."""
+def _line(goal: _Goal, answer: GoalResult) -> str:
+    """Describe the end of a goal in a line of text."""
     poses = len(answer.values["path"]["poses"])
     seconds = answer.values["planning_time"]["sec"] + 1e-9 * answer.values["planning_time"]["nanosec"]
     if answer.options is not None:

@@ -1,4 +1,4 @@
-"""A trajectory as a nav_msgs/Path, and a path as a trajectory."""
+"""Convert a trajectory to a nav_msgs/Path, and a path to a trajectory."""
 
 from __future__ import annotations
 
@@ -19,28 +19,28 @@ from hpop.trajectories.poses import Poses, nanoseconds, poses_at
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 APART = 0.05  # m between the poses of a path, at most; a cell of a usual map
-TURNED = np.deg2rad(45.0)  # between them, at most, so that it is clear which way round a turn goes
-FINE = 0.02  # s between the moments that are looked at
-STEPS = 8  # of these in each motion, at least
-SAME = 1e-9  # of what poses are apart: what has moved less has not
+TURNED = np.deg2rad(45.0)  # largest turn between poses, so that its direction is clear
+FINE = 0.02  # s between sampled times
+STEPS = 8  # least samples per motion
+SAME = 1e-9  # distance of poses below which nothing has moved
 
 
 def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) -> Poses:
-    """Return poses of a body where each motion begins and ends, and between these every 5 cm or 45 degrees.
+    """Return poses of a body at the ends of each motion, and between these every 5 cm or 45 degrees.
 
-    A turn in place has several poses at one position, bit for bit. What stands still has none of its own, unless the
-    poses are ``timed``: then the pose is there twice, when it is reached and when it is left.
+    A turn in place has several poses at exactly one position. A hold has no pose of its own, unless poses are
+    ``timed``: then its pose occurs twice, at the begin and the end of the hold.
 
     Parameters
     ----------
-    run : a plan, or an execution; ``planned`` says which
+    run : a plan if ``planned``, else an execution
     """
     durations = run.durations
     pieces = np.maximum(STEPS, np.ceil(durations / FINE)).astype(np.int64)
     owner = np.repeat(np.arange(len(run)), pieces)
     within = np.arange(owner.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     times = np.append(run.times[owner] + within * (durations / pieces)[owner], run.duration)
-    times, first = np.unique(times, return_index=True)  # motions that last no time
+    times, first = np.unique(times, return_index=True)  # drops motions of no duration
     owner, within = np.append(owner, len(run))[first], np.append(within, 0)[first]
     fine = poses_at(run, times, body=body, planned=planned)
     moved = np.linalg.norm(np.diff(fine.positions, axis=0), axis=1)
@@ -57,23 +57,23 @@ def spaced(run: Trajectory, body: str, *, planned: bool, timed: bool = False) ->
     return poses_at(run, times[chosen if timed else chosen[~again]], body=body, planned=planned)
 
 
-MOST_POSES = 20_000  # of a path, one every 5 cm: 1 km, below the 10 MB that a bridge takes (its max_message_size)
+MOST_POSES = 20_000  # 1 km at 5 cm, below the 10 MB of a bridge's max_message_size
 
 
 @checked_arguments
 def path_message(
     trajectory: Trajectory, *, frame_id: str = "map", planned: bool = False, timed: bool = False
 ) -> Message:
-    """The path of the base as a nav_msgs/Path: poses at the ends of motions, between these every 5 cm or 45 degrees.
+    """Return the path of the base as a nav_msgs/Path: poses at the ends of motions, and every 5 cm or 45 degrees.
 
-    A turn in place is a sequence of poses at one position, digit for digit. Stamps are 0, by which tf2 means the
-    newest transform, and what stands still has one pose: a path for a controller is geometry.
+    A turn in place is a sequence of poses at exactly one position. A path for a controller is geometry, so stamps are
+    0, which means the newest transform to tf2, and a hold has one pose.
 
     Parameters
     ----------
-    planned : as it was planned; else what the robot does, from rest to rest
-    timed : stamps are s and ns from the start, and a hold is a pose that is there twice, when it is reached and when it
-        is left. :func:`trajectory_of` reads it back; a controller that asks tf2 for these stamps fails
+    planned : write the planned motion; else the executed one, from rest to rest
+    timed : write stamps from the start, and the pose of a hold twice, at its begin and its end. :func:`trajectory_of`
+        reads this back; a controller that asks tf2 for these stamps fails
 
     Raises OptionError for a robot without a base.
 
@@ -97,20 +97,20 @@ def message_of(poses: Poses, frame_id: str, *, stamped: bool) -> Message:
 
 @checked_arguments
 def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
-    """Return turns and moves of a model through the poses of a nav_msgs/Path, as a planner would have planned them.
+    """Return the turns and moves of a model through the poses of a nav_msgs/Path, as a planner would plan them.
 
-    Poses in one line become one move, turns one after the other with one sign one turn. Between poses that differ in
-    place the robot turns to where the next one is, moves there, and turns to its heading. Where a pose is there twice
-    and the second has a later stamp, the robot holds. A path that :func:`path_message` made of a plan, timed, comes
-    back as that plan. Times other than those of holds are those of the model.
+    Poses on one line become one move, and successive turns in one direction one turn. Between different positions the
+    robot turns towards the next, moves there, and turns to its heading. A repeated pose with a later stamp is a hold. A
+    timed path from :func:`path_message` is converted back to its plan. Durations other than those of holds come from
+    the model.
 
-    Raises RosError for what is no path, has no pose, or more than 20,000; ModelError for a model whose states are not
-    x, y and yaw, and for holds of more than an hour in all.
+    Raises RosError for an invalid path, or one with 0 or more than 20,000 poses; ModelError for a model with states
+    other than x, y and yaw, and for holds of more than an hour in total.
     """
     if model.space.names != ("x", "y", "yaw"):
         raise ModelError(f"a path has poses (x m, y m, yaw rad), which are no states of this model: {model.space}")
     rows, times = _read(path)
-    way = _Way(rows[0].tolist())
+    way = _MotionSequence(rows[0].tolist())
     for i in range(1, len(rows)):
         x, y, yaw = rows[i].tolist()
         turned = yaw - rows[i - 1, 2] + wrap(rows[i - 1, 2] - way.yaw)
@@ -124,8 +124,8 @@ def trajectory_of(path: Mapping[str, Any], model: Model) -> Trajectory:
     return way.of(model)
 
 
-class _Way:
-    """States and motions as they come, x, y, yaw and the clock of holds; one that goes on as the last makes it longer.
+class _MotionSequence:
+    """Sequence of states (x, y, yaw, clock of holds) and motions; a motion that continues the last one extends it.
 
     kinds  (n,) of the motions
     """
@@ -154,7 +154,7 @@ class _Way:
             self._put("turn", (x, y, yaw + change, clock), goes_on)
 
     def move(self, to_x: float, to_y: float) -> None:
-        """Turn to a place, m, and move there."""
+        """Turn to a position, m, and move there."""
         if self._last() == "move":
             from_x, from_y, yaw, clock = self._states[-2]
             along = (to_x - from_x) * np.cos(yaw) + (to_y - from_y) * np.sin(yaw)
@@ -171,7 +171,7 @@ class _Way:
         self._put("hold", (x, y, yaw, clock + seconds), self._last() == "hold")
 
     def of(self, model: Model) -> Trajectory:
-        """Return the trajectory of a model that goes so."""
+        """Return the trajectory of a model along these states."""
         columns = np.array(self._states).T[: 4 if "hold" in self.kinds else 3]
         states = States(**dict(zip((*model.space.names, CLOCK), columns, strict=False)))
         return Trajectory(model, states, tuple(self.kinds))
@@ -188,7 +188,7 @@ class _Way:
 
 
 def _read(path: Any) -> tuple[FloatArray, list[int]]:
-    """Return poses (N, 3), x, y and continuous yaw, and their stamps in ns."""
+    """Return the poses (N, 3), x, y and continuous yaw, of a path, and their stamps in ns."""
     given = mapping(path, "the path").get("poses")
     if not isinstance(given, list | tuple) or not 0 < len(given) <= MOST_POSES:
         size = f"{len(given):,}" if isinstance(given, list | tuple) else "none"

@@ -1,4 +1,4 @@
-"""What a goal of ComputePathToPose asks, planned: from a message to the path of the trajectory that is chosen."""
+"""Plan the goals of ComputePathToPose: from a goal message to the path of the chosen trajectory."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.problems.problem import Problem
 from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
-from hpop.ros.protocol import LONGEST_CHOICE, Answer, ErrorCode, Failure, GoalStatus, Interface, failed, values_of
+from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure, GoalResult, GoalStatus, Interface, failed, values_of
 from hpop.runtime.status import ProgressCallback, Status, why_none
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
-MOST_OPTIONS = 500  # points of a front that are told
+MOST_OPTIONS = 500  # most points of a front in a message
 OF = ("x", "y", "yaw")
 CODES = {Status.NO_PATH: ErrorCode.NO_VALID_PATH, Status.TIME_LIMIT: ErrorCode.TIMEOUT}
 
 
 @checked_arguments
-class Planning:
-    """Answers goals: the question of a problem, asked from elsewhere to elsewhere.
+class GoalPlanner:
+    """Planner of goals: a problem with start and goal from ROS.
 
-    problem   world, model and criteria; what a pose does not say of start and goal, such as a head's angles, is as here
-    planners  whose joint front is chosen from
+    problem   world, model and criteria; start and goal also give the states that no pose has, such as a head's angles
+    planners  that make one front together
     known     names in ROS
 
-    Raises OptionError for a robot without a base that has a place and a heading.
+    Raises OptionError for a robot without a base with position and heading.
     """
 
     def __init__(self, problem: Problem, planners: Sequence[Planner], known: Interface) -> None:
@@ -51,9 +51,9 @@ class Planning:
         self.names: tuple[str, ...] = ()
 
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
-        """The front of the problem's own question: what it takes is compiled then, and errors come before goals do.
+        """Solve the problem itself, so that kernels are compiled and errors raised before the first goal.
 
-        Raises UnknownName where an empty planner_id would mean no point of it.
+        Raises UnknownName if the default choice is no point of its front.
         """
         front = self.problem.solve(self.planners, progress=progress)
         self.names = front.names
@@ -61,13 +61,13 @@ class Planning:
             raise UnknownName(f"choice is {shown(self.known.choice)}, which is none of {self._choices()}")
         return front
 
-    def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> Answer:
-        """Return the answer to the fields of a goal; where there is none, what went wrong.
+    def answer(self, goal: Any, robot: PlanarPose | None, progress: ProgressCallback | None = None) -> GoalResult:
+        """Return the result for the fields of a goal: a path, or the reason why there is none.
 
         Parameters
         ----------
-        robot : where the robot is, as far as that is known, for goals that do not say where to begin
-        progress : called now and then; what it raises ends the planning
+        robot : pose of the robot, if known, for goals without a start
+        progress : called regularly; an exception that it raises ends planning
         """
         began = perf_counter()
         try:
@@ -82,10 +82,10 @@ class Planning:
         except Failure as failure:
             return failed(self.known, failure, perf_counter() - began)
         values = values_of(self.known, path, perf_counter() - began)
-        return Answer(GoalStatus.SUCCEEDED, values, options_of(front, row))
+        return GoalResult(GoalStatus.SUCCEEDED, values, options_of(front, row))
 
     def _choice(self, planner_id: Any) -> str:
-        """Return the choice of a goal; an impossible choice is refused before planning."""
+        """Return the choice of a goal; an impossible one is refused before planning."""
         if not isinstance(planner_id, str) or len(planner_id) > LONGEST_CHOICE:
             raise Failure(ErrorCode.INVALID_PLANNER, f"planner_id is a short text, got {shown(planner_id)}")
         choice = choice_of(planner_id or self.known.choice)
@@ -124,7 +124,7 @@ class Planning:
         return pose
 
     def _solved(self, start: PlanarPose, end: PlanarPose, progress: ProgressCallback | None) -> Front:
-        """Return the front between two poses, which has points."""
+        """Return the front between two poses; Failure if it has no points."""
         own = self.problem
         whole = own.goal if isinstance(own.goal, tuple) else own.start
         begin, finish = self._state(own.start, start), self._state(whole, end)
@@ -133,7 +133,7 @@ class Planning:
         try:
             problem = Problem(own.world, own.model, cast(Any, begin), finish, own.criteria, quanta=own.quanta)
             front = problem.solve(self.planners, progress=progress)
-        except QueryError as error:  # free, but out of reach
+        except QueryError as error:  # free, but unreachable
             raise Failure(ErrorCode.NO_VALID_PATH, str(error)) from None
         except LimitError as error:
             raise Failure(ErrorCode.TIMEOUT, str(error)) from None
@@ -148,12 +148,12 @@ class Planning:
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:
-        """Return a state of the robot: the pose of its base, all else as in another."""
+        """Return a state of the robot with the pose of its base; other values are those of ``whole``."""
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
     def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
-        """Raise Failure for a state off the map or in an obstacle; an angle that is free is taken from the start."""
+        """Raise Failure for a state off the map or in an obstacle; a free angle takes the start's value."""
         own = self.problem
         space = own.model.space
         full = [own.start[i] if value is None else value for i, value in enumerate(values)]
@@ -165,7 +165,7 @@ class Planning:
 
 
 def choice_of(planner_id: str) -> str:
-    """Return the point of a front that a planner_id means: "knee", the name of a criterion, or a row's number.
+    """Return the point of a front that a planner_id names: "knee", the name of a criterion, or a row's number.
 
     >>> choice_of("fewest turns"), choice_of("least_personal_space"), choice_of("knee")
     ('turns', 'personal_space', 'knee')
@@ -177,7 +177,7 @@ def choice_of(planner_id: str) -> str:
 def options_of(front: Front, chosen: NamedRow) -> Message:
     """Describe a front: the costs of its points, named points, the chosen point, and the claim.
 
-    Of more than 500 points it tells 500, evenly, and those worth a name.
+    A front of more than 500 points is reduced to 500 evenly spaced ones and the named ones.
     """
     named = {name: point.index for name, point in front.named().items()}
     rows = np.unique(np.linspace(0, len(front) - 1, min(len(front), MOST_OPTIONS)).round().astype(int))

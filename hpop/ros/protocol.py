@@ -1,8 +1,8 @@
-"""Messages of the rosbridge v2 protocol and of ComputePathToPose, as far as an action server needs them; pure.
+"""Messages of the rosbridge v2 protocol and of ComputePathToPose that an action server needs.
 
 Written from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite, commit 01cc6a1, sections 3.2.1 to 3.2.5 (topics)
-and 3.2.10 to 3.2.15 (actions). A message that comes in is bounded before it is parsed, and is an object with an
-``op``, or is ignored.
+and 3.2.10 to 3.2.15 (actions). An incoming message is bounded in size before it is parsed, and is ignored unless it is
+an object with an ``op``.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from hpop.frontier import strict_json
 from hpop.ros.messages import SECOND, Message, header, stamp
 
 NAME = re.compile(r"[A-Za-z/][A-Za-z0-9_/]{0,199}")
-FRAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}")  # it stands in each pose of a path
+FRAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_/.-]{0,99}")  # it is repeated in each pose of a path
 POSES = (
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     "geometry_msgs/msg/PoseStamped",
@@ -42,17 +42,17 @@ FIELDS = {
 @checked_arguments
 @dataclass(frozen=True)
 class Interface:
-    """How the planner appears in ROS.
+    """Names of the planner in ROS.
 
-    action         name of the action, which must be no other server's
-    distribution   of ROS 2, whose nav2_msgs the bridge has
-    frame_id       frame of the map, in which goals are taken and paths given
-    pose_topic     where the robot's pose in that frame is told, for goals with ``use_start`` false
+    action         name of the action, which no other server may have
+    distribution   distribution of ROS 2 with the nav2_msgs of the bridge
+    frame_id       frame of the map, of goals and paths
+    pose_topic     topic of the robot's pose in that frame, for goals with ``use_start`` false
     pose_type      of its messages, one of three
-    options_topic  where the front of each plan is told, as JSON in a std_msgs/msg/String
-    choice         what an empty planner_id means
+    options_topic  topic for the front of each plan, as JSON in a std_msgs/msg/String
+    choice         meaning of an empty planner_id
 
-    Raises OptionError for a name that is none.
+    Raises OptionError for an invalid name.
     """
 
     action: str = "/hpop/compute_path_to_pose"
@@ -81,7 +81,7 @@ class Interface:
 
 ACTION = "nav2_msgs/action/ComputePathToPose"
 TEXT = "std_msgs/msg/String"
-MOST_BYTES = 2**20  # of a message that comes in: a goal has 1 kB
+MOST_BYTES = 2**20  # of an incoming message; a goal has 1 kB
 LONGEST_ID = 1000  # characters
 THROTTLE = 100  # ms between two poses of the robot, at least
 
@@ -95,9 +95,9 @@ class GoalStatus(IntEnum):
 
 
 def parsed(data: str | bytes) -> Mapping[str, Any]:
-    """A message that came in: an object whose ``op`` is text. Raises RosError for anything else, however it is made."""
+    """Parse an incoming message, an object with an ``op`` that is text; RosError for anything else."""
     if isinstance(data, bytes):
-        raise RosError("a binary message, which is asked for nowhere")
+        raise RosError("a binary message, which was not requested")
     if len(data) > MOST_BYTES:
         raise RosError(f"a message of {len(data):,} characters, more than the {MOST_BYTES:,} that are taken")
     try:
@@ -112,17 +112,17 @@ def parsed(data: str | bytes) -> Mapping[str, Any]:
 
 
 def goal_id(message: Mapping[str, Any]) -> str:
-    """Return the id of a goal, which the protocol lets be text or a whole number; RosError for what is neither."""
-    given = message.get("id")
-    if isinstance(given, int) and not isinstance(given, bool):
-        given = str(given)
-    if not isinstance(given, str) or not 0 < len(given) <= LONGEST_ID:
-        raise RosError(f"a goal has an id, got {shown(given)}")
-    return given
+    """Return the id of a goal, which may be text or a whole number in the protocol; RosError otherwise."""
+    identifier = message.get("id")
+    if isinstance(identifier, int) and not isinstance(identifier, bool):
+        identifier = str(identifier)
+    if not isinstance(identifier, str) or not 0 < len(identifier) <= LONGEST_ID:
+        raise RosError(f"a goal has an id, got {shown(identifier)}")
+    return identifier
 
 
 def encoded(message: Message) -> str:
-    """Return a message as it is sent."""
+    """Encode a message as JSON text."""
     return json.dumps(message, allow_nan=False, separators=(",", ":"))
 
 
@@ -156,10 +156,10 @@ def feedback(known: Interface, goal: str) -> Message:
 
 
 def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> Message:
-    """Return how a goal ended.
+    """Return the message with the result of a goal.
 
-    ``result`` is true whatever the status: where it is false the bridge throws the values away, error code and all, and
-    aborts the goal (rosbridge_library/capabilities/action_result.py, commit 1101795); it takes the status from here.
+    ``result`` is always true, because for false the bridge drops the values with the error code, and aborts the goal
+    (rosbridge_library/capabilities/action_result.py, commit 1101795). The bridge takes the status from ``status``.
     """
     told = {"op": "action_result", "id": goal, "action": known.action, "values": values}
     return {**told, "status": int(status), "result": True}
@@ -174,7 +174,7 @@ LONGEST = 1000  # characters of an error's message
 
 
 class ErrorCode(IntEnum):
-    """What went wrong, as numbered since Iron (docs.ros.org, nav2_msgs of Iron, Jazzy and Kilted); Humble has none."""
+    """Error codes of nav2_msgs since Iron (docs.ros.org: Iron, Jazzy and Kilted); Humble has none."""
 
     NONE = 0
     UNKNOWN = 200
@@ -189,15 +189,15 @@ class ErrorCode(IntEnum):
 
 
 class Failure(Exception):
-    """A goal that has no path: the code, and why, in words."""
+    """Goal without a path: the error code, and the reason in words."""
 
     def __init__(self, code: ErrorCode, why: str) -> None:
         super().__init__(why)
         self.code, self.why = code, why
 
 
-class Answer(NamedTuple):
-    """How a goal ended: its status, the fields of the result, and the front that is told beside it, if there is one."""
+class GoalResult(NamedTuple):
+    """Result of a goal: its status, the fields of the result, and the front sent with it, if any."""
 
     status: GoalStatus
     values: Message
@@ -207,7 +207,7 @@ class Answer(NamedTuple):
 def values_of(
     known: Interface, path: Message | None, seconds: float, code: ErrorCode = ErrorCode.NONE, why: str = ""
 ) -> Message:
-    """Return the fields of a result that the distribution has; without a path an empty one."""
+    """Return the fields of a result that the distribution has; without a path, an empty path."""
     whole: Message = {
         "path": path or {"header": header(0, known.frame_id), "poses": []},
         "planning_time": stamp(round(seconds * SECOND)),
@@ -217,11 +217,11 @@ def values_of(
     return {name: whole[name] for name in FIELDS[known.distribution]}
 
 
-def failed(known: Interface, failure: Failure, seconds: float) -> Answer:
-    """Return a goal that was aborted, and why."""
-    return Answer(GoalStatus.ABORTED, values_of(known, None, seconds, failure.code, failure.why))
+def failed(known: Interface, failure: Failure, seconds: float) -> GoalResult:
+    """Return the result of an aborted goal, with the reason."""
+    return GoalResult(GoalStatus.ABORTED, values_of(known, None, seconds, failure.code, failure.why))
 
 
-def canceled(known: Interface) -> Answer:
-    """Return a goal that was given up because its client asked for that."""
-    return Answer(GoalStatus.CANCELED, values_of(known, None, 0.0))
+def canceled(known: Interface) -> GoalResult:
+    """Return the result of a goal that its client canceled."""
+    return GoalResult(GoalStatus.CANCELED, values_of(known, None, 0.0))

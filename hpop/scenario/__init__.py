@@ -8,28 +8,28 @@
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
     start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}
-    goal: [21.0, 9.0, any]                  # any: every heading will do; a list of goals: any of them will do
-    # goal: {look_at: {target: [21, 9, 1.5], distance: [0.8, 2]}}    # or what a body shall be at (`hpop goals`)
+    goal: [21.0, 9.0, any]                  # any: any heading; a list of goals: any of them
+    # goal: {look_at: {target: [21, 9, 1.5], distance: [0.8, 2]}}    # or a goal for a body (`hpop goals`)
     criteria: [obstruction, turns, length]  # a name, or {name: {parameter: value}}
     planner:
       lattice: {step: 0.25}
-    quanta: {length: 0.001}                 # from here on all is optional: steps in which costs are compared
+    quanta: {length: 0.001}                 # optional, as all below: steps in which costs are compared
     people:
       - {x: 8.0, y: 5.0, yaw: 90 deg, name: Ada}
       - {x: 8.0, y: 6.2, yaw: -90 deg}
-      - {x: 12.0, y: 4.0, velocity: [-0.8, 0], growth: 0.1}       # ever less surely there: 0.1 m more each second
-      - {waypoints: [[0, 2, 7], [5, 6, 7], [9, 6, 3]], afterwards: stays}     # t s, x m, y m; then she stays there
+      - {x: 12.0, y: 4.0, velocity: [-0.8, 0], growth: 0.1}       # less certain by 0.1 m each second
+      - {waypoints: [[0, 2, 7], [5, 6, 7], [9, 6, 3]], afterwards: stays}     # t s, x m, y m; then stays there
       - {x: 9.0, y: 5.0, futures: [{weight: 3, velocity: [0, 1]}, {weight: 1}]}     # goes on, or stands
-      - {track: visitors.csv, frame_rate: 25, begin: 60}          # what a camera recorded, from its second 60 on
+      - {track: visitors.csv, frame_rate: 25, begin: 60}          # recorded by a camera, from second 60 on
     horizon: 8                              # s, up to which people are predicted
-    groups: [[Ada, 1]]                      # who talk with each other: places, counted from 0, or names
+    groups: [[Ada, 1]]                      # people in conversation: indices from 0, or names
     landmarks:
       - {x: 15.0, y: 9.5, z: 1.6, facing: -90 deg, weight: 2, name: door}
     zones:
       - {kind: speed, area: [[3, 3], [6, 3], [6, 6]], limit: 0.5}
       - {kind: keep-out, area: [[9, 1], [10, 1], [10, 2]]}
       - {kind: one-way, area: [[3, 7], [9, 7], [9, 9], [3, 9]], path: [[3, 8], [9, 8]]}
-    choose: {preference: p07.json}          # what this person prefers is marked "for you"; `hpop prefer` wrote the file
+    choose: {preference: p07.json}          # marks the best "for you"; from `hpop prefer`
 
 Every choice is one name with its parameters; paths are relative to the scenario file.
 """
@@ -94,7 +94,7 @@ SHAPES = ("box", "cylinder", "sphere", "hull")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Scenario:
-    """What a scenario file asks for."""
+    """Problem, planners and preference of a scenario file."""
 
     problem: Problem
     planners: tuple[Planner, ...]
@@ -105,10 +105,10 @@ class Scenario:
 def load_scenario(path: str | Path) -> Scenario:
     """Read, check and build a scenario.
 
-    Everything but the world is checked before anything is reported: all faults at once, in the order of the file, each
-    with file, line and key. One kind of fault is raised as what it is (UnknownName, ModelError, CriterionError,
-    OptionError, QueryError), the file's form and several kinds together as ScenarioError; then MapError for the world,
-    and LimitError where reading it passes the limits of all planners.
+    Everything but the world is checked first, and all faults are reported at once, in the order of the file, each with
+    file, line and key. Faults of one kind are raised as that kind (UnknownName, ModelError, CriterionError,
+    OptionError, QueryError); faults of the file's form, or of several kinds, as ScenarioError. Then follow MapError for
+    the world, and LimitError if reading it passes the limits of all planners.
     """
     document = Document(Path(path))
     given, faults = document.values, Faults(document)
@@ -179,7 +179,7 @@ def load_scenario(path: str | Path) -> Scenario:
 
 @contextmanager
 def _reading(spending: Spending) -> Iterator[None]:
-    """Keep the limits of a run while the world is read; raise LimitError where one is passed."""
+    """Enforce the limits of a run while the world is read; LimitError if one is passed."""
     try:
         with limits.within(spending):
             yield
@@ -191,7 +191,7 @@ def _reading(spending: Spending) -> Iterator[None]:
 
 
 def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Sequence[Criterion]) -> Preference | None:
-    """Return the preference whose choice is marked, if any; it must weigh no cost that the front lacks."""
+    """Return the preference that marks a point "for you", if any; it must weigh only costs of the front."""
     if choose is None:
         return None
     place = ("choose", "preference")
@@ -215,19 +215,19 @@ def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Seq
 
 
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
-    """Return a landmark as an entry says."""
+    """Build a landmark from an entry."""
     return Landmark(**{**_given(entry), "facing": faults.angle(entry.facing, (*place, "facing"), "a direction")})
 
 
 def _solid_entries(given: Any) -> Any:
-    """Return the entries of a world of solids, if the world is one."""
+    """Return the entries of a world of solids; None for another world."""
     for key in ("world", "solids", "obstacles"):
         given = given.get(key) if isinstance(given, dict) else None
     return given
 
 
 def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
-    """Return a solid as an entry says."""
+    """Build a solid from an entry."""
     shapes = [name for name in SHAPES if getattr(entry, name) is not None]
     if len(shapes) != 1:
         faults.add(place, f"give exactly one of {', '.join(SHAPES)}; got {' and '.join(shapes) or 'none'}")
@@ -249,18 +249,18 @@ def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
 
 
 def _given(entry: BaseModel) -> dict[str, Any]:
-    """Return the values of an entry, without defaults."""
+    """Return the values set in an entry, without defaults."""
     return {key: getattr(entry, key) for key in entry.model_fields_set}
 
 
 def _zone(entry: ZoneEntry, place: Place) -> Zone:
-    """Return a zone as an entry says."""
+    """Build a zone from an entry."""
     path = None if entry.path is None else shapely.LineString(entry.path)
     return Zone(**{**_given(entry), "area": shapely.Polygon(entry.area), "path": path})
 
 
 def _plugin_reader(section: Any) -> str | None:
-    """Return the reader of an installed package that a world section names, if it names one."""
+    """Return the reader of an installed package that a world section names, or None."""
     if not isinstance(section, dict) or len(section) != 1:
         return None
     (name,) = section
@@ -268,7 +268,7 @@ def _plugin_reader(section: Any) -> str | None:
 
 
 def _furnished(world: World, section: WorldSection, folder: Path, content: Content) -> World:
-    """Return a world with people, landmarks and zones, those in files of its section included."""
+    """Return a world with people, landmarks and zones, including those in files of its section."""
     landmarks, zones = content.landmarks, content.zones
     if section.geojson is not None:
         given = section.geojson
@@ -276,7 +276,7 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
             role: [_content_file(file, folder) for file in (named if isinstance(named, list) else [named])]
             for role, named in (("landmarks", given.landmarks), ("flows", given.flows), ("zones", given.zones))
         }
-        found = cast(dict[str, Any], world.source)["options"]  # what was not given is known now
+        found = cast(dict[str, Any], world.source)["options"]  # including options that the reader determined
         placed = {key: found.get(key) for key in ("scale", "origin", "units", "crs")}
         read, notes = geojson_content.read(**paths, **placed, width=given.flow_width)
         landmarks, zones = read.landmarks + landmarks, read.zones + zones
@@ -287,7 +287,7 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
 
 
 def _content_file(file: str | ContentFile, folder: Path) -> Path | dict[str, Any]:
-    """Return a file of landmarks, flows or zones as its reader takes it; its path is relative to the folder."""
+    """Return a file of landmarks, flows or zones as its reader takes it, with its path resolved from the folder."""
     return folder / file if isinstance(file, str) else {"path": folder / file.path, "where": file.where}
 
 
@@ -297,7 +297,7 @@ def _with_notes(world: World, notes: tuple[str, ...]) -> World:
 
 
 def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> World:
-    """Return the world of a section as its reader gives it; paths are relative to the folder."""
+    """Return the world of a section without content; paths are relative to the folder."""
     name, given = next((name, value) for name, value in section if value is not None)
     if isinstance(given, MapFile):
         options = {key: value for key, value in _given(given).items() if key not in given.beside}

@@ -1,17 +1,17 @@
-"""Events of a drive in YAML: what happens when, with errors that name the entry, the line and the fix.
+"""Read the events of a drive from YAML; errors name the entry, the line and the fix.
 
 ::
 
-    choice: knee                            # what is driven: knee, least NAME, or a row; the knee if left out
+    choice: knee                            # row to drive: knee, least NAME, or a number [knee]
     events:
-      - {at: 4, close: east door}           # a named zone of the map; or corners, m, with a name to open them by
+      - {at: 4, close: east door}           # a named zone of the map; or corners, m, with a name
       - {at: 6, close: [[3, 2], [4, 2], [4, 3]], name: wet floor}
       - {at: 8, stop: Ada}                  # stands from now on
-      - {at: 9, people: [{x: 8, y: 5, velocity: [-0.8, 0]}]}    # all who are there now, as in a scenario
+      - {at: 9, people: [{x: 8, y: 5, velocity: [-0.8, 0]}]}    # all people from now on, as in a scenario
       - {at: 11, wish: fewer turns}         # or hurry, or shares of costs: {duration: -0.2}
       - {at: 12, take: least length}        # one of the options: knee, least NAME, or its number
       - {at: 14, open: wet floor}
-      - {at: 15, options: true}             # they are only looked at
+      - {at: 15, options: true}             # only show the options
 
 Times are seconds since the robot left, in order.
 """
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 class EventEntry(BaseModel):
-    """An event: when, and exactly one thing that happens."""
+    """Event: a time, and exactly one action."""
 
     model_config = STRICT
     at: float = Field(ge=0)
@@ -56,7 +56,7 @@ class EventEntry(BaseModel):
 
 
 class EventsFile(BaseModel):
-    """The keys of an events file."""
+    """Keys of an events file."""
 
     model_config = STRICT
     choice: str | int = "knee"
@@ -64,11 +64,11 @@ class EventsFile(BaseModel):
 
 
 class Script(NamedTuple):
-    """What is driven, and what happens on the way.
+    """Row to drive, and the events on its way.
 
     choice  a name or number of a front's row
     events  in order of time
-    notes   what its files are noted for
+    notes   on the files
     """
 
     choice: str | int
@@ -77,9 +77,9 @@ class Script(NamedTuple):
 
 
 def load_events(path: str | Path, problem: Problem | None = None, names: Sequence[str] = ()) -> Script:
-    """Read and check an events file; ScenarioError, or another error of hpop, with all that is wrong, by line.
+    """Read and check an events file; errors, mostly ScenarioError, list all faults by line.
 
-    With a problem, and the names of its front's costs, also what a drive of it does not know: doors, people, costs.
+    With a problem, and the names of its front's costs, doors, people and costs unknown to its drive are faults too.
     """
     document = Document(Path(path))
     faults = Faults(document)
@@ -102,7 +102,7 @@ def load_events(path: str | Path, problem: Problem | None = None, names: Sequenc
 
 
 def _know(faults: Faults, events: Sequence[Event], problem: Problem, names: Sequence[str]) -> None:
-    """Note doors, people and costs that a drive does not know when they are told."""
+    """Note doors, people and costs that are unknown at the time of their event."""
     there = DriveSurroundings.of(problem, 0.0)
     for i, event in enumerate(events):
         place = ("events", i, event.kind)

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario file, said with line, key and the way out, all of it at once."""
+"""Faults of a scenario file, each with line, key and fix, reported together."""
 
 from __future__ import annotations
 
@@ -48,14 +48,14 @@ T = TypeVar("T")
 
 
 def entries(value: Any) -> list[Any]:
-    """Return the entries of a list; none of what is no list, which the file's schema says."""
+    """Return the entries of a list; none for another value, which the schema reports."""
     return value if isinstance(value, list) else []
 
 
 class Faults:
-    """What is wrong with a scenario, collected so that all of it is said at once.
+    """Collector of a scenario's faults, so that all are reported together.
 
-    notes  what the files beside it are noted for, though nothing is wrong
+    notes  on files that the scenario names
     """
 
     def __init__(self, document: Document) -> None:
@@ -64,15 +64,15 @@ class Faults:
         self.notes: list[str] = []
 
     def beside(self, path: str) -> Path:
-        """Return a path that the scenario gives relative to its folder."""
+        """Return a path of the scenario, resolved from its folder."""
         return self._document.path.parent / path
 
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
-        """Note a fault at a place of the file."""
+        """Note a fault at a position in the file."""
         self._found.append((self._document.line(place), kind(f"{self._document.where(place)}: {text}")))
 
     def raise_all(self) -> None:
-        """Raise what was collected, in the order of the file: as its own kind if there is one only."""
+        """Raise the collected faults in the order of the file: as their own kind if it is only one."""
         if not self._found:
             return
         errors = [error for _, error in sorted(self._found, key=lambda fault: fault[0])]
@@ -84,7 +84,7 @@ class Faults:
 
     @contextmanager
     def collected(self, place: Place) -> Iterator[None]:
-        """Note what the parts of hpop, or a plugin's constructor, say of a value."""
+        """Note errors that hpop, or a plugin's constructor, raises about a value."""
         try:
             yield
         except HpopError as error:
@@ -93,7 +93,7 @@ class Faults:
             self.add(place, str(error))
 
     def validated(self, schema: type[BaseModel], values: Any, place: Place) -> Any:
-        """Return values checked against a schema, strictly; None after noting one fault a place."""
+        """Validate values strictly against a schema; return None after noting one fault per position."""
         try:
             return schema.model_validate_json(json.dumps(values), context={"folder": str(self._document.path.parent)})
         except ValidationError as error:
@@ -103,12 +103,12 @@ class Faults:
             below = any(other[: len(where)] == where != other for other in places)
             here = [fault for at, fault in details if at == where]
             if below and all(map(_expected, here)):
-                continue  # the branches of a choice that do not fit what was meant
+                continue  # the alternatives that were not meant
             self.add(where, _said(schema, where[len(place) :], here))
         return None
 
     def _place(self, place: Place, loc: tuple[str | int, ...]) -> Place:
-        """Place in the file of a fault, without the names that pydantic gives to the branches of a choice."""
+        """Return the position of a fault in the file, without pydantic's names for alternatives."""
         for key in loc:
             here = (*place, key)
             branch = isinstance(key, str) and (
@@ -119,7 +119,7 @@ class Faults:
         return place
 
     def one_world(self, section: Any) -> None:
-        """Check that the world is given in exactly one way."""
+        """Check that exactly one world is given."""
         if isinstance(section, dict):
             ways = list(WorldSection.model_fields)
             given = [name for name in ways if section.get(name) is not None]
@@ -134,7 +134,7 @@ class Faults:
             self.add(("world",), f"name its reader as well: {{{reader}: {{path: {shown(section)}}}}}")
 
     def no_map(self) -> None:
-        """Refuse a map in place of a scenario."""
+        """Raise ScenarioError if the file is a map instead of a scenario."""
         given = self._document.values
         a_ros_map, a_geojson = {"image", "resolution"} <= given.keys(), "features" in given
         if "world" not in given and (a_ros_map or a_geojson):
@@ -145,9 +145,9 @@ class Faults:
             )
 
     def built(self, registry: Registry[type], spec: Any, place: Place) -> object:
-        """Return an object of a registry from a name, or from one name with its parameters, checked by their types."""
+        """Build an object of a registry from a name, or from a name with parameters, which are checked by type."""
         if not isinstance(spec, str | dict):
-            return None  # the file's schema says so
+            return None  # the file's schema reports it
         if len(named := {spec: {}} if isinstance(spec, str) else spec) != 1:
             several = "; several planners are written as a list, each with a dash"
             got = (", ".join(named) or "none") + several * bool(named and place[0] == "planner")
@@ -167,9 +167,9 @@ class Faults:
         return None
 
     def state(self, given: Any, place: Place, space: StateSpace | None) -> dict[str, Any] | None:
-        """A start or goal by name, angles in rad; a goal's may be free (None). None after noting what is wrong with it.
+        """Return a start or goal by name, angles in rad, a goal's free ones None; None after noting a fault.
 
-        Without a space, since the model is wrong, angles are looked at alone.
+        Without a space, because the model is faulty, only angles are checked.
         """
         what = str(place[0])
         if space is None:
@@ -180,7 +180,7 @@ class Faults:
         if isinstance(given, str) and (space.named or space.unnamed):
             with self.collected(place):
                 called = space.called(given, what)
-                space.state(called, free=space.angles, what=what)  # refused here, where the name stands
+                space.state(called, free=space.angles, what=what)  # refused here, where the name is given
                 return dict(zip(space.names, called, strict=True))
             return None
         by_name = isinstance(given, dict)
@@ -210,7 +210,7 @@ class Faults:
         return 0.0
 
     def goal(self, given: Any, place: Place, model: Model | None) -> Any:
-        """Return a goal, or a list of those of which any will do."""
+        """Return a goal, or a list of alternative goals."""
         speaks = model is not None and (model.space.named or model.space.unnamed)
         kinds = (list, dict, str) if speaks else (list, dict)
         if isinstance(given, list) and given and all(isinstance(entry, kinds) for entry in given):
@@ -243,7 +243,7 @@ class Faults:
     def made(
         self, given: Any, within: Place, schema: type[BaseModel], make: Callable[[Any, Place], T]
     ) -> list[T | None]:
-        """Return the values of a list's entries; None after noting a fault of one."""
+        """Build the values of a list's entries; None for entries with a fault, which is noted."""
         things: list[T | None] = []
         for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
             things.append(None)
@@ -255,13 +255,13 @@ class Faults:
 
 
 def _may_be(value: Any, angle: bool) -> bool:
-    """Return whether a value may be that of a column: a finite number, of an angle also text."""
+    """Return whether a value is valid in a column: a finite number, or for an angle also text."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
     return number or (angle and isinstance(value, str))
 
 
 def _form(space: StateSpace, what: str) -> str:
-    """Return how a start or goal is written."""
+    """Describe how a start or goal is written."""
     *units, last = dict.fromkeys(space.units) if len(set(space.units)) == 1 else space.units
     angle = next((name for name in space.names if name in space.angles), "")
     degrees = f" (or {article(angle)} such as 90 deg{', or any' * (what == 'goal')})" * bool(angle)
@@ -270,7 +270,7 @@ def _form(space: StateSpace, what: str) -> str:
 
 
 def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
-    """Return one line on all that is wrong at one place."""
+    """Describe all faults at one position in one line."""
     fault = next((one for one in faults if not _expected(one)), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
@@ -305,13 +305,13 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
 
 
 def _whole(fault: Any) -> tuple[str | int, ...]:
-    """Return where a fault is told: entries that lack of a short list are told of the list."""
+    """Return the position at which a fault is reported: a missing entry of a short list is reported for the list."""
     loc: tuple[str | int, ...] = fault["loc"]
     return loc[:-1] if fault["type"] == "missing" and isinstance(loc[-1], int) else loc
 
 
 def _expected(fault: Any) -> str:
-    """Return the expectation of pydantic's error in hpop's words, "" where pydantic's message says it."""
+    """Return the expectation of pydantic's error in plain words, or "" if pydantic's message states it."""
     return str(fault["ctx"]["expected"]) if fault["type"] == "literal_error" else EXPECTED.get(fault["type"], "")
 
 
@@ -327,7 +327,7 @@ def _note(got: Any) -> str:
 
 
 def _schema_at(schema: Any, loc: Place) -> Any:
-    """Return the schema of what stands at a place."""
+    """Return the schema at a position."""
     for key in loc:
         annotation = getattr(schema.model_fields.get(key), "annotation", None) if isinstance(key, str) else schema
         inner = [a for a in _flat(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
@@ -336,12 +336,12 @@ def _schema_at(schema: Any, loc: Place) -> Any:
 
 
 def _keys_at(schema: Any, loc: Place) -> list[str]:
-    """Return keys that a schema knows at a place."""
+    """Return the keys that a schema has at a position."""
     return list(_schema_at(schema, loc).model_fields)
 
 
 def _numbers_at(schema: Any, loc: Place) -> int:
-    """Return how many numbers a schema wants at a place; 0 where it wants something else, or any number of them."""
+    """Return the number of numbers expected at a position; 0 for other values, or any number of them."""
     field = _schema_at(schema, loc[:-1]).model_fields.get(loc[-1]) if loc else None
     annotation = getattr(field, "annotation", None)
     for form in (annotation, *getattr(annotation, "__args__", ())):

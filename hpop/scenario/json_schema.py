@@ -1,7 +1,7 @@
-"""The JSON schema of scenario files, by which editors complete and check them while they are written.
+"""JSON schema of scenario files, with which editors complete and check them.
 
-What is registered is in it, each with its options and what their docstrings say. It is of draft 7, which editors know.
-What a schema cannot say, such as whether a start is free, `hpop look` and `hpop plan` do.
+It lists everything registered, with options and their descriptions from docstrings. It follows draft 7, which editors
+support. Conditions that no schema can express, such as a free start, are checked by `hpop look` and `hpop plan`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hpop.scenario.schema import (
     LandmarkEntry,
     MapFile,
     PersonEntry,
-    Prism,
+    PrismEntry,
     ScenarioFile,
     SolidEntry,
     TrackEntry,
@@ -46,9 +46,9 @@ NUMPY = re.compile(r"^(\w+(?:, \w+)*) : (.+)$")
 
 
 def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
-    r"""Return texts by name: of a class its own and those of its bases, of a function those of its docstring.
+    r"""Return descriptions by parameter name: of a class with its bases, or of a function's docstring.
 
-    Three ways to write them are known: aligned lines in the docstring (``radius  m  of a round footprint``), comments
+    Three forms are recognised: aligned lines in the docstring (``radius  m  of a round footprint``), comments
     behind the fields (``radius: float = 2.0  # m``), and NumPy's sections (``scale : float`` and indented lines).
 
     >>> def read(path, scale):
@@ -66,7 +66,7 @@ def parameter_docs(item: type | Callable[..., Any]) -> dict[str, str]:
 
 
 def _lines(text: str) -> dict[str, str]:
-    """Return texts by name of the lines of a docstring, each with the indented lines that follow."""
+    """Return descriptions by name from the lines of a docstring, each with the indented lines below."""
     found: dict[str, list[str]] = {}
     names: list[str] = []
     for line in text.split("\n"):
@@ -83,7 +83,7 @@ def _lines(text: str) -> dict[str, str]:
 
 
 def _plain_text(lines: list[str]) -> str:
-    """Return one line of text, without markup; of NumPy's form what follows the type, if anything does."""
+    """Join lines to plain text without markup; in NumPy's form the type is dropped if a text follows."""
     first, *rest = lines
     is_type = rest and re.fullmatch(r"[\w\[\]|,. ]+|\(.*\)|\".*", first)
     text = " ".join(" ".join(rest if is_type else lines).split())
@@ -137,7 +137,7 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
 
     Parameters
     ----------
-    at_home : leave out what does not come with hpop: plugins, and what the user's own code has registered
+    at_home : leave out everything that is not part of hpop: plugins, and types registered by the user's code
     """
 
     def choice(registry: Registry[type]) -> Schema:
@@ -182,7 +182,7 @@ def written(schema: Schema) -> str:
 
 
 class _Generator(GenerateJsonSchema):
-    """Schemas of what a file can hold: types that only Python has are left out of choices, or say nothing."""
+    """Generator of schemas for values that a file can hold: types that only Python has are left out."""
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> Schema:
         raise PydanticOmit
@@ -202,13 +202,13 @@ class _Generator(GenerateJsonSchema):
 
 
 def _form(model: type[BaseModel]) -> Schema:
-    """Return the schema of a form, in draft 7, nothing in it by reference."""
+    """Return the schema of a pydantic model, in draft 7, without references."""
     made = model.model_json_schema(schema_generator=_Generator)
     return cast(Schema, _plain(made, made.pop("$defs", {})))
 
 
 def _plain(schema: Any, definitions: Schema) -> Any:
-    """Return a schema without titles and references; tuples as draft 7 writes them."""
+    """Return a schema without titles and references; tuples become arrays of draft 7."""
     if isinstance(schema, list):
         return [_plain(one, definitions) for one in schema]
     if not isinstance(schema, dict):
@@ -228,7 +228,7 @@ def _plain(schema: Any, definitions: Schema) -> Any:
 
 
 def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = None) -> Schema:
-    """Return a schema whose properties say what they are, and what they are if they are left out."""
+    """Add descriptions and defaults to the properties of a schema, and return it."""
     for name, one in schema.get("properties", {}).items():
         if docs.get(name):
             one["description"] = docs[name]
@@ -238,7 +238,7 @@ def _described(schema: Schema, docs: dict[str, str], defaults: Schema | None = N
 
 
 def _entry(forms: Sequence[type[BaseModel]], said: type) -> Schema:
-    """Return the schema of an entry of a list, which has one of some forms."""
+    """Return the schema of a list's entry, which has one of several forms."""
     made = [_described(_form(form), parameter_docs(said) | parameter_docs(form)) for form in forms]
     for one in made:
         if future := one["properties"].get("futures"):
@@ -255,7 +255,7 @@ def _parameters(cls: Any) -> Schema:
 
 
 def _defaults(cls: Any) -> Schema:
-    """Return the defaults of parameters, as far as JSON can express them."""
+    """Return the defaults of parameters that JSON can express."""
     found = {}
     for field in dataclasses.fields(cls):
         if field.init and field.default is not dataclasses.MISSING and field.default is not None:
@@ -273,7 +273,7 @@ def _jsonable(value: Any) -> Any:
 
 
 def _named(types: dict[str, Any]) -> Schema:
-    """Return one name with its parameters."""
+    """Return the schema of one name with its parameters."""
     properties = {}
     for name, cls in types.items():
         parameters = _parameters(cls)
@@ -289,7 +289,7 @@ def _named(types: dict[str, Any]) -> Schema:
 
 
 def _choice(kind: str, types: dict[str, Any]) -> Schema:
-    """Return one of some types: its name, or its name with parameters."""
+    """Return the schema of a choice among types: a name, or a name with parameters."""
     names = [{"const": name, "description": summary(cls)} for name, cls in types.items() if not needed(cls)]
     return {"anyOf": [*names, _named(types)], "description": f"a {kind}"}
 
@@ -304,7 +304,7 @@ def summary(item: Any) -> str:
 
 
 def _world(*, at_home: bool) -> Schema:
-    """Return exactly one way to give the world."""
+    """Return the schema of a world, given in exactly one way."""
     ways: Schema = {}
     for name, field in WorldSection.model_fields.items():
         form = next(one for one in field.annotation.__args__ if one is not type(None))  # type: ignore[union-attr]
@@ -317,7 +317,7 @@ def _world(*, at_home: bool) -> Schema:
         _, alone, several = ways["geojson"]["properties"][role]["anyOf"]
         for file in (alone, several["items"]["anyOf"][1]):
             _described(file, parameter_docs(ContentFile))
-    _described(ways["polygons"]["properties"]["obstacles"]["items"], parameter_docs(Prism))
+    _described(ways["polygons"]["properties"]["obstacles"]["items"], parameter_docs(PrismEntry))
     ways["solids"]["properties"]["obstacles"]["items"] = _solid()
     if not at_home:
         for name in readers.keys() - ways.keys():
@@ -333,7 +333,7 @@ def _world(*, at_home: bool) -> Schema:
 
 
 def _solid() -> Schema:
-    """Return a solid of exactly one shape, turned in one way."""
+    """Return the schema of a solid with exactly one shape and at most one rotation."""
     solid = _described(_form(SolidEntry), parameter_docs(SolidEntry))
     _described(solid["properties"]["cylinder"]["anyOf"][0], parameter_docs(CylinderSize))
     turned = {"not": {"required": ["rpy", "quaternion"]}}
@@ -341,7 +341,7 @@ def _solid() -> Schema:
 
 
 def _state(angle: Schema) -> Schema:
-    """Return a state in the order of its columns, by their names, or one that has a name."""
+    """Return the schema of a state: a list in the order of columns, a mapping by name, or the name of a state."""
     return {
         "anyOf": [
             {"type": "array", "minItems": 1, "items": angle},

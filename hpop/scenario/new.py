@@ -1,4 +1,4 @@
-"""A first scenario for a map that has none: start and goal far apart where the robot is free, comments on each key."""
+"""Write a first scenario for a map: start and goal are far apart in free space, and comments explain each key."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ RESOLUTION = {"image": "resolution", "movingai": "resolution", "geojson": "scale
 """What readers call metres a pixel, cell or unit."""
 STEPS = ((40.0, 0.25), (120.0, 0.5), (math.inf, 1.0))
 """Longer sides of maps, m, up to which lattices have such a step."""
-LONGEST = 10.0  # s: so long each is tried
+LONGEST = 10.0  # s for each try
 MOST_MEMORY = 2 * 10**9  # bytes
 ROOM = (0.0, 0.5, 1.0)
 """How much larger the robot is, in steps of the lattice, for which start and goal are chosen, one after the other."""
 
 
 class GivenMap(NamedTuple):
-    """A map as it is named on the command line.
+    """Map file with its reader and the reader's options.
 
     path
-    reader   name of what reads it
-    options  those of the reader
+    reader   name of the reader
+    options  of the reader
     """
 
     path: Path
@@ -52,7 +52,7 @@ class GivenMap(NamedTuple):
 
     @classmethod
     def of(cls, path: Path, reader: str | None, resolution: float | None, options: Mapping[str, Any]) -> GivenMap:
-        """The reader by the file's ending, if none is named; OptionError for a resolution that lacks or is strange."""
+        """Return a map with the named reader, or the reader for the file's ending; OptionError for a bad resolution."""
         if not path.exists():
             raise MapError(f"{path}: no such file; give the path of a map, or of a scenario (YAML)")
         reader = reader or reader_of(path)
@@ -70,7 +70,7 @@ class GivenMap(NamedTuple):
         return cls(path, reader, given)
 
     def read(self) -> World:
-        """Return the world; MapError, which says how options are given here."""
+        """Read the world; a MapError tells how options are given on the command line."""
         try:
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
@@ -79,11 +79,11 @@ class GivenMap(NamedTuple):
 
 
 class Draft(NamedTuple):
-    """A first problem and the lattice that plans it.
+    """First problem, and the lattice that plans it.
 
     problem
     step    m
-    status  how planning it ended where no path was found, and why; None where one was
+    status  status and reason if no path was found, else None
     """
 
     problem: Problem
@@ -92,21 +92,20 @@ class Draft(NamedTuple):
 
 
 def is_scenario(path: Path) -> bool:
-    """Return whether a file is a scenario, by the keys in it; what cannot be read is none."""
+    """Return whether a file is a scenario, judged by its keys; an unreadable file is none."""
     if path.suffix.lower() not in (".yaml", ".yml"):
         return False
     try:
         text = read_regular(path, MOST_BYTES)
     except OSError:
-        return not path.exists()  # said as of a scenario
+        return not path.exists()  # then the error is about a scenario
     return re.search(rb"(^|^\s*\{|,)\s*[\"']?(world|criteria|start|planner)[\"']?\s*:", text, re.MULTILINE) is not None
 
 
 def first_draft(world: World, radius: float | None, start: str | None = None, goal: str | None = None) -> Draft:
-    """Return a problem of a round robot that a lattice plans, from a start to a goal as given, or far from each other.
+    """Return a problem for a round robot that a lattice can plan; missing ends are chosen far apart.
 
-    Where no lattice finds a path to a goal that is chosen here, another is taken, to which wider passages lead. Raises
-    as `first_problem`.
+    If no lattice finds a path to a chosen goal, another goal with wider passages is tried. Raises as `first_problem`.
     """
     first: Draft | None = None
     for room in ROOM:
@@ -119,17 +118,17 @@ def first_draft(world: World, radius: float | None, start: str | None = None, go
         first = first or Draft(problem, step, status)
         if start is not None and goal is not None:
             break
-    assert first is not None  # room 0 raises where there is none
+    assert first is not None  # room 0 raises if there is none
     return first
 
 
 def first_problem(
     world: World, radius: float | None, start: str | None = None, goal: str | None = None, *, room: float = 0.0
 ) -> Problem | None:
-    """Return the problem of a round robot, from a start to a goal as given, or far from each other where it is free.
+    """Return a problem for a round robot from start to goal; missing ends are chosen far apart in free space.
 
-    They are in one part of the free space, also for a robot whose radius is larger by ``room`` (m); None where there is
-    no such part. Raises MapError where the robot is free nowhere, QueryError for a start or goal that cannot be used.
+    Both ends are in one connected part of the free space, even for a radius larger by ``room`` (m); None without such a
+    part. Raises MapError if the robot fits nowhere, QueryError for a blocked start or goal.
     """
     model: Any = make_model({"differential_drive": {} if radius is None else {"radius": radius}})
     free = FreeMap.of(replace(model, radius=model.radius + room), world)
@@ -147,7 +146,7 @@ def first_problem(
     if asked is not None and math.dist(asked[:2], first if begin else last) > math.dist(
         asked[:2], last if begin else first
     ):
-        first, last = last, first  # the place farther from what is asked for is taken
+        first, last = last, first  # the end farther from the given one
     heading = math.radians(_heading(first, last))
     problem = Problem(
         world, model, begin or (*first, heading), end or (*last, None), ["obstruction", "turns", "length"]
@@ -161,7 +160,7 @@ def first_problem(
 
 
 def _free_nowhere(model: Any, world: World) -> MapError:
-    """Return the error of a map on which a robot is free nowhere, with what may be the cause."""
+    """Return the error for a map on which the robot fits nowhere, with possible causes."""
     x0, y0, x1, y1 = world.bounds
     error = MapError(
         f"a robot of {model.radius:g} m in radius is free nowhere on this map of {x1 - x0:.4g} x {y1 - y0:.4g} m; is "
@@ -174,9 +173,9 @@ def _free_nowhere(model: Any, world: World) -> MapError:
 
 
 def scenario_text(given: GivenMap, draft: Draft, folder: Path, name: str, *, chosen: bool) -> str:
-    """Return the scenario as a file in a folder, with comments.
+    """Return the text of the scenario for a file in a folder, with comments.
 
-    ``chosen``: whether start and goal were, and nobody has asked for them.
+    ``chosen`` tells whether start and goal were chosen automatically.
     """
     problem, step = draft.problem, draft.step
     path, robot = os.path.relpath(given.path, folder), cast(Any, problem.model)
@@ -223,7 +222,7 @@ def _usual_step(world: World) -> float:
 
 
 def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
-    """Return the step, m, of a lattice that finds a path, the usual one, a half or a quarter; or how planning ended."""
+    """Plan with the usual step, a half or a quarter of it; return the step, m, and the status if no path was found."""
     step = _usual_step(problem.world)
     length = next(one for one in problem.criteria if one.name == "length")
     shortest = replace(problem, criteria=(length,))
@@ -239,14 +238,14 @@ def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
 
 
 def _written(values: Any) -> str:
-    """Return a state as a scenario has it, the heading in degrees."""
+    """Write a state for a scenario, with the heading in degrees."""
     x, y, yaw = values
     heading = "any" if yaw is None else f"{math.degrees(yaw):.4g} deg"
     return f"[{x:.6g}, {y:.6g}, {heading}]"
 
 
 def _end(text: str, what: str) -> tuple[float, float, float | None]:
-    """Return a start or goal as it is given on the command line: X,Y or X,Y,HEADING."""
+    """Parse a start or goal of the command line: X,Y or X,Y,HEADING."""
     x, y, *rest = [*(part.strip() for part in text.split(",")), ""]
     heading: Any = Degrees.in_radians(rest[0]) if rest and rest[0] else "any" if what == "goal" else 0.0
     try:
@@ -262,7 +261,7 @@ def _end(text: str, what: str) -> tuple[float, float, float | None]:
 
 
 def _rounded(model: Any, world: World, place: tuple[float, float]) -> tuple[float, float]:
-    """Return a place with as few decimals as leave it free."""
+    """Round a position to the fewest decimals at which it is still free."""
     collision = model.collision(world)
     for digits in (1, 2, 3):
         x, y = (round(value, digits) for value in place)
@@ -277,7 +276,7 @@ def _heading(start: tuple[float, float], goal: tuple[float, float]) -> float:
 
 
 def checked_options(pairs: Mapping[str, str]) -> dict[str, Any]:
-    """Return values of options of a reader, as YAML reads them; OptionError for what is none."""
+    """Parse the values of a reader's options as YAML; OptionError for invalid ones."""
     found = {}
     for name, text in pairs.items():
         try:

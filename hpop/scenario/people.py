@@ -1,4 +1,4 @@
-"""People of a scenario: where they stand, what is predicted of them, and what files recorded."""
+"""People of a scenario: their positions, predictions, and recorded tracks in files."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "way
 """Keys that say which track it is, and are no attributes of a person."""
 
 FORMS: dict[str, type[BaseModel]] = {"track": TrackEntry, "waypoints": WaypointsEntry}
-ALIKE = 0.8  # of two words, from which on one is meant as the other
+ALIKE = 0.8  # similarity from which on a word counts as a misspelling
 
 People = tuple[Person, ...]
 
 
 def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[People | None]:
-    """Return the person of each entry of a list, in order; None after noting a fault of one."""
+    """Return the people of each entry of a list, in order; None for entries with a fault, which is noted."""
     found: list[People | None] = []
     for place, entry in (((*within, i), entry) for i, entry in enumerate(entries(given))):
         found.append(None)
@@ -39,12 +39,12 @@ def people_of(faults: Faults, given: Any, within: Place = ("people",)) -> list[P
 
 
 def form_of(entry: dict[str, Any]) -> type[BaseModel]:
-    """Return the form that an entry has by its keys, also where one is misspelt."""
+    """Return the schema of an entry, judged by its keys, even if one is misspelt."""
     return next((form for key, form in FORMS.items() if get_close_matches(key, map(str, entry), 1, ALIKE)), PersonEntry)
 
 
 def groups_of(faults: Faults, given: Any, people: Sequence[People | None]) -> list[list[int]]:
-    """Return places, among all people, of those whom each group names: by the place of an entry, or by name."""
+    """Return the members of each group as indices among all people; members are given by index or name."""
     everyone = [person for entry in people for person in entry or (None,)]
     first = [sum(len(entry or (None,)) for entry in people[:i]) for i in range(len(people))]
     names = [person.name if person else "" for person in everyone]
@@ -85,7 +85,7 @@ def _future(entry: FutureEntry) -> Future:
 
 
 def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People:
-    """Return the people of a file who are there from the moment that is now on, up to the end of what is asked for."""
+    """Return the people of a track file who are present between the begin and the end of the time span."""
     ids = [entry.id] if isinstance(entry.id, int | str) else entry.id
     path = faults.beside(entry.track)
     tracks = read_tracks(path, entry.frame_rate, entry.unit, entry.format, ids)
@@ -107,7 +107,7 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
 
 
 def _unknown(member: int | str, names: Sequence[str], places: int, times: int) -> str:
-    """Return why a member of a group is nobody, or not one person."""
+    """Return why a member of a group is no person, or not one person."""
     known = ", ".join(name for name in names if name)
     where = f"places are 0 to {places - 1}" if places else "there are no people"
     if times > 1:

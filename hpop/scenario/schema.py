@@ -1,4 +1,4 @@
-"""The form of a scenario file: its keys and what may stand there, strictly."""
+"""Schema of scenario files: their keys and values, checked strictly."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Entry = dict[str, Any]
 
 
 def _form(what: str) -> WrapValidator:
-    """Return one fault for a short list as a whole: that its entry 2 is missing does not say what that entry is."""
+    """Report one fault for a short list as a whole, since a fault of "entry 2" would not tell the expected form."""
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         try:
@@ -44,9 +44,9 @@ def _form(what: str) -> WrapValidator:
     return WrapValidator(check)
 
 
-# What text says is read where the value is used, which tells more than that it is no angle.
+# Text is parsed where the value is used, because the error is more precise there.
 Angle = Annotated[float | str, WithJsonSchema({"anyOf": [{"type": "number"}, Degrees.json_schema()]})]
-# A validator is given JSON's lists, which strictly are no tuples; what is in them stays strict.
+# Lists of JSON are accepted as tuples; their items are still checked strictly.
 Pair = Annotated[tuple[float, float], Strict(False)]
 Triple = Annotated[tuple[float, float, float], Strict(False)]
 Angles = Annotated[tuple[Angle, Angle, Angle], Strict(False)]
@@ -65,10 +65,10 @@ class _Strict(BaseModel):
 
 
 class MapFile(_Strict):
-    """What a reader reads, and its options.
+    """Map file of a reader, with the reader's options.
 
     files   keys of paths, which are relative to the scenario's folder
-    beside  keys that are no options of the reader: what else is read into the world
+    beside  keys for further files of the world, which are no options of the reader
     """
 
     files: ClassVar[frozenset[str]] = frozenset({"path"})
@@ -77,7 +77,7 @@ class MapFile(_Strict):
 
 
 class RosMap(MapFile):
-    """A ROS map_server map; ``keep_out`` is a mask of the same kind."""
+    """ROS map_server map; ``keep_out`` is a mask of the same kind."""
 
     files = frozenset({"path", "keep_out"})
     unknown_is_free: bool = False
@@ -86,13 +86,13 @@ class RosMap(MapFile):
 
 
 class MovingAI(MapFile):
-    """A MovingAI grid map; ``resolution`` is the side of a cell, m."""
+    """MovingAI grid map; ``resolution`` is the side of a cell, m."""
 
     resolution: float = Field(default=1.0, gt=0)  # m, side of a cell
 
 
 class ContentFile(_Strict):
-    """A GeoJSON file of landmarks, flows or zones, of which the features that have some properties are read."""
+    """GeoJSON file of landmarks, flows or zones; with ``where`` only features with these properties are read."""
 
     path: str  # file, relative to the scenario
     where: dict[str, Choice | list[Choice]] | None = None  # properties that its features must have
@@ -102,10 +102,10 @@ ContentFiles = str | ContentFile | list[str | ContentFile]
 
 
 class GeoJSON(MapFile):
-    """A GeoJSON floor plan; coordinates less ``origin`` times ``scale`` are metres, or they are degrees.
+    """GeoJSON floor plan in degrees, or in units: (coordinates - ``origin``) * ``scale`` are metres.
 
-    Other files, of the same scale, origin and units, may hold points that are landmarks, lines that are flows of
-    visitors ``flow_width`` m across, and polygons that are zones.
+    Further files, of the same scale, origin and units, may hold points as landmarks, lines as flows of visitors,
+    ``flow_width`` m wide, and polygons as zones.
     """
 
     beside = frozenset({"landmarks", "flows", "zones", "flow_width"})
@@ -114,7 +114,7 @@ class GeoJSON(MapFile):
     polygons: Literal["obstacles", "free", "outline", "rooms"] = "obstacles"
     units: Literal["m", "deg"] | None = None
     wall_width: float | None = Field(default=None, gt=0)
-    crs: str | None = None  # of the coordinates, such as EPSG:3857; what the file says if left out
+    crs: str | None = None  # coordinate system, such as EPSG:3857; by default the file's own
     where: dict[str, Choice | list[Choice]] | None = None  # properties that its features must have
     landmarks: ContentFiles = []  # GeoJSON files whose points are landmarks
     flows: ContentFiles = []  # GeoJSON files whose lines are flows of visitors: one-way zones
@@ -123,19 +123,19 @@ class GeoJSON(MapFile):
 
 
 class Image(MapFile):
-    """A blueprint image in which dark is obstacle; ``resolution`` is the side of a pixel, m."""
+    """Blueprint image in which dark is obstacle; ``resolution`` is the side of a pixel, m."""
 
     resolution: float = Field(gt=0)
     threshold: float = Field(default=0.5, gt=0, lt=1)
     smallest_obstacle: float | None = Field(default=None, gt=0)
-    thinnest_obstacle: float | None = Field(default=None, gt=0)  # m, below which lines are none: swings of doors
+    thinnest_obstacle: float | None = Field(default=None, gt=0)  # m; thinner lines are no obstacle
     inside: Point | None = None
     origin: Origin = (0.0, 0.0, 0.0)
     height: Heights | None = None
 
 
 class RosBag(MapFile):
-    """The map in a bag, a nav_msgs/OccupancyGrid on ``topic``."""
+    """Map in a bag, a nav_msgs/OccupancyGrid on ``topic``."""
 
     topic: str | None = None
     unknown_is_free: bool = False
@@ -143,75 +143,75 @@ class RosBag(MapFile):
 
 
 class Drawing(MapFile):
-    """A floor plan of lines; all lengths in m, ``origin`` in the drawing's units."""
+    """Floor plan of lines; all lengths in m, ``origin`` in the drawing's units."""
 
     scale: float | None = Field(default=None, gt=0)
     layers: Paths | None = None
-    wall_width: float = Field(default=0.05, gt=0)  # m, how thick a line is
-    inside: Point | None = None  # m, [x, y]: what cannot be reached from there is solid
+    wall_width: float = Field(default=0.05, gt=0)  # m, thickness of a line
+    inside: Point | None = None  # m, [x, y]: all that is unreachable from there is solid
     origin: Annotated[Pair, _form("an origin [x, y] in the drawing's units")] = (0.0, 0.0)
-    door_arcs: Literal["closed", "open"] = "closed"  # whether arcs along which doors swing are walls
+    door_arcs: Literal["closed", "open"] = "closed"  # whether the swing arcs of doors are walls
 
 
 class DXF(Drawing):
-    """A floor plan in DXF; ``scale`` is metres a unit, where the drawing does not say its units."""
+    """Floor plan in DXF; ``scale`` is metres per unit, if the drawing does not state its units."""
 
 
 class PDF(Drawing):
-    """A floor plan in PDF; ``scale`` is metres a point, ``ratio`` 100 for a plan at 1:100."""
+    """Floor plan in PDF; ``scale`` is metres per point, ``ratio`` 100 for a plan at 1:100."""
 
     ratio: float | None = Field(default=None, gt=0)
     page: int = Field(default=1, ge=1)
 
 
-class Prism(_Strict):
-    """An obstacle: corners in m, and the heights between which it stands; without, the whole height."""
+class PrismEntry(_Strict):
+    """Obstacle with corners in m, between two heights; unlimited height by default."""
 
     corners: list[Point] = Field(min_length=3)  # m, [x, y] each
-    height: Heights | None = None  # m, [z_min, z_max]; the whole height without
+    height: Heights | None = None  # m, [z_min, z_max]; unlimited by default
 
 
 class Polygons(_Strict):
-    """Obstacles written out; the robot stays in ``extent`` and off ``keep_out``."""
+    """Obstacles as polygons; the robot stays in ``extent`` and out of ``keep_out``."""
 
-    obstacles: list[Prism] = []  # upright, each with its corners
-    extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of where the robot stays
-    keep_out: list[list[Point]] = []  # m, corners of areas that it may not enter
+    obstacles: list[PrismEntry] = []  # upright, each with its corners
+    extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of the area for the robot
+    keep_out: list[list[Point]] = []  # m, corners of areas that the robot may not enter
 
 
 class MoveItScene(MapFile):
-    """A planning scene of MoveIt or MotionBenchMaker, in YAML."""
+    """Planning scene of MoveIt or MotionBenchMaker, in YAML."""
 
 
 class CylinderSize(_Strict):
-    """A cylinder, m; its axis is z."""
+    """Cylinder, m; its axis is z."""
 
     radius: float = Field(gt=0)  # m
     length: float = Field(gt=0)  # m, along z
 
 
 class SolidEntry(_Strict):
-    """A solid in space, m, of exactly one shape; turned by angles in rad, or as text such as "90 deg"."""
+    """Solid in space, m, of exactly one shape; rotated by angles in rad, or as text such as "90 deg"."""
 
     box: Annotated[Triple, _form("a size [x, y, z] in m")] | None = None  # m, its size [x, y, z]
-    cylinder: CylinderSize | None = None  # upright, unless it is turned
+    cylinder: CylinderSize | None = None  # upright, unless it is rotated
     sphere: float | None = Field(default=None, gt=0)  # m, its radius
-    hull: Points | None = Field(default=None, min_length=4)  # m, points [x, y, z] round which it lies
-    position: Annotated[Triple, _form("a position [x, y, z] in m")] = (0.0, 0.0, 0.0)  # m, of its middle
+    hull: Points | None = Field(default=None, min_length=4)  # m, points [x, y, z] that it encloses
+    position: Annotated[Triple, _form("a position [x, y, z] in m")] = (0.0, 0.0, 0.0)  # m, of its centre
     rpy: Annotated[Angles, _form("[roll, pitch, yaw] in rad or as '90 deg'")] | None = None  # rad, or as '90 deg'
-    quaternion: Annotated[Quaternion, _form("a quaternion [x, y, z, w]")] | None = None  # [x, y, z, w], in place of rpy
+    quaternion: Annotated[Quaternion, _form("a quaternion [x, y, z, w]")] | None = None  # [x, y, z, w], instead of rpy
     name: str = ""  # in messages and pictures
 
 
 class Solids(_Strict):
-    """Solids in space written out; robots in the plane stay in ``extent``."""
+    """Solids in space; robots in the plane stay in ``extent``."""
 
     obstacles: list[Entry] = []  # boxes, cylinders, spheres and hulls
-    extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of where robots in the plane stay
+    extent: list[Point] | None = Field(default=None, min_length=3)  # m, corners of the area for robots in the plane
 
 
 class WorldSection(_Strict):
-    """Exactly one of the ways to give a world."""
+    """World, given in exactly one way."""
 
     ros_map: RosMap | None = None
     ros_bag: RosBag | None = None
@@ -226,14 +226,14 @@ class WorldSection(_Strict):
 
 
 class ReaderFile(BaseModel):
-    """What an installed package's reader reads, and its options."""
+    """Map file of an installed package's reader, with the reader's options."""
 
     model_config = ConfigDict(extra="allow", strict=True, allow_inf_nan=False, defer_build=True)
     path: str  # file, relative to the scenario
 
 
 class Prediction(_Strict):
-    """How sure it is where people will be, and until when it is predicted."""
+    """Uncertainty and end of the prediction of people."""
 
     radius: float = Field(default=0.25, gt=0)
     spread: float = Field(default=0.0, ge=0)
@@ -243,9 +243,9 @@ class Prediction(_Strict):
 
 
 class FutureEntry(_Strict):
-    """One of several things that a person may do: walk at a velocity, m/s, or through waypoints; else stand."""
+    """Possible future of a person: walk at a velocity, m/s, or through waypoints; else stand."""
 
-    weight: float = Field(gt=0)  # how much it counts beside the others
+    weight: float = Field(gt=0)  # weight relative to the other futures
     velocity: Annotated[Pair, _form("a velocity [x, y] in m/s")] = (0.0, 0.0)  # [x, y] m/s
     waypoints: list[Waypoint] | None = Field(default=None, min_length=2)  # [t s, x m, y m] each, times rising
     spread: float | None = Field(default=None, ge=0)  # m, as the person's if left out
@@ -255,9 +255,9 @@ class FutureEntry(_Strict):
 
 
 class PersonEntry(Prediction):
-    """A person, m, m/s, who stands, walks at a velocity, or has several futures.
+    """Person, m and m/s, who stands, walks at a velocity, or has several futures.
 
-    The yaw is in rad or text such as "90 deg"; left out, it is where the velocity leads.
+    The yaw is in rad or text such as "90 deg"; by default along the velocity.
     """
 
     x: float
@@ -269,26 +269,26 @@ class PersonEntry(Prediction):
 
 
 class WaypointsEntry(Prediction):
-    """A person who is predicted to walk through waypoints."""
+    """Person who is predicted to walk through waypoints."""
 
     waypoints: list[Waypoint] = Field(min_length=2)  # [t s, x m, y m] each, times rising; 0 s is now
     name: str = ""  # in messages and pictures
 
 
 class TrackEntry(Prediction):
-    """People whose recorded tracks are in a file, all of them or some; each is called by its id."""
+    """People with recorded tracks in a file, all of them or some; each is named by its id."""
 
     track: str  # file, relative to the scenario: CSV (id, t or frame, x, y), PeTrack, obsmat.txt or JuPedSim
-    frame_rate: float | None = Field(default=None, gt=0)  # frames a second, where the file does not say it
-    unit: Literal["m", "cm", "mm"] | None = None  # of places, where the file does not say it; else m
-    format: Literal["csv", "petrack", "obsmat", "jupedsim"] | None = None  # of the file; as it looks if left out
-    id: int | str | list[int | str] | None = None  # who of the file; all if left out
-    begin: float = 0.0  # s, the moment of the recording that is now
-    name: str = ""  # of one person; of several what their ids follow
+    frame_rate: float | None = Field(default=None, gt=0)  # frames per second, if the file does not state it
+    unit: Literal["m", "cm", "mm"] | None = None  # of positions, if the file does not state it; else m
+    format: Literal["csv", "petrack", "obsmat", "jupedsim"] | None = None  # of the file; recognised by default
+    id: int | str | list[int | str] | None = None  # people of the file; all by default
+    begin: float = 0.0  # s, time of the recording that becomes now
+    name: str = ""  # of one person; of several the prefix of their ids
 
 
 class LandmarkEntry(_Strict):
-    """A point of interest, m; where it faces in rad or as text such as "90 deg"."""
+    """Point of interest, m; ``facing`` is in rad or text such as "90 deg"."""
 
     x: float
     y: float
@@ -299,7 +299,7 @@ class LandmarkEntry(_Strict):
 
 
 class ZoneEntry(_Strict):
-    """An area, m, with a speed ``limit``, m/s, closed, or to be passed along a ``path``, m."""
+    """Area, m, with a speed ``limit``, m/s, or closed, or one-way along a ``path``, m."""
 
     kind: Literal["speed", "keep-out", "one-way"]
     area: list[Point] = Field(min_length=3)
@@ -309,17 +309,17 @@ class ZoneEntry(_Strict):
 
 
 class Choose(_Strict):
-    """What is marked as best "for you"."""
+    """Preference that marks a trajectory "for you"."""
 
     preference: str  # file that `hpop prefer` wrote, relative to the scenario
 
 
 class ScenarioFile(_Strict):
-    """The keys of a scenario file."""
+    """Keys of a scenario file."""
 
     world: WorldSection
     model: str | Named = DEFAULT_MODEL
-    start: Any  # these two are the model's to check
+    start: Any  # the model checks these two
     goal: Any
     criteria: list[str | Named] = Field(min_length=1)
     quanta: dict[str, float] = {}
@@ -333,7 +333,7 @@ class ScenarioFile(_Strict):
 
 
 def parameters_of(cls: Any) -> type[BaseModel]:
-    """Return the form of a dataclass's fields; those that are models are given as choices."""
+    """Return a schema of a dataclass's fields; fields that are models are given as choices."""
     hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
     schema: dict[str, Any] = {}
     for field in dataclasses.fields(cls):

@@ -1,4 +1,4 @@
-"""YAML that remembers lines: plain values, and where each key stands, so that errors can say it."""
+"""YAML with line numbers: plain values, and the line of each key for error messages."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ MAX_BYTES = 4_000_000
 MAX_DEPTH = 20
 MAX_EXPANDED = 10_000
 """Values of a file with aliases, written out: aliases of aliases would double them with every line."""
-LONGEST = 200  # letters of a place in the file that a message shows: a key may have a million
+LONGEST = 200  # most characters of a dotted key in a message
 TAG = "tag:yaml.org,2002:"
 DECIMAL = re.compile(r"[-+]?(0|[1-9]\d*|\d*\.\d*(e[-+]\d+)?|\.inf|\.nan)", re.IGNORECASE)
 Place = tuple[str | int, ...]
 
 
 class Document:
-    """A YAML file as plain values, with the line of every key.
+    """YAML file as plain values, with the line of every key.
 
-    Keys are words, each given once; numbers are decimal; dates and tags are refused. An alias stands for a copy of what
-    its anchor names, and a file with aliases holds at most `MAX_EXPANDED` values, copies included.
+    Keys are words, each given once; numbers are decimal; dates and tags are refused. An alias is a copy of its anchor's
+    value, and a file with aliases holds at most `MAX_EXPANDED` values, copies included.
 
     values  dict
     path    of the file
 
-    Raises ScenarioError, with the line where there is one.
+    Raises ScenarioError, with the line if there is one.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,14 +56,14 @@ class Document:
             )
 
     def where(self, place: Place) -> str:
-        """Return file, line and dotted key of a place, or of the nearest one above it that stands in the file."""
+        """Return file, line and dotted key of a position, or of its nearest parent in the file."""
         dotted = printable(".".join(str(key) for key in place))
         if len(dotted) > LONGEST:
             dotted = f"{dotted[:LONGEST]}..."
         return f"{self.path}, line {self.line(place)}" + (f", {dotted}" if dotted else "")
 
     def line(self, place: Place) -> int:
-        """Return line of a place, or of the nearest one above it that stands in the file."""
+        """Return the line of a position, or of its nearest parent in the file."""
         while place not in self._lines:
             place = place[:-1]
         return self._lines[place]
@@ -75,7 +75,7 @@ class Document:
         raise ScenarioError(f"{self.path}{f', line {line}' if line else ''}: {text}") from None
 
     def _check_events(self, text: str) -> None:
-        """Refuse tags, deep nesting and too many aliases before anything is built: the C loader recurses."""
+        """Refuse tags, deep nesting and too many aliases before parsing, because the C loader recurses."""
         expanded = _Expanded()
         event: Any
         for event in yaml.parse(text, Loader=yaml.CSafeLoader):
@@ -105,7 +105,7 @@ class Document:
                 self._walk(value, (*place, index))
         elif isinstance(node, yaml.ScalarNode):
             kind, got, line = node.tag.removeprefix(TAG), node.value[:40], node.start_mark.line + 1
-            # YAML 1.1 reads 010 as 8, 1:30 as 90 and 1_0 as 10, which nobody means here.
+            # YAML 1.1 reads 010 as 8, 1:30 as 90 and 1_0 as 10, which is never meant here.
             if kind in ("int", "float") and (len(node.value) > 400 or not DECIMAL.fullmatch(node.value)):
                 self._refuse(line, f"{got!r} is not a plain decimal number; write one")
             if kind not in ("str", "int", "float", "bool", "null"):
@@ -113,16 +113,16 @@ class Document:
 
 
 class _Expanded:
-    """How large and how deep the values of a YAML file are, its aliases written out, told by its events."""
+    """Size and depth of the values of a YAML file with its aliases expanded, counted by events."""
 
     def __init__(self) -> None:
         self._open: list[tuple[str | None, int, int]] = []  # anchor, values before, deepest level within
-        self._named: dict[str | None, tuple[int, int]] = {}  # values and levels of what an anchor names
+        self._named: dict[str | None, tuple[int, int]] = {}  # values and levels of each anchor
         self._values = 0
         self._aliases = False
 
     def add(self, event: Any) -> str:
-        """Count one event more; what is wrong with it, or nothing."""
+        """Count an event, and return a fault, or ""."""
         if isinstance(event, yaml.CollectionStartEvent):
             self._named.pop(event.anchor, None)
             self._values += 1
@@ -138,7 +138,7 @@ class _Expanded:
             values, levels = self._named[event.anchor]
             self._values += values
             self._close(None, values, levels)
-        else:  # an alias within what its anchor names, or of nothing
+        else:  # an alias inside its own anchor, or without an anchor
             return f"the alias *{event.anchor} names nothing that ends before it; write the value out"
         depth = max((level + levels for level, (_, _, levels) in enumerate(self._open)), default=0)
         if depth > MAX_DEPTH:
@@ -148,7 +148,7 @@ class _Expanded:
         return ""
 
     def _close(self, anchor: str | None, values: int, levels: int) -> None:
-        """Take what ends into what it stands in, and remember it if it has a name."""
+        """Add a finished value to its parent, and remember it if it has an anchor."""
         if anchor is not None:
             self._named[anchor] = (values, levels)
         if self._open:

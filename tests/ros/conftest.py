@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.ros import Bridge, Interface, PathServer, Planning
+from hpop.ros import Bridge, GoalPlanner, Interface, PathServer
 from tests.ros.bridge import FakeBridge, fake_bridge
 
 DELAYS = (1e-3, 8e-3)  # s
@@ -27,16 +27,16 @@ def room() -> hpop.Problem:
 
 
 @pytest.fixture(scope="session")
-def planning(room: hpop.Problem) -> Planning:
-    made = Planning(room, [hpop.planners.lattice.Lattice(step=0.5)], Interface())
+def planning(room: hpop.Problem) -> GoalPlanner:
+    made = GoalPlanner(room, [hpop.planners.lattice.Lattice(step=0.5)], Interface())
     made.rehearsed()
     return made
 
 
-class Gate(Planning):
+class Gate(GoalPlanner):
     """Planning that goes on until it is let through, and says how it ended; then it answers as usual."""
 
-    def __init__(self, other: Planning) -> None:
+    def __init__(self, other: GoalPlanner) -> None:
         super().__init__(other.problem, other.planners, other.known)
         self.entered, self.open, self.left = Event(), Event(), Event()
 
@@ -51,7 +51,7 @@ class Gate(Planning):
 
 
 @pytest.fixture
-def gate(planning: Planning) -> Gate:
+def gate(planning: GoalPlanner) -> Gate:
     return Gate(planning)
 
 
@@ -73,7 +73,7 @@ def said() -> Said:
 
 
 @contextmanager
-def running(planning: Planning, url: str, say: Callable[[str], None]) -> Iterator[Bridge]:
+def running(planning: GoalPlanner, url: str, say: Callable[[str], None]) -> Iterator[Bridge]:
     """Serve a planner until the block ends."""
     server = PathServer(planning, say=say)
     bridge = Bridge(url, server, say=say, delays=DELAYS)
@@ -94,7 +94,7 @@ def bridge() -> Iterator[FakeBridge]:
 
 
 @pytest.fixture
-def served(bridge: FakeBridge, planning: Planning, said: Said) -> Iterator[FakeBridge]:
+def served(bridge: FakeBridge, planning: GoalPlanner, said: Said) -> Iterator[FakeBridge]:
     """Offer the room's planner over a bridge."""
     with running(planning, bridge.url, said):
         yield bridge

@@ -12,7 +12,7 @@ import pytest
 import hpop
 from hpop.errors import OptionError, QueryError
 from hpop.planners.lattice import Lattice
-from hpop.ros import Interface, PlanarPose, Planning, plain, planar_pose, pose_message, trajectory_of
+from hpop.ros import GoalPlanner, Interface, PlanarPose, plain, planar_pose, pose_message, trajectory_of
 from hpop.ros.protocol import ErrorCode
 from tests.export.given import robots
 from tests.ros.bridge import ABORTED, CANCELED, SUCCEEDED, fake_bridge
@@ -120,14 +120,14 @@ def test_what_cannot_be_planned_says_why_by_its_code(served, changes, code, why)
 
 
 def test_time_that_is_over_has_a_code_of_its_own(room, bridge, said):
-    planning = Planning(room, [Lattice(step=0.5, time_limit=1e-9)], Interface())
+    planning = GoalPlanner(room, [Lattice(step=0.5, time_limit=1e-9)], Interface())
     with running(planning, bridge.url, said):
         goal = bridge.ended(bridge.send_goal(ACTION, asked()))
     assert (goal.status, goal.result.error_code) == (ABORTED, ErrorCode.TIMEOUT)
 
 
 def test_a_planner_that_fails_fails_one_goal(room, planning, bridge, said, caplog):
-    class Broken(Planning):
+    class Broken(GoalPlanner):
         def answer(self, goal, robot, progress=None):
             if goal["planner_id"]:
                 raise ZeroDivisionError("\x1b[2J")
@@ -144,7 +144,7 @@ def test_a_planner_that_fails_fails_one_goal(room, planning, bridge, said, caplo
 @pytest.mark.parametrize("distribution", ["humble", "iron"])
 def test_a_result_has_the_fields_of_the_distribution(room, planning, said, distribution):
     known = Interface(distribution=distribution)
-    with fake_bridge(distribution) as bridge, running(Planning(room, planning.planners, known), bridge.url, said):
+    with fake_bridge(distribution) as bridge, running(GoalPlanner(room, planning.planners, known), bridge.url, said):
         assert bridge.ended(bridge.send_goal(ACTION, asked())).status == SUCCEEDED
         assert bridge.ended(bridge.send_goal(ACTION, asked(planner_id="GridBased"))).status == ABORTED
         assert bridge.log == []
@@ -155,7 +155,7 @@ def test_a_result_has_the_fields_of_the_distribution(room, planning, said, distr
 
 def test_names_are_those_that_were_asked_for(room, planning, said, bridge):
     known = Interface("/plan/way", "kilted", "hall", "/odom", "nav_msgs/msg/Odometry", "/ways", "fewest turns")
-    with running(Planning(room, planning.planners, known), bridge.url, said):
+    with running(GoalPlanner(room, planning.planners, known), bridge.url, said):
         client = bridge.offered("/plan/way")
         assert list(client.topics) == ["/ways"]
         assert client.heard["/odom"]["queue_length"] == 1
@@ -184,14 +184,14 @@ def test_a_robot_without_a_base_is_refused(room):
     arm = robots()["serial arm"].model
     lifted = replace(room, model=arm, start=(0.1,) * 6, goal=(0.2,) * 6, criteria=["duration"])
     with pytest.raises(OptionError, match="a path needs a base with the states x, y and yaw"):
-        Planning(lifted, [], Interface())
+        GoalPlanner(lifted, [], Interface())
 
 
 def test_what_a_pose_does_not_say_is_as_the_problem_has_it(room):
     """A pan-tilt head begins and ends with its own angles."""
     model = hpop.PanTilt(base=hpop.DifferentialDrive(radius=0.2))
     problem = hpop.Problem(room.world, model, (1, 1, 0, 0.5, 0), (7, 5, None, -0.5, 0.1), ["length"])
-    planning = Planning(problem, [{"roadmap": {"samples": 60, "seed": 1}}], Interface())
+    planning = GoalPlanner(problem, [{"roadmap": {"samples": 60, "seed": 1}}], Interface())
     states = planning._solved(PlanarPose(*START, "map"), PlanarPose(*GOAL, "map"), None).knee().trajectory.states
     found = [(states.x[i], states.y[i], states.yaw[i], states.pan[i], states.tilt[i]) for i in (0, -1)]
     assert found == [pytest.approx((*START, 0.5, 0)), pytest.approx((*GOAL, -0.5, 0.1))]
@@ -241,4 +241,4 @@ def test_a_goal_that_waits_can_be_canceled(gate, bridge, said):
 def test_the_rehearsal_tells_mistakes_before_a_robot_waits(room):
     blocked = hpop.Problem(room.world, room.model, (4, 1, 0), GOAL, room.criteria)
     with pytest.raises(QueryError, match="start"):
-        Planning(blocked, [Lattice(step=0.5)], Interface()).rehearsed()
+        GoalPlanner(blocked, [Lattice(step=0.5)], Interface()).rehearsed()

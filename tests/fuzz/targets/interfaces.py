@@ -13,7 +13,7 @@ from verdicts import shown, verdict
 
 import hpop
 from hpop.base.registry import criteria, models, planners
-from hpop.ros import Interface, Planning, path_message, pose_message, protocol, trajectory_of
+from hpop.ros import GoalPlanner, Interface, path_message, pose_message, protocol, trajectory_of
 from hpop.search import Graph, pareto_paths
 from targets.given import box, command
 from targets.robots import ARM
@@ -89,7 +89,7 @@ def ros(rng: Rng, folder: Path) -> str:
     data = bent_bytes(text.encode(), rng).decode(errors="replace") if rng.random() < 0.3 else text
     world = hpop.World.from_polygons([], extent=box(0, 0, 6, 4))
     asked_first = hpop.Problem(world, model, (1, 1, 0), (5, 3, 0), ["turns", "length"])
-    planning = Planning(asked_first, [planners["lattice"](step=0.5, time_limit=2.0)], Interface())
+    planning = GoalPlanner(asked_first, [planners["lattice"](step=0.5, time_limit=2.0)], Interface())
     answers = []
 
     def answer() -> None:
