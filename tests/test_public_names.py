@@ -128,7 +128,6 @@ hpop.ros.GoalPlanner
 hpop.ros.Interface
 hpop.ros.PathServer
 hpop.ros.PlanarPose
-hpop.ros.Planning
 hpop.ros.path_message
 hpop.ros.plain
 hpop.ros.planar_pose

@@ -1,4 +1,4 @@
-"""Studies: what people say of trajectories of a front, from the choice of stimuli to the weights of one person."""
+"""Studies of people's opinions on trajectories of a front, from the choice of stimuli to the weights of one person."""
 
 from __future__ import annotations
 

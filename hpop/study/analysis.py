@@ -1,7 +1,7 @@
-"""The analysis of a study: its scores and choices as tables of tests, with every choice that was made on the way.
+"""Analysis of a study: scores and choices as tables of tests, with every decision of the analysis.
 
-The default asks what the same people make of several stimuli: Friedman's test, then Wilcoxon's of each pair. The method
-of the paper (Becerra et al. 2020) takes the scores as if each were another person's.
+The default compares several stimuli rated by the same people: Friedman's test, then Wilcoxon's for each pair. The
+method of the paper (Becerra et al. 2020) treats all scores as independent.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def decided(
     correction: Correction,
     notes: Sequence[str],
 ) -> dict[str, str]:
-    """Return every choice, by what it is about; ``notes`` say what could not be done."""
+    """Return every decision of the analysis by topic; ``notes`` say which parts were impossible."""
     complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
     left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in design.left]
     made = dict(DEFAULT if method == "default" else PAPER)
@@ -107,18 +107,18 @@ def decided(
 
 
 def _asked(form: Form) -> str:
-    """Return where a form comes from, and when it is asked."""
+    """Describe the source of a form and the times at which it is asked."""
     when = {"before": "before the first stimulus", "after_each": "once after each", "after_all": "after all"}
     return f"{' '.join(form.source.split())}. Asked {', '.join(when[one] for one in form.when)}"
 
 
 def _orders(design: Design) -> str:
-    """Return how orders were balanced, where they are."""
+    """Describe how orders were balanced."""
     return "drawn at random" if design.order == "random" else f"{design.order}, each as often as any other"
 
 
 def _durations(design: Design) -> str:
-    """Return how long the stimuli last, and what that means where they differ."""
+    """Describe the durations of the stimuli, and the consequence if they differ."""
     if lasting := unlike(design.conditions):
         return f"{lasting}, so a part of what differs may come from how long they last, not from the way"
     lasts = [condition.duration for condition in design.conditions]
@@ -131,15 +131,15 @@ METHODS: tuple[Method, ...] = ("default", "paper")
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """Tables of a study; :func:`analyse` makes it.
+    """Tables of a study, made by :func:`analyse`.
 
     method      "default" or "paper"
-    form        whose score was analysed
-    score       its name
+    form        of the analysed score
+    score       name of the analysed score
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
     tables      rows by the name of the table: "stimuli", "scores", "test", "pairs", "against before", "places",
-                "carry-over", "balance", "choices", "favourites", "strengths", as far as the answers go
-    choices     what was decided, and how: the test, ties, who was left out
+                "carry-over", "balance", "choices", "favourites", "strengths", if the answers suffice
+    choices     decisions of the analysis: the test, ties, people left out
     """
 
     design: Design
@@ -153,18 +153,18 @@ class Analysis:
 
     @property
     def matrix(self) -> Matrix:
-        """The scores that were analysed."""
+        """Return the analysed scores."""
         return self.answers.matrix(self.form, self.score)
 
     @property
     def before(self) -> FloatArray | None:
-        """The scores (n,) before the first stimulus, where the form was asked then."""
+        """Return the scores (n,) before the first stimulus, or None if the form was not asked then."""
         asked = BEFORE in self.design.form(self.form).when
         return self.answers.before(self.form, self.score) if asked else None
 
     @property
     def mark(self) -> str:
-        """What every page and figure says of answers that nobody gave; nothing where all are people's."""
+        """Return the notice of simulated answers for every page and figure; "" if all answers are from people."""
         sessions = self.answers.sessions
         simulated = sum(session.device.get("simulated") is True for session in sessions)
         if not simulated:
@@ -179,13 +179,13 @@ class Analysis:
         return as_text(self)
 
     def draw(self, name: str = "scores") -> Figure:
-        """Return a figure: "scores" (each person's, with medians), "order" (by place) or "choices" (of pairs)."""
+        """Return a figure: "scores" (of each person, with medians), "order" (by place) or "choices" (of pairs)."""
         from hpop.study.figures import draw  # as above
 
         return draw(self, name)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write the report: report.html, each table as CSV, the figures, and repeat.py; the page's path."""
+        """Write the report (report.html, tables as CSV, figures, and repeat.py), and return the page's path."""
         from hpop.study.report import save  # as above
 
         return save(self, folder)
@@ -200,7 +200,7 @@ def analyse(
     score: tuple[str, str] = ("ssq", "total"),
     correction: Correction | None = None,
 ) -> Analysis:
-    """Test a score of a form that was asked after each stimulus, and the choices of pairs.
+    """Test a score of a form that is asked after each stimulus, and the choices of pairs.
 
     method      "default": Friedman's test and Kendall's W, then Wilcoxon's of each pair (Pratt's zeros, exact);
                 "paper": Kruskal and Wallis' test and Dunn's comparisons, and Wilcoxon's against the answers before by
@@ -208,8 +208,8 @@ def analyse(
     score       form and name of a score, or of an item
     correction  of the comparisons of one table: "holm" by default, "bonferroni" as the paper does
 
-    A table that the answers do not suffice for is left out, and ``choices`` say why. Raises StudyError for a form that
-    is not asked after each stimulus, and for answers of nobody.
+    Tables that need more answers are left out, with the reason in ``choices``. Raises StudyError for a form that is not
+    asked after each stimulus, and without answers.
     """
     one_of("method", method, METHODS, error=StudyError)
     chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")

@@ -1,6 +1,6 @@
-"""The answers of a study: on the disk, one event at a time, and of all participants as tables, matrices and choices.
+"""Answers of a study: on the disk as events, and of all participants as tables, matrices and choices.
 
-No answer on the disk is changed or removed.
+Answers on the disk are never changed or removed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from hpop.base.text import counted, shown
 from hpop.errors import StudyError
 from hpop.study import documents
 from hpop.study.design import Design
-from hpop.study.documents import Column, Contents, csv_bytes, sqlite_bytes, write_bytes
+from hpop.study.documents import Contents, TableColumn, csv_bytes, sqlite_bytes, write_bytes
 from hpop.study.forms import Form, score
 from hpop.study.participants import unequal
 from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, AnswersFile, Session, asked_at, questions_of
@@ -35,7 +35,7 @@ SHORT = 1.0
 
 
 class Row(NamedTuple):
-    """The last answer to an item at a place; ``seconds`` since the event before it, ``t`` since the session's start."""
+    """Last answer to an item at a place; ``seconds`` since the previous event, ``t`` since the session's start."""
 
     participant: str
     place: int
@@ -48,7 +48,7 @@ class Row(NamedTuple):
 
 
 class ScoreRow(NamedTuple):
-    """A score of a form at a place; NaN where an answer lacks."""
+    """Score of a form at a place; NaN if an answer is missing."""
 
     participant: str
     place: int
@@ -59,7 +59,7 @@ class ScoreRow(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """Which of two rows of the front somebody chose; None for neither. ``first_row`` stood left."""
+    """Choice between two rows of the front, None for neither; ``first_row`` was shown on the left."""
 
     participant: str
     first_row: int
@@ -68,12 +68,12 @@ class Choice(NamedTuple):
 
 
 class Matrix(NamedTuple):
-    """A score after each stimulus.
+    """Scores after each stimulus.
 
     people      (n,)    ids
     conditions  (K,)    letters
-    values      (n, K)  NaN where an answer lacks
-    places      (n, K)  at which each saw each
+    values      (n, K)  NaN if an answer is missing
+    places      (n, K)  place at which each person saw each stimulus
     """
 
     people: tuple[str, ...]
@@ -85,16 +85,17 @@ class Matrix(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """All sessions of a study; :meth:`load` reads them."""
+    """All sessions of a study, read by :meth:`load`."""
 
     design: Design
     sessions: tuple[Session, ...]
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str], design: Design | None = None) -> Answers:
-        """Read the answers in a study's folder, all of them.
+        """Read all answers in a study's folder.
 
-        Raises StudyError where a file is none of this design's participants, or says what the design does not ask.
+        Raises StudyError if a file belongs to no participant of this design, or has answers that the design does not
+        ask for.
         """
         known = Design.load(folder) if design is None else design
         sessions, refused = read_sessions(Path(folder), known)
@@ -105,12 +106,12 @@ class Answers:
 
     @property
     def people(self) -> tuple[str, ...]:
-        """Ids of those who answered."""
+        """Return the ids of the participants with answers."""
         return tuple(session.person.id for session in self.sessions)
 
     @cached_property
     def table(self) -> tuple[Row, ...]:
-        """All answers, one row an item."""
+        """Return all answers, one row per item."""
         return tuple(
             Row(session.person.id, slot.place, _letter(session, slot.place), slot.form, slot.item, *answer)
             for session in self.sessions
@@ -119,7 +120,7 @@ class Answers:
 
     @cached_property
     def scores(self) -> tuple[ScoreRow, ...]:
-        """All scores of forms that were answered at all."""
+        """Return all scores of forms with any answer."""
         found = []
         for session in self.sessions:
             for form in self._rated():
@@ -143,7 +144,7 @@ class Answers:
         return Matrix(self.people, letters, values, places)
 
     def before(self, form: str, score: str) -> FloatArray:
-        """A score, or an item, (n,) before the first stimulus, in the order of :attr:`people`; NaN where it lacks."""
+        """Return a score or item (n,) before the first stimulus, in the order of :attr:`people`; NaN if missing."""
         asked = self._asked(form, score)
         return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
 
@@ -167,9 +168,9 @@ class Answers:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """What is not as it should be in answers that can be used: half sessions, missing items, jerky rides.
+        """Return faults of usable answers: incomplete sessions, missing items, jerky rides.
 
-        A session that its participant stopped is as it should be: :attr:`noted` has it.
+        A session that its participant stopped is no fault; see :attr:`noted`.
         """
         said = []
         for session in self.sessions:
@@ -190,12 +191,12 @@ class Answers:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What to know of the answers: who is still to come, orders that are short, devices that differ."""
+        """Return notes for the researcher: expected participants, short orders, different devices."""
         return tuple(self.noted.values())
 
     @property
     def noted(self) -> dict[str, str]:
-        """The notes, by what they are about."""
+        """Return the notes by topic."""
         expected = {person.id for person in self.design.expected}
         ended = [session.person for session in self.sessions if session.ended and session.person.id in expected]
         said = {"Complete sessions": f"{len(ended):,} of {counted(len(expected), 'session')} are complete"}
@@ -223,9 +224,9 @@ class Answers:
         return said
 
     def save_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write answers.csv, scores.csv, choices.csv and answers.sqlite, and remarks apart from them in remarks.csv.
+        """Write answers.csv, scores.csv, choices.csv and answers.sqlite, and remarks separately to remarks.csv.
 
-        Tables hold ids, letters, names of items and numbers, and no text that a participant wrote.
+        Tables hold ids, letters, names of items and numbers, but no text written by participants.
         """
         target = Path(folder)
         tables = dict(zip(("answers", "scores", "choices"), self._contents(), strict=True))
@@ -233,17 +234,17 @@ class Answers:
             write_bytes(target / name, csv_bytes(table))
         write_bytes(target / SQLITE, sqlite_bytes(tables))
         remarks = [(session.person.id, *remark) for session in self.sessions for remark in session.remarks]
-        columns = [Column("participant", "TEXT"), Column("place", "INTEGER"), Column("remark", "TEXT")]
+        columns = [TableColumn("participant", "TEXT"), TableColumn("place", "INTEGER"), TableColumn("remark", "TEXT")]
         write_bytes(target / REMARKS, csv_bytes(Contents(columns, remarks)))
         return [target / name for name in (*CSV, SQLITE, REMARKS)]
 
     def _contents(self) -> tuple[Contents, Contents, Contents]:
-        """Return answers, scores and choices."""
-        who = [Column("participant", "TEXT"), Column("place", "INTEGER"), Column("condition", "TEXT")]
-        times = [Column("seconds", "REAL"), Column("t", "REAL")]
-        of_item = [Column("form", "TEXT"), Column("item", "TEXT"), Column("value", "REAL")]
-        of_score = [Column("form", "TEXT"), Column("score", "TEXT"), Column("value", "REAL")]
-        pair = [Column(name, "TEXT") for name in ("participant", "question", "first", "second", "chosen")]
+        """Return the tables of answers, scores and choices."""
+        who = [TableColumn("participant", "TEXT"), TableColumn("place", "INTEGER"), TableColumn("condition", "TEXT")]
+        times = [TableColumn("seconds", "REAL"), TableColumn("t", "REAL")]
+        of_item = [TableColumn("form", "TEXT"), TableColumn("item", "TEXT"), TableColumn("value", "REAL")]
+        of_score = [TableColumn("form", "TEXT"), TableColumn("score", "TEXT"), TableColumn("value", "REAL")]
+        pair = [TableColumn(name, "TEXT") for name in ("participant", "question", "first", "second", "chosen")]
         chosen = [(session.person.id, *one[:4], *one[4:]) for session in self.sessions for one in session.comparisons]
         return (
             Contents([*who, *of_item, *times], self.table),
@@ -267,7 +268,7 @@ class Answers:
 
 
 def read_sessions(folder: Path, design: Design) -> tuple[list[Session], list[str]]:
-    """Return the usable sessions in a study's folder, by id, and why other files are not usable."""
+    """Return the usable sessions in a study's folder, by id, and the faults of other files."""
     files = sorted(path for path in (folder / FOLDER).glob("*.json") if not path.name.startswith("."))
     if len(files) > MOST_FILES:
         raise StudyError(f"{folder / FOLDER} has {len(files):,} files; expected at most {MOST_FILES:,}")
@@ -298,7 +299,7 @@ def _check_file(path: Path, participant: str, design: Design, known: dict[str, S
 
 
 def _how_far(session: Session) -> str:
-    """Return the last stimulus that began, in words."""
+    """Describe the last stimulus that began."""
     if not session.reached:
         return "no stimulus had begun"
     return f"stimulus {_letter(session, session.reached)}, {session.reached} of {len(session.person.order)}, had begun"
@@ -314,7 +315,7 @@ WHAT = "the answers of a participant"
 
 @dataclass(frozen=True)
 class Ledger:
-    """A file of answers, which may not be there yet. What is on the disk is always a whole file that can be read.
+    """File of a participant's answers, which is always complete and readable; it need not exist yet.
 
     path         of the file
     design
@@ -327,14 +328,14 @@ class Ledger:
 
     @property
     def events(self) -> list[dict[str, Any]]:
-        """All events so far, as the file has them; StudyError for a file that is none, or of another design."""
+        """Return all events so far; StudyError for an invalid file, or one of another design."""
         return list(self._stored()["events"])
 
     def add(self, event: Mapping[str, Any], device: Mapping[str, Any]) -> bool:
-        """Add an event; False for the last one come again, which its sender did not hear had arrived.
+        """Add an event; return False if the last event was only sent again because its arrival was not confirmed.
 
-        Raises StudyError for an event that the design does not ask for or that is not later than the last one, and
-        where it cannot be written; the file is then as it was.
+        Raises StudyError for an event that the design does not ask for or that is not later than the last one, and if
+        it cannot be written; the file is then unchanged.
         """
         stored = self._stored()
         events = stored["events"]
@@ -351,7 +352,7 @@ class Ledger:
         return True
 
     def _stored(self) -> dict[str, Any]:
-        """Return the contents of the file, checked; those of a new one where there is none."""
+        """Return the checked contents of the file, or those of a new file."""
         if not self.path.exists():
             known = {"schema": SCHEMA, "version": VERSION, "design": self.design.digest}
             return {**known, "participant": self.participant, "device": {}, "events": []}

@@ -1,4 +1,4 @@
-"""Conditions of a study: rows of a front that differ most, shown under letters that tell nothing of them."""
+"""Conditions of a study: rows of a front that differ most, under neutral letters."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ ALIKE = 0.1
 
 
 class Baseline(NamedTuple):
-    """A trajectory that is shown beside rows of the front, such as what a common planner makes; no front holds it.
+    """Trajectory shown beside rows of the front, such as that of a common planner.
 
-    name        what it is, for the researcher
-    trajectory  the ride
+    name        description for the researcher
+    trajectory  to ride along
     costs       by criterion, such as ``problem.evaluate(trajectory)``
     """
 
@@ -44,13 +44,13 @@ class Baseline(NamedTuple):
 
 @dataclass(frozen=True)
 class Condition:
-    """What a participant is shown under a letter.
+    """Stimulus behind a letter.
 
-    id        "A", "B", ...: dealt at random, so that it tells nothing of the row
+    id        "A", "B", ...: assigned at random, so that it does not reveal the row
     row       of the front; None for the still view and for baselines
-    name      what the row was asked for as, such as "knee"; "" of a number
+    name      name of the row, such as "knee"; "" for a number
     kind      "ride", "video" or "view"
-    costs     by criterion; none of the still view
+    costs     by criterion; empty for the still view
     duration  s, executed
     """
 
@@ -63,7 +63,7 @@ class Condition:
 
     @property
     def stimulus(self) -> str:
-        """Its file in the study's folder."""
+        """Return the stimulus file, relative to the study's folder."""
         return f"stimuli/{self.id}.{ENDINGS[self.kind]}"
 
     def __str__(self) -> str:
@@ -79,7 +79,7 @@ def lettered(
     rng: np.random.Generator,
     baselines: Sequence[Baseline] = (),
 ) -> tuple[Condition, ...]:
-    """Rows, the still view where it is among them, and baselines under letters dealt at random; in their order."""
+    """Return rows, the still view if named, and baselines under random letters, in the order of the letters."""
     found = [_named(front, row) for row in rows if row != VIEW]
     count = len(found) + (VIEW in rows) + len(baselines)
     if list(rows).count(VIEW) > 1:
@@ -104,13 +104,13 @@ def lettered(
 
 
 def _named(front: Front, row: int | str | NamedRow) -> NamedRow:
-    """Return a row, with the name by which it was asked for."""
+    """Return a row with the name that was given for it."""
     (found,) = named_rows(front, [row.number if isinstance(row, NamedRow) else row])
     return NamedRow(found.point, row.name if isinstance(row, NamedRow) else found.name)
 
 
 def _check_different(rows: Sequence[NamedRow]) -> None:
-    """Raise StudyError where two names stand for the same row."""
+    """Raise StudyError if two names mean one row."""
     first: dict[int, NamedRow] = {}
     for row in rows:
         if row.number in first:
@@ -120,7 +120,7 @@ def _check_different(rows: Sequence[NamedRow]) -> None:
 
 
 def unlike(conditions: Sequence[Condition]) -> str:
-    """Return a note where stimuli differ much in duration, else ""."""
+    """Return a note if stimuli differ much in duration, else ""."""
     first, *_, last = sorted(conditions, key=lambda condition: condition.duration)
     if last.duration <= (1 + ALIKE) * first.duration:
         return ""
@@ -149,18 +149,18 @@ def pick(
     by: str = "costs",
     share: float | None = None,
 ) -> tuple[NamedRow, ...]:
-    """Return rows that differ most, those of ``always`` first: farthest-point selection (Gonzalez 1985).
+    """Return rows that differ most, beginning with ``always``: farthest-point selection (Gonzalez 1985).
 
     Parameters
     ----------
-    count : how many, of at most 26
-    always : rows that are among them: numbers, "knee", or "least NAME"
-    by : "costs", each scaled by its range over the front; or "paths", by the mean distance in m between the camera's
-        executed places at equal shares of the way, so that two ways of equal cost differ
-    share : the longest may last so much longer than the shortest, as executed; rows that do not fit are passed over,
-        for longer exposure makes sicker, whatever the trajectory. None takes any, and the design says how they differ
+    count : number of rows, at most 26
+    always : rows to include: numbers, "knee", or "least NAME"
+    by : "costs", each scaled by its range over the front; or "paths", the mean distance in m between executed camera
+        positions at equal shares of the path, by which paths of equal cost differ
+    share : largest relative difference in executed duration; other rows are skipped, because longer exposure makes
+        sicker by itself. None allows any durations, and the design notes how they differ
 
-    Raises StudyError where there are too few rows, or too few that last as long as those of ``always``.
+    Raises StudyError if there are too few rows, or too few of similar duration to those of ``always``.
 
     Cost: for "paths" and ``share`` every trajectory of the front is executed, some 3 ms each.
     """
@@ -188,9 +188,9 @@ def pick(
 
 
 def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> IntArray:
-    """Return the most rows of similar duration that include ``first``.
+    """Return the largest set of rows of similar duration that includes ``first``.
 
-    Raises StudyError where those of ``first`` alone differ by more.
+    Raises StudyError if the durations of ``first`` differ by more.
     """
     more = 1 + real("share", share, 0, 1, "a share of the duration", error=StudyError) + ROUNDING
     lasts = np.array([run.duration for run in runs])
@@ -207,7 +207,7 @@ def _alike(runs: Sequence[Trajectory], first: Sequence[int], share: float) -> In
 
 
 def _way(run: Trajectory) -> FloatArray:
-    """Return places (PLACES, 3) of the camera, m, at equal shares of its way; all the same where it only turns."""
+    """Return camera positions (PLACES, 3), m, at equal shares of the path; all equal if the camera only turns."""
     check_body(run.model, "camera")
     times = np.linspace(0.0, run.duration, MOMENTS)
     pose = run.model.pose("camera", run.at(times))

@@ -1,4 +1,4 @@
-"""The design of a study: which rows are shown under which letters, to whom in which order, and what is asked."""
+"""Design of a study: rows of a front under letters, participants with orders of stimuli, and questionnaires."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ PAIRS = "preference"
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A study, fixed before it begins: :meth:`of` makes one, :meth:`load` reads one.
+    """Study, fixed before it begins; made by :meth:`of`, or read by :meth:`load`.
 
     front_sha256  of the front (:func:`hpop.study.front_digest`)
     conditions    in the order of their letters
     enrolled      the participants, as planned
-    questionnaires  what is asked, in this order
+    questionnaires  forms, in the order in which they are asked
     order         "permutations", "williams", "latin" or "random"
-    left          who left since, which is no part of the design's digest
+    left          participants who left; not part of the design's digest
     """
 
     front_sha256: str
@@ -106,8 +106,8 @@ class Design:
 
         Parameters
         ----------
-        rows : numbers, "knee", "least NAME", or what :func:`hpop.study.pick` gives, two to 26; "view" is the still
-            view from the start, a baseline that lasts as long as the others on average
+        rows : numbers, "knee", "least NAME", or the result of :func:`hpop.study.pick`, two to 26; "view" is the still
+            view from the start, a baseline with the mean duration of the others
         participants : how many; a multiple of the number of orders keeps these equally frequent, and :attr:`notes`
             say where they are not
         consent : what a participant reads and agrees to before anything else
@@ -148,7 +148,7 @@ class Design:
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Design:
-        """Return the design in a study's folder; StudyError where it is none, or was changed since it was written."""
+        """Read the design of a study's folder; StudyError if there is none, or it was changed since it was written."""
         path = Path(folder) / FILE
         what = "the design of a study, as `hpop study init` writes it"
         if not path.exists():
@@ -181,9 +181,9 @@ class Design:
         return made
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write design.json, schedule.csv and, where somebody left, people.json into a folder that is there.
+        """Write design.json, schedule.csv and, if a participant left, people.json to an existing folder.
 
-        :func:`hpop.study.prepare` writes all that a study needs. Raises StudyError where a file cannot be written.
+        :func:`hpop.study.prepare` writes everything that a study needs. Raises StudyError if a file cannot be written.
         """
         target = Path(folder)
         documents.write_bytes(target / FILE, self.document)
@@ -221,22 +221,22 @@ class Design:
 
     @property
     def forms(self) -> tuple[str, ...]:
-        """Ids of the questionnaires."""
+        """Return the ids of the questionnaires."""
         return tuple(form.id for form in self.questionnaires)
 
     @property
     def comparisons(self) -> bool:
-        """Whether pairs of stimuli are compared."""
+        """Return whether pairs of stimuli are compared."""
         return any(form.kind == "pairs" for form in self.questionnaires)
 
     @property
     def letters(self) -> tuple[str, ...]:
-        """Of the conditions, in order."""
+        """Return the letters of the conditions, in order."""
         return tuple(condition.id for condition in self.conditions)
 
     @cached_property
     def participants(self) -> tuple[Participant, ...]:
-        """All places: as planned, then those of successors, with the order and the strata of who left."""
+        """Return all places: as planned, then those of successors, with the order and strata of their predecessors."""
         known = {person.id: person for person in self.enrolled}
         for departure in self.left:
             before = known[departure.participant]
@@ -244,9 +244,9 @@ class Design:
         return tuple(known.values())
 
     def after(self, participant: str, *, withdrawn: bool) -> Design:
-        """Return the design after somebody left: the next person takes the place, with the same order and strata.
+        """Return the design after a participant left: the next person takes the place, with equal order and strata.
 
-        A withdrawn participant's answers are no longer part of the study, a dropped-out one's are.
+        Answers of a drop-out stay part of the study; those of a withdrawn participant do not.
         """
         self.participant(participant)
         earlier = next((one for one in self.left if one.participant == participant), None)
@@ -260,18 +260,18 @@ class Design:
 
     @property
     def withdrawn(self) -> frozenset[str]:
-        """Ids of who withdrew, of whom nothing is kept."""
+        """Return the ids of withdrawn participants; their data are deleted."""
         return frozenset(departure.participant for departure in self.left if departure.withdrawn)
 
     @property
     def expected(self) -> tuple[Participant, ...]:
-        """Those whose session the study waits for, or has: all but those who left."""
+        """Return the participants with a session in the study, done or not: all except those who left."""
         departed = {departure.participant for departure in self.left}
         return tuple(person for person in self.participants if person.id not in departed)
 
     @cached_property
     def orders(self) -> tuple[tuple[str, ...], ...]:
-        """The distinct orders among which participants were dealt; of random ones those that were drawn."""
+        """Return the distinct orders assigned to participants; for "random" those that were drawn."""
         if self.order == "random":
             return tuple(sorted({person.order for person in self.enrolled}))
         return sequences(self.order, self.letters, len(self.enrolled), np.random.default_rng(self.seed))
@@ -300,23 +300,23 @@ class Design:
 
     @property
     def size(self) -> int:
-        """Number of places, successors' included."""
+        """Return the number of places, including those of successors."""
         return len(self.participants)
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the researcher should know before the study: unequal orders, also within strata, unequal durations."""
+        """Return notes for the researcher before the study: unequal orders, also within strata, unequal durations."""
         lasting = unlike(self.conditions)
         said = [f"{lasting}. `hpop study init --count N --share 0.1` takes rows that last alike"] if lasting else []
         return (*self.uneven, *said)
 
     @property
     def uneven(self) -> tuple[str, ...]:
-        """Whether orders are planned unequally often, also within strata, in words."""
+        """Return notes on orders that are planned unequally often, also within strata."""
         return () if self.order == "random" else uneven(self.enrolled, self.orders, self.order)
 
     def pairs(self, participant: str) -> list[tuple[str, str]]:
-        """Pairs that are compared, in this participant's order, left and right at random; none of the still view."""
+        """Return the pairs to compare, in this participant's order, with random sides; never the still view."""
         if not self.comparisons:
             return []
         rides = [condition.id for condition in self.conditions if condition.kind != VIEW]
@@ -326,7 +326,7 @@ class Design:
         return [pairs[i][::-1] if turned[i] else pairs[i] for i in rng.permutation(len(pairs)).tolist()]
 
     def public(self, participant: str) -> dict[str, Any]:
-        """Return the public part of a session: no rows, no names of rows, no costs, no other participants."""
+        """Return the public part of a session: no rows, names of rows, costs or other participants."""
         person = self.participant(participant)
         seen = [self.condition(letter) for letter in person.order]
         return {
@@ -369,16 +369,16 @@ class Design:
 
     @cached_property
     def document(self) -> bytes:
-        """The bytes of design.json."""
+        """Return the bytes of design.json."""
         return ("".join(pieces(self.describe())) + "\n").encode()
 
     @property
     def digest(self) -> str:
-        """SHA-256 of design.json: answers name it, so that they are never read with another design."""
+        """Return the SHA-256 of design.json, which answers name, so that they are never read with another design."""
         return sha256(self.document).hexdigest()
 
     def _schedule(self) -> str:
-        """Return each participant's order as CSV; letters only, so that the experimenter is blind as well."""
+        """Return each participant's order as CSV, with letters only, so that the experimenter is blind too."""
         levels = list(self.enrolled[0].strata)
         text = io.StringIO()
         table = csv.writer(text, lineterminator="\n")

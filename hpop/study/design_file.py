@@ -1,4 +1,4 @@
-"""The files of a design, design.json, which never changes, and people.json, which says who left; and its protocol."""
+"""Files of a design: design.json, which never changes, people.json with participants who left, and the protocol."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.options import real
 from hpop.base.text import HARMFUL
 from hpop.errors import StudyError
-from hpop.study.documents import Part, read
+from hpop.study.documents import StrictObject, read
 from hpop.study.participants import ID, MOST, MOST_STIMULI, Departure
 
 FILE, PEOPLE, FRONT, SCHEDULE = "design.json", "people.json", "front.json", "schedule.csv"
@@ -24,15 +24,15 @@ Digest = Annotated[str, StringConstraints(pattern="^[0-9a-f]{64}$")]
 Short = Annotated[str, StringConstraints(max_length=200)]
 
 
-class FrontPart(Part):
-    """Which front the rows are of."""
+class FrontPart(StrictObject):
+    """Front of the study's rows."""
 
     file: Literal["front.json"]
     sha256: Digest
 
 
-class ConditionPart(Part):
-    """A :class:`hpop.study.Condition`."""
+class ConditionPart(StrictObject):
+    """JSON form of :class:`hpop.study.Condition`."""
 
     id: Letter
     row: Annotated[int, Field(ge=0)] | None
@@ -42,23 +42,23 @@ class ConditionPart(Part):
     duration: Annotated[float, Field(gt=0)]
 
 
-class ParticipantPart(Part):
-    """A :class:`hpop.study.Participant`."""
+class ParticipantPart(StrictObject):
+    """JSON form of :class:`hpop.study.Participant`."""
 
     id: Id
     order: Annotated[list[Letter], Field(min_length=2, max_length=MOST_STIMULI)]
     strata: Annotated[dict[Short, Short], Field(max_length=10)]
 
 
-class ProtocolPart(Part):
-    """A :class:`hpop.study.Protocol`."""
+class ProtocolPart(StrictObject):
+    """JSON form of :class:`hpop.study.Protocol`."""
 
     rest_s: float
     stop_rule: str
 
 
-class DesignFile(Part):
-    """What design.json holds."""
+class DesignFile(StrictObject):
+    """Contents of design.json."""
 
     schema_: Annotated[Literal["hpop-study"], Field(alias="schema")]
     version: Literal[1]
@@ -73,16 +73,16 @@ class DesignFile(Part):
     forms: Annotated[list[dict[str, Any]], Field(min_length=1, max_length=50)]
 
 
-class DeparturePart(Part):
-    """A :class:`hpop.study.Departure`."""
+class DeparturePart(StrictObject):
+    """JSON form of :class:`hpop.study.Departure`."""
 
     participant: Id
     successor: Id
     withdrawn: bool
 
 
-class PeopleFile(Part):
-    """What people.json holds."""
+class PeopleFile(StrictObject):
+    """Contents of people.json."""
 
     schema_: Annotated[Literal["hpop-study-people"], Field(alias="schema")]
     version: Literal[1]
@@ -102,10 +102,10 @@ STOP_RULE = (
 @checked_arguments
 @dataclass(frozen=True)
 class Protocol:
-    """What is kept to between stimuli.
+    """Rules between stimuli.
 
-    rest_s     s, rest after each stimulus, at least; longer, until the participant feels as before
-    stop_rule  what a participant is told about stopping; this default is told in the language of the pages
+    rest_s     s, least rest after each stimulus; longer if the participant does not yet feel as before
+    stop_rule  text about stopping; the default is translated to the language of the pages
     """
 
     rest_s: float = 180.0
@@ -118,7 +118,7 @@ class Protocol:
 
 
 def checked_text(what: str, text: object) -> str:
-    """A text that participants read, as it is: StudyError where it is empty, endless, or would steer a screen."""
+    """Return a text for participants; StudyError if it is empty, too long, or has control characters."""
     if not isinstance(text, str) or not text.strip():
         raise StudyError(f"{what} is empty: write what participants read, and agree to, before they begin")
     if len(text) > MOST_TEXT:
@@ -129,7 +129,7 @@ def checked_text(what: str, text: object) -> str:
 
 
 def departures(path: Path) -> tuple[Departure, ...]:
-    """Return who left a study, as its people.json says; an empty tuple where there is no such file."""
+    """Return the participants who left a study, from its people.json; () without such a file."""
     if not path.exists():
         return ()
     stored = read(path, PeopleFile, "who left a study", MOST_BYTES)

@@ -31,17 +31,17 @@ MOST_FAULTS = 3
 """Faults of a file that are told one by one."""
 
 
-class Part(BaseModel):
-    """An object of a file: its keys and no others, each of its type."""
+class StrictObject(BaseModel):
+    """JSON object of a file with fixed keys of fixed types."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
 
 
-T = TypeVar("T", bound=Part)
+T = TypeVar("T", bound=StrictObject)
 
 
 def read(path: str | os.PathLike[str], kind: type[T], what: str, most: int) -> T:
-    """Return the contents of a file of at most ``most`` bytes, checked; ``what`` it is to be, in words."""
+    """Read and check a file of at most ``most`` bytes; ``what`` describes it in errors."""
     return checked(path, parsed(path, read_bytes(path, most), what), kind, what)
 
 
@@ -62,7 +62,7 @@ def parsed(place: object, data: bytes, what: str) -> Any:
 
 
 def checked(place: object, values: Any, kind: type[T], what: str) -> T:
-    """Return values as an object of a kind; ``place`` is named in the error: a file, or an event of it."""
+    """Validate values as an object of a kind; ``place``, a file or an event in it, is named in the error."""
     try:
         return kind.model_validate(values)
     except ValidationError as error:
@@ -70,7 +70,7 @@ def checked(place: object, values: Any, kind: type[T], what: str) -> T:
 
 
 def in_words(error: ValidationError) -> str:
-    """Return the first faults that pydantic found, and how many more there are."""
+    """Describe the first faults that pydantic found, and the number of further ones."""
     faults = error.errors(include_url=False, include_context=False)
     said = "; ".join(_said(dict(fault)) for fault in faults[:MOST_FAULTS])
     return said + (f"; and {len(faults) - MOST_FAULTS:,} more" if len(faults) > MOST_FAULTS else "")
@@ -82,7 +82,7 @@ def write(path: str | os.PathLike[str], values: Any) -> None:
 
 
 def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
-    """Write a file, whole or not at all; StudyError where that cannot be."""
+    """Write a file, whole or not at all; StudyError if it cannot be written."""
     try:
         with replacing(Path(path)) as file:
             file.write(data)
@@ -91,7 +91,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def _said(fault: dict[str, Any]) -> str:
-    """Return a fault that pydantic found: where, what was expected, what came."""
+    """Describe a fault that pydantic found: position, expected value, actual value."""
     where = "".join(f"[{part}]" if isinstance(part, int) else f".{printable(part)}" for part in fault["loc"])
     came = "" if fault["type"] == "missing" else f", got {shown(fault['input'], 40)}"
     return f"at {where.lstrip('.') or 'the top'}: {fault['msg']}{came}"
@@ -99,13 +99,13 @@ def _said(fault: dict[str, Any]) -> str:
 
 try:
     import fcntl
-except ImportError:  # no such locks on this system: only one program may be at work on a study
+except ImportError:  # no locks on this system: only one program may work on a study
     fcntl = None  # type: ignore[assignment]
 
 
 @contextmanager
 def changing(folder: Path) -> Iterator[None]:
-    """Change what is in a study's folder alone, after who does so already; not to be nested."""
+    """Lock a study's folder for changes, waiting for other programs; not to be nested."""
     held = hold(folder, wait=True)
     try:
         yield
@@ -114,7 +114,7 @@ def changing(folder: Path) -> Iterator[None]:
 
 
 def serve_alone(folder: Path) -> int | None:
-    """Hold a folder for the one server of its answers, until :func:`release`; StudyError where another server does."""
+    """Lock a folder for the one server of its answers, until :func:`release`; StudyError if another server has it."""
     try:
         return hold(folder, wait=False)
     except BlockingIOError:
@@ -125,15 +125,15 @@ def serve_alone(folder: Path) -> int | None:
 
 
 def release(held: int | None) -> None:
-    """Let go of a lock."""
+    """Release a lock."""
     if held is not None:
         os.close(held)
 
 
 def hold(folder: Path, *, wait: bool) -> int | None:
-    """Return a folder, open and locked, for :func:`release`; None on systems without such locks.
+    """Return the file descriptor of a locked folder, for :func:`release`; None on systems without such locks.
 
-    BlockingIOError where somebody else holds it and there is no waiting, StudyError where it cannot be locked.
+    Raises BlockingIOError if another program has the lock and ``wait`` is False, StudyError if it cannot be locked.
     """
     if fcntl is None:
         return None
@@ -155,26 +155,27 @@ FORMULA = "=+-@\t\r\n＝＋－＠"
 """What a cell begins with that a spreadsheet takes for a formula."""
 
 
-class Column(NamedTuple):
-    """A column: its name, and its type in SQLite."""
+class TableColumn(NamedTuple):
+    """Column of a table: its name, and its type in SQLite."""
 
     name: str
     kind: str
 
 
 class Contents(NamedTuple):
-    """A table's columns and rows."""
+    """Columns and rows of a table."""
 
-    columns: Sequence[Column]
+    columns: Sequence[TableColumn]
     rows: Sequence[Sequence[Any]]
 
 
 def csv_bytes(table: Contents) -> bytes:
-    r"""Return a table as CSV: UTF-8, commas, points, a heading; nothing where there is no value.
+    r"""Return a table as CSV: UTF-8, commas, decimal points, a heading; missing values are empty.
 
     Text that a spreadsheet would run as a formula begins with an apostrophe.
 
-    >>> csv_bytes(Contents([Column("a", "TEXT"), Column("b", "REAL")], [("=1+1", 0.5), ("x", None), ("\n=1", 2)]))
+    >>> columns = [TableColumn("a", "TEXT"), TableColumn("b", "REAL")]
+    >>> csv_bytes(Contents(columns, [("=1+1", 0.5), ("x", None), ("\n=1", 2)]))
     b'a,b\n\'=1+1,0.5\nx,\n"\'\n=1",2\n'
     """
     text = io.StringIO()
@@ -185,7 +186,7 @@ def csv_bytes(table: Contents) -> bytes:
 
 
 def sqlite_bytes(tables: Mapping[str, Contents]) -> bytes:
-    """Return tables as a file of SQLite."""
+    """Return tables as an SQLite file."""
     with sqlite3.connect(":memory:") as base:
         for name, table in tables.items():
             columns = ", ".join(f'"{column.name}" {column.kind}' for column in table.columns)
@@ -210,9 +211,9 @@ def _without_nan(rows: Iterable[Sequence[Any]]) -> list[list[Any]]:
 
 @checked_arguments
 def front_digest(front: Front) -> str:
-    """Return SHA-256 of a front: its criteria, costs and trajectories, and the problem without the places of its files.
+    """Return the SHA-256 of a front: criteria, costs, trajectories, and the problem without paths of its files.
 
-    The same before and after the front is saved, loaded and moved; another where a cost, a state or the map differs.
+    It does not change when the front is saved, loaded or moved, and changes with any cost, state or the map.
     """
     criteria = list(zip(front.names, front.units, front.quanta.tolist(), strict=True))
     digest = sha256(json.dumps([criteria, front.question], sort_keys=True).encode())
@@ -231,8 +232,8 @@ MOST_REPORT = 100_000
 REPORT_NAME = r"^[a-z][a-z_-]{0,60}\.(html|csv|png|py)$"
 
 
-class ReportFile(Part):
-    """What report.json holds."""
+class ReportFile(StrictObject):
+    """Contents of report.json."""
 
     schema_: Annotated[Literal["hpop-study-report"], Field(alias="schema")]
     version: Literal[1]
@@ -244,12 +245,12 @@ class ReportFile(Part):
 
 
 def read_report(folder: Path) -> ReportFile:
-    """Read the record of the report in a folder; raise StudyError for a file that is none."""
+    """Read the record of the report in a folder; StudyError for an invalid file."""
     return read(folder / REPORT, ReportFile, "what a report was made of", MOST_REPORT)
 
 
 def write_report(folder: Path, score: tuple[str, str], how: dict[str, str], mark: str, files: Iterable[str]) -> None:
-    """Write down what the report in a folder is made of, and its files."""
+    """Write the record of a report: how it was made, and its files."""
     known = {
         "schema": REPORT_SCHEMA,
         "version": REPORT_VERSION,
@@ -262,7 +263,7 @@ def write_report(folder: Path, score: tuple[str, str], how: dict[str, str], mark
 
 
 def remove_report(folder: Path) -> None:
-    """Remove the files of the report that was made in a folder, if one was; StudyError where they cannot be."""
+    """Remove the files of the report in a folder, if there is one; StudyError if they cannot be removed."""
     if not (folder / REPORT).exists():
         return
     try:

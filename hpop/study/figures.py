@@ -1,4 +1,4 @@
-"""Figures of a study: the score of each person, with medians, and what was chosen of pairs."""
+"""Figures of a study: the score of each person, with medians, and the choices of pairs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ NAME_WIDTH = 18
 
 @plain
 def draw(analysis: Analysis, name: str = "scores") -> Figure:
-    """Return a figure by its name; StudyError for another name, or where nobody compared pairs."""
+    """Return a figure by its name; StudyError for another name, or if no pairs were compared."""
     one_of("figure", name, NAMES, error=StudyError)
     if name == "choices":
         return _choices(analysis)
@@ -41,12 +41,12 @@ def draw(analysis: Analysis, name: str = "scores") -> Figure:
 
 
 def figures(analysis: Analysis) -> list[str]:
-    """Return names of the figures that there are."""
+    """Return the names of the available figures."""
     return [name for name in NAMES if name != "choices" or "choices" in analysis.tables]
 
 
 def _scores(analysis: Analysis) -> Figure:
-    """Return each person's scores before and after each stimulus."""
+    """Draw each person's scores before and after each stimulus."""
     columns = list(analysis.matrix.values.T)
     names = [label(analysis.design, letter) for letter in analysis.matrix.conditions]
     if analysis.before is not None:
@@ -59,7 +59,7 @@ def _scores(analysis: Analysis) -> Figure:
 
 
 def _order(analysis: Analysis) -> Figure:
-    """Return each person's scores in the order of the session."""
+    """Draw each person's scores in the order of the session."""
     columns = list(placed(analysis.matrix).T)
     names = [f"place {place}" for place in range(1, len(columns) + 1)]
     if analysis.before is not None:
@@ -102,7 +102,7 @@ def _columns(axes: Axes, columns: Sequence[FloatArray], names: Sequence[str]) ->
 
 
 def _aside(column: FloatArray) -> FloatArray:
-    """Return by how much each dot stands aside, so that equal scores are seen beside one another."""
+    """Return the sideways shift of each dot, so that equal scores are visible side by side."""
     aside = np.zeros(len(column))
     for value in np.unique(column[~np.isnan(column)]):
         same = np.flatnonzero(column == value)
@@ -112,7 +112,7 @@ def _aside(column: FloatArray) -> FloatArray:
 
 
 def _finished(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figure:
-    """Return title, legend in words, and the mark of simulated answers."""
+    """Add a title, a legend in words, and the mark of simulated answers to a figure."""
     form = analysis.design.form(analysis.form)
     worse = "higher is worse" if form.better == "low" else "higher is better"
     axes.set_ylabel(
@@ -134,7 +134,7 @@ def _finished(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figu
 
 
 def _choices(analysis: Analysis) -> Figure:
-    """Return how many chose which of each pair."""
+    """Draw how many people chose each stimulus of each pair."""
     rows = analysis.tables.get("choices")
     if not rows:
         raise StudyError("nobody compared pairs, so there is no figure of choices")
@@ -177,7 +177,7 @@ def _choices(analysis: Analysis) -> Figure:
 
 
 def _asked(analysis: Analysis, question: str) -> str:
-    """Return a question of the comparisons, in the study's language."""
+    """Return the text of a question about pairs, in the study's language."""
     for form in analysis.design.questionnaires:
         if form.kind == "pairs" and question in [item.id for item in form.items]:
             return form.item(question).text[analysis.design.language]
@@ -192,7 +192,7 @@ def _leave_room(figure: Figure) -> None:
 
 
 def _marked(figure: Figure, analysis: Analysis) -> Figure:
-    """Return a figure that says of itself that its answers are simulated, where they are."""
+    """Add the mark of simulated answers to a figure, if any are."""
     if analysis.mark:
         figure.text(0.5, 0.992, analysis.mark, ha="center", va="top", color=MARK, weight="bold", fontsize=NORMAL)
     return figure

@@ -1,4 +1,4 @@
-"""A study's folder: made whole or not at all, and checked."""
+"""Folder of a study: created as a whole or not at all, and checked."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ def prepare(
     words: str | os.PathLike[str] | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> Path:
-    """Write all that a study needs into a folder of its own, whole or not at all.
+    """Write everything that a study needs to a new folder, as a whole or not at all.
 
-    design.json, schedule.csv, front.json (a copy, so that nothing depends on where the front came from), stimuli/ and a
-    page for each participant in pages/. Only the folder's owner may look into it.
+    It contains design.json, schedule.csv, front.json (a copy, so that the study does not depend on the original),
+    stimuli/, and a page for each participant in pages/. Only the folder's owner may read it.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def prepare(
     words : texts of the pages in the design's language, where hpop brings none: a translation of its ``en.json``
     progress : for videos, as for :func:`hpop.view.save_video`
 
-    Raises StudyError where the folder is in use, the front is not the design's, or texts are missing; OutputError where
-    a stimulus cannot be written.
+    Raises StudyError if the folder is in use, the front is not the design's, or texts are missing; OutputError if a
+    stimulus cannot be written.
     """
     target = Path(folder)
     check_unused(target)
@@ -88,7 +88,7 @@ def prepare(
 
 
 def _ridden(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
-    """Return the trajectories of a design's baselines, by letter; StudyError where one is not given."""
+    """Return the trajectories of a design's baselines, by letter; StudyError if one is missing."""
     known = {baseline.name: baseline.trajectory for baseline in baselines}
     wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind != VIEW}
     if known.keys() != wanted.keys():
@@ -100,7 +100,7 @@ def _ridden(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajecto
 
 
 def check_unused(folder: Path) -> None:
-    """Raise StudyError where a study cannot begin in a folder: it is not empty, or no folder."""
+    """Raise StudyError if a folder is not empty, or no folder, so that no study can begin in it."""
     try:
         in_use = folder.is_symlink() or (folder.exists() and (not folder.is_dir() or any(folder.iterdir())))
     except (OSError, ValueError) as error:
@@ -110,7 +110,7 @@ def check_unused(folder: Path) -> None:
 
 
 def write_pages(design: Design, folder: Path, participants: list[str]) -> None:
-    """Write the pages of some participants, who share what they see."""
+    """Write the pages of participants, which share their stimuli."""
     (folder / PAGES).mkdir(exist_ok=True)
     rides = rides_of(design.public(participants[0]), folder)
     for participant in participants:
@@ -119,7 +119,7 @@ def write_pages(design: Design, folder: Path, participants: list[str]) -> None:
 
 
 def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
-    """Return the front of a study, as it was when the study began; StudyError where it is not."""
+    """Return the front of a study; StudyError if it has changed since the study began."""
     path = Path(folder) / FRONT
     try:
         front = Front.load(path)
@@ -134,7 +134,7 @@ def front_of(folder: str | os.PathLike[str], design: Design) -> Front:
 
 @contextmanager
 def _whole(target: Path) -> Iterator[Path]:
-    """Open a folder that takes the place of ``target`` at the end, and is removed after any error."""
+    """Open a folder that replaces ``target`` at the end, and is removed after an error."""
     made = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp")
     held = None
     try:
@@ -144,7 +144,7 @@ def _whole(target: Path) -> Iterator[Path]:
         held = hold(made, wait=False)
         yield made
         made.rename(target)
-    except HpopError as error:  # it may name the folder that is removed now
+    except HpopError as error:  # it may name the temporary folder
         error.args = tuple(str(said).replace(str(made), str(target)) for said in error.args)
         raise
     except OSError as error:
@@ -155,7 +155,7 @@ def _whole(target: Path) -> Iterator[Path]:
 
 
 def _sweep(target: Path) -> None:
-    """Remove what is left of studies that were begun here by a program that was killed."""
+    """Remove unfinished folders of studies, left by programs that were killed."""
     for made in target.parent.glob(f".{escape(target.name)}.{'[0-9a-f]' * 32}.tmp"):
         with suppress(OSError, StudyError):
             if (held := hold(made, wait=False)) is not None:
@@ -164,10 +164,10 @@ def _sweep(target: Path) -> None:
 
 
 class Checked(NamedTuple):
-    """What a check found.
+    """Result of a check.
 
-    faults  that want doing something: files that cannot be read, half sessions, missing items
-    notes   that are no faults: who is still to come, stimuli of unequal duration
+    faults  that need action: unreadable files, incomplete sessions, missing items
+    notes   for information: participants still expected, stimuli of unequal duration
     """
 
     faults: tuple[str, ...]
@@ -176,7 +176,7 @@ class Checked(NamedTuple):
 
 @checked_arguments
 def check(folder: str | os.PathLike[str]) -> Checked:
-    """Look at the front, stimuli, pages and answers of a study; StudyError where there is no design to go by."""
+    """Check the front, stimuli, pages and answers of a study; StudyError without a design."""
     target = Path(folder)
     design = Design.load(target)
     faults = []

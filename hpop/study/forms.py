@@ -1,8 +1,7 @@
 """Questionnaires as data: the items of a form, its scales, and the scores that its authors define.
 
-A form is a YAML file. Those that hpop brings are named by their id: ssq, vrsq, fms, comfort, naturalness, preference,
-mssq. A file of your own is read as strictly as scenario files are. An item without an answer makes the scores that it
-enters missing, not smaller.
+A form is a YAML file. Forms of hpop are named by their id: ssq, vrsq, fms, comfort, naturalness, preference, mssq. Your
+own files are checked as strictly as scenario files. A missing answer makes the scores of its item missing, not smaller.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ Language = Annotated[str, StringConstraints(pattern=r"^[a-z]{2,3}(-[A-Z]{2})?$")
 Words = Annotated[str, StringConstraints(min_length=1, max_length=1000)]
 Text = Annotated[dict[Language, Words], Field(min_length=1, max_length=100)]
 """A text by language: "en", "de", "pt-BR"."""
-Names = Annotated[tuple[Name, ...], Strict(False)]  # a validator is given JSON's lists
+Names = Annotated[tuple[Name, ...], Strict(False)]  # lists of JSON are accepted
 When = Literal["before", "after_each", "after_all"]
 
 
@@ -47,17 +46,17 @@ class _Part(BaseModel):
 
 
 class Absent(_Part):
-    """The answer that an item does not apply: what it is noted as, and its words."""
+    """Answer that an item does not apply: its value and its text."""
 
     value: float
     text: Text
 
 
-class Scale(_Part):
-    """The values that an answer may have: low, low + step, ..., high.
+class AnswerScale(_Part):
+    """Values that an answer may have: low, low + step, ..., high.
 
-    labels  by language: one for each value, or two, for both ends
-    absent  an answer beside them: that the item does not apply
+    labels  by language: one for each value, or two for the ends
+    absent  an extra answer: that the item does not apply
     """
 
     low: float
@@ -68,7 +67,7 @@ class Scale(_Part):
 
     @property
     def values(self) -> tuple[float, ...]:
-        """All values, rising."""
+        """Return all values in rising order."""
         return tuple(self.low + i * self.step for i in range(round((self.high - self.low) / self.step) + 1))
 
     def __contains__(self, value: object) -> bool:
@@ -81,7 +80,7 @@ class Scale(_Part):
         return isclose(steps, round(steps), abs_tol=1e-6) or self.is_absent(value)
 
     def is_absent(self, value: float) -> bool:
-        """Return whether a value says that the item does not apply."""
+        """Return whether a value means that the item does not apply."""
         return self.absent is not None and value == self.absent.value
 
     def __str__(self) -> str:
@@ -89,7 +88,7 @@ class Scale(_Part):
         return f"{self.low:g} to {self.high:g} in steps of {self.step:g}{beside}"
 
     @model_validator(mode="after")
-    def _sound(self) -> Scale:
+    def _sound(self) -> AnswerScale:
         steps = (self.high - self.low) / self.step
         _require(self.high > self.low, f"low must be below high, got {self.low:g} and {self.high:g}")
         _require(steps <= MOST_STEPS, f"a scale has at most {MOST_STEPS:,} steps; take a larger step")
@@ -105,29 +104,29 @@ class Scale(_Part):
 
 
 class Item(_Part):
-    """One question.
+    """Question of a form.
 
-    subscales  raw sums that it enters, by name
+    subscales  names of the raw sums to which it contributes
     reverse    whether a high answer counts as a low one: low + high - value
-    scale      its own; the form's where there is none
+    scale      its own; default: the form's
     """
 
     id: Id
     text: Text
     subscales: Names = ()
     reverse: bool = False
-    scale: Scale | None = None
+    scale: AnswerScale | None = None
 
 
 class Score(_Part):
-    """A number made of the answers. Exactly one of subscale, of, mean_of and sum_of says what of.
+    """Number computed from answers, by exactly one of subscale, of, mean_of and sum_of.
 
     subscale  the raw sum of the items in it
-    of        the sum of the raw sums of several scores, which are subscales' (the total of the SSQ)
+    of        the sum of the raw sums of several subscale scores (the total of the SSQ)
     mean_of   the mean of several scores
     sum_of    their sum
-    times     what that is multiplied by
-    out_of    what it is divided by
+    times     factor
+    out_of    divisor
     """
 
     name: Name
@@ -140,7 +139,7 @@ class Score(_Part):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The scores that this one is made of."""
+        """Return the names of the scores from which this one is computed."""
         return self.of + self.mean_of + self.sum_of
 
     @model_validator(mode="after")
@@ -152,15 +151,15 @@ class Score(_Part):
 
 @checked_arguments
 class Form(_Part):
-    """A questionnaire.
+    """Questionnaire.
 
     id      its name in designs and answers
-    source  who made it, and where it is published
+    source  authors and publication
     when    asked before the first stimulus, after each, or after all: one or more of these
     kind    "ratings" on scales; "pairs": each item compares two stimuli, and the answer is one of them, or none
-    better  which end of its scores is the better one, "low" (sickness) or "high" (comfort)
-    ask     what is asked, above the items
-    scale   of all items that have none of their own
+    better  the better end of its scores, "low" (sickness) or "high" (comfort)
+    ask     question above the items
+    scale   of all items without their own
     """
 
     id: Id
@@ -170,15 +169,15 @@ class Form(_Part):
     kind: Literal["ratings", "pairs"] = "ratings"
     better: Literal["low", "high"] = "low"
     ask: Text
-    scale: Scale | None = None
+    scale: AnswerScale | None = None
     items: Annotated[tuple[Item, ...], Strict(False), Field(min_length=1, max_length=MOST_ITEMS)]
     scores: Annotated[tuple[Score, ...], Strict(False), Field(max_length=MOST_ITEMS)] = ()
 
     @classmethod
     def load(cls, form: str | os.PathLike[str]) -> Form:
-        """Read a form: one of hpop's by its id, or a file, by a path that ends in .yaml.
+        """Read a form: one of hpop's by its id, or a file by a path that ends in .yaml.
 
-        Raises StudyError, with the line and the key, for what is no form.
+        Raises StudyError, with the line and the key, for an invalid form.
 
         >>> ssq = Form.load("ssq")
         >>> len(ssq.items), ssq.score_names
@@ -208,28 +207,28 @@ class Form(_Part):
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Form:
-        """Return the form that :meth:`to_dict` wrote; StudyError for what is none."""
+        """Return the form written by :meth:`to_dict`; StudyError for an invalid form."""
         try:
             return cls.model_validate(values)
         except ValidationError as error:
             raise StudyError(f"this is no form: {in_words(error)}") from None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the form as JSON knows it."""
+        """Return the form as JSON-able values."""
         return self.model_dump(mode="json", exclude_defaults=True)
 
     @property
     def languages(self) -> tuple[str, ...]:
-        """Languages in which every text of the form is written."""
+        """Return the languages in which every text of the form is available."""
         return tuple(sorted(set.intersection(*(set(text) for text in self._texts()))))
 
     @property
     def score_names(self) -> tuple[str, ...]:
-        """Names of the scores, in their order."""
+        """Return the names of the scores, in order."""
         return tuple(score.name for score in self.scores)
 
     def item(self, name: str) -> Item:
-        """Return an item by its id; StudyError where there is none."""
+        """Return an item by its id; StudyError if there is none."""
         for item in self.items:
             if item.id == name:
                 return item
@@ -238,8 +237,8 @@ class Form(_Part):
             f"form {self.id} has no item {shown(name)}.{did_you_mean(name, known)} It has {', '.join(known)}"
         )
 
-    def scale_of(self, item: Item) -> Scale:
-        """Return the scale on which an item is answered; a comparison of two stimuli has none: StudyError."""
+    def scale_of(self, item: Item) -> AnswerScale:
+        """Return the scale of an item; StudyError for a comparison of pairs, which has none."""
         if (scale := item.scale or self.scale) is None:
             raise StudyError(f"form {self.id} compares pairs: its item {item.id!r} has no scale")
         return scale
@@ -281,7 +280,7 @@ class Form(_Part):
 
 
 def shipped() -> tuple[str, ...]:
-    """Return ids of the forms that hpop brings."""
+    """Return the ids of hpop's forms."""
     files = resources.files("hpop.study").joinpath("forms").iterdir()
     return tuple(sorted(file.name.removesuffix(".yaml") for file in files if file.name.endswith(".yaml")))
 
@@ -307,11 +306,11 @@ Answers = Mapping[str, float | None]
 
 @checked_arguments
 def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float]:
-    """Return the scores of a form, by name, from answers by item; NaN where an answer lacks.
+    """Compute the scores of a form, by name, from answers by item; NaN if an answer is missing.
 
-    With ``prorate`` the mean of the others stands for a missing answer where at most one in seven of a subscale lacks;
-    :func:`prorated` names the scores concerned. Items that do not apply (``absent``) are left out and the sum is scaled
-    up to all items; a score to which no item applies is NaN.
+    With ``prorate`` a missing answer is replaced by the mean of the others, if at most one in seven of a subscale is
+    missing; :func:`prorated` names these scores. Items that do not apply (``absent``) are left out and the sum is
+    scaled up to all items; a score without applicable items is NaN.
 
     Raises StudyError for an item that the form does not have and for a value off its scale.
 
@@ -329,13 +328,13 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
 
 
 def missing(form: Form, values: Answers) -> tuple[str, ...]:
-    """Return ids of the items without an answer."""
+    """Return the ids of the items without an answer."""
     answered = _answered(form, values)
     return tuple(item.id for item in form.items if item.id not in answered)
 
 
 def prorated(form: Form, values: Answers) -> tuple[str, ...]:
-    """Return names of the scores that ``prorate`` makes though an answer lacks."""
+    """Return the names of the scores that exist only because of ``prorate``."""
     strict, mended = score(form, values), score(form, values, prorate=True)
     return tuple(name for name in strict if isnan(strict[name]) and not isnan(mended[name]))
 
@@ -354,7 +353,7 @@ def _answered(form: Form, values: Answers) -> dict[str, float]:
 
 
 def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool) -> float:
-    """The raw sum of a subscale, scaled up to all its items where some do not apply, or lack and may be prorated."""
+    """Return the raw sum of a subscale, scaled up if items do not apply, or are missing and may be prorated."""
     items = [item for item in form.items if subscale in item.subscales]
     given = [item for item in items if item.id in answered]
     lacking = len(items) - len(given)
@@ -367,7 +366,7 @@ def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool
 
 
 def _counted(form: Form, item: Item, value: float) -> float:
-    """Return the value of an answer in a sum."""
+    """Return the value that an answer adds to a sum."""
     scale = form.scale_of(item)
     return scale.low + scale.high - value if item.reverse else value
 
@@ -377,7 +376,7 @@ def _applies(form: Form, item: Item, value: float) -> bool:
 
 
 def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:
-    """Return the sum of a score, before it is scaled."""
+    """Return a score before scaling."""
     if one.subscale is not None:
         return raw[one.subscale]
     if one.of:

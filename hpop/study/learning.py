@@ -1,4 +1,4 @@
-"""A criterion learnt from ratings: which criteria, and how much of each, make people rate trajectories as they do."""
+"""Learn a criterion from ratings: the criteria, with weights, that explain how people rate trajectories."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ BETTER = ("high", "low")
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Weights of criteria, and how far off they are; :meth:`save` makes a criterion of them.
+    """Weights of criteria with their error; :meth:`save` makes a criterion from them.
 
-    parts    weight and criterion; those that count nothing are left out
-    source   where they are from, with the cross-validated error
+    parts    weight and criterion; zero weights are left out
+    source   origin of the ratings, with the cross-validated error
     """
 
     parts: tuple[tuple[float, Criterion], ...]
@@ -47,13 +47,13 @@ class Fitted:
 
     @property
     def weights(self) -> dict[str, float]:
-        """By the name of a criterion, in points of the rating for each of its units."""
+        """Return the weights by criterion, in points of the rating per unit of the criterion."""
         return {criterion.name: weight for weight, criterion in self.parts}
 
     def save(self, path: str | os.PathLike[str]) -> Learnt:
-        """Write the criterion to a JSON file, whole or not at all; the criterion that the file is.
+        """Write the criterion to a JSON file, whole or not at all, and return the criterion.
 
-        Raises OSError where it cannot be written.
+        Raises OSError if it cannot be written.
         """
         target = Path(path)
         if not target.parent.exists():
@@ -65,7 +65,7 @@ class Fitted:
         return Learnt(str(target))
 
     def __str__(self) -> str:
-        """Return the sum, and where it is from."""
+        """Return the weighted sum and its origin."""
         return f"{' + '.join(f'{weight:.4g} {name}' for name, weight in self.weights.items())}, {self.source}"
 
 
@@ -82,26 +82,25 @@ def fit_criterion(
     question: str = "comfort",
     source: str,
 ) -> Fitted:
-    """Return learn which sum of criteria explains ratings of trajectories: weights of least squares, none negative.
+    """Learn the sum of criteria that explains ratings of trajectories, with non-negative least-squares weights.
 
-    Each person has a level of their own, which is left out: what counts is how ratings differ within a person. Costs
-    are those by the planning law, which planners add up. The error is cross-validated: weights are learnt with some of
-    the trajectories left out, up to ten times, and their ratings predicted. A warning tells where that is no better
-    than each person's mean.
+    Each person's mean is removed, so only differences within a person count. Costs follow the planning law, as planners
+    use them. The error is cross-validated: up to ten times some trajectories are left out, and their ratings predicted.
+    A warning tells if this is no better than predicting each person's mean.
 
     Parameters
     ----------
     ratings : (N,) numbers
-    trajectories : (N,) what each rating is of, or with ``front`` its rows
+    trajectories : (N,) rated trajectories, or with ``front`` its rows
     problem : the world, in which costs are evaluated
-    criteria : that may count, all of them sums: "exposure", not "obstruction", its mean
-    people : (N,) who gave each rating, any ids; one person if left out
-    front : whose rows ``trajectories`` are
+    criteria : candidates, all of them sums: "exposure", not its mean "obstruction"
+    people : (N,) ids of the raters; one person by default
+    front : front of the rows in ``trajectories``
     better : whether a "high" or a "low" rating is the better one
-    question : what was rated
-    source : who was asked, when and where; for those who use the criterion
+    question : the rated quality
+    source : description of the ratings (people, time, place) for users of the criterion
 
-    Raises StudyError for ratings that do not belong together, CriterionError for a criterion that is no sum.
+    Raises StudyError for inconsistent ratings, CriterionError for a criterion that is no sum.
     """
     one_of("better", better, BETTER, error=StudyError)
     if not isinstance(source, str) or not source.strip():
@@ -114,7 +113,7 @@ def fit_criterion(
             f"expected as many trajectories and people as ratings, got {len(ways)} and {len(who)} for {len(rated)}"
         )
     made = [criterion for _, criterion in checked_parts([(0.0, spec) for spec in criteria])]
-    by_states = {_states(way): way for way in ways}  # one that was read twice is no other one to be left out
+    by_states = {_states(way): way for way in ways}  # equal trajectories are left out together
     distinct, places = list(by_states.values()), {states: i for i, states in enumerate(by_states)}
     of = np.array([places[_states(way)] for way in ways], dtype=np.intp)
     if len(distinct) < len(made) + 2:
@@ -156,7 +155,7 @@ def _number(rating: Any) -> float:
 
 
 def _way(given: Any, front: Front | None) -> Trajectory:
-    """Return a trajectory that was rated, or that of a row."""
+    """Return a rated trajectory, or the trajectory of a rated row."""
     if isinstance(given, Trajectory):
         return given
     if front is not None and is_whole(given) and 0 <= given < len(front):
@@ -166,13 +165,13 @@ def _way(given: Any, front: Front | None) -> Trajectory:
 
 
 def _states(way: Trajectory) -> tuple[Any, ...]:
-    """Return by which trajectories are told apart: models and states of their motions."""
+    """Return a key that identifies a trajectory: kinds and states of its motions."""
     states = way.states
     return (way.kinds, *((name, np.asarray(getattr(states, name)).tobytes()) for name in states.names))
 
 
 def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatArray:
-    """Return weights (k,) >= 0 of least squares, each person's level left out (Lawson and Hanson 1974)."""
+    """Return the weights (k,) >= 0 of least squares, without each person's mean (Lawson and Hanson 1974)."""
     from scipy.optimize import nnls
 
     away = _within(np.column_stack([costs, values]), persons)
@@ -183,7 +182,7 @@ def _fitted(costs: FloatArray, values: FloatArray, persons: IntArray) -> FloatAr
 
 
 def _within(table: FloatArray, persons: IntArray) -> FloatArray:
-    """Differences (N, m) from each person's mean; 0 where only rounding makes one, of which weights would be made."""
+    """Return the differences (N, m) from each person's mean; 0 for mere rounding errors, which would get weights."""
     away = table - _levels(table, persons)[persons]
     return np.where(np.abs(away) > ROUNDING * np.abs(table).max(axis=0), away, 0.0)
 
@@ -195,9 +194,9 @@ def _levels(table: FloatArray, persons: IntArray) -> FloatArray:
 
 
 def _errors(costs: FloatArray, values: FloatArray, persons: IntArray, of: IntArray) -> tuple[float, float]:
-    """Return root mean squares on trajectories left out: of the weights, and of each person's mean.
+    """Return the root mean square errors on left-out trajectories: of the weights, and of each person's mean.
 
-    A person's level is learnt from what is left of their ratings; who has none left is not predicted.
+    A person's mean is learnt from the remaining ratings; a person without remaining ratings is not predicted.
     """
     folds = np.random.default_rng(0).permutation(of.max() + 1) % FOLDS
     squares: list[FloatArray] = []

@@ -1,4 +1,4 @@
-"""Who leaves a study: the answers of who dropped out stay, of who withdraws nothing is kept."""
+"""Participants who leave a study: answers of drop-outs are kept, all data of withdrawn participants are deleted."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ TABLES = (*CSV, SQLITE, REMARKS)
 
 
 class Withdrawal(NamedTuple):
-    """What was removed of a participant.
+    """Result of deleting a participant's data.
 
-    removed    files, as they are called in the study's folder
-    remade     files and reports that were made again, without the participant
-    successor  who has the place
-    notes      what is still to be done
+    removed    files, relative to the study's folder
+    remade     tables and reports that were rewritten without the participant
+    successor  id of the next person in this place
+    notes      on remaining tasks
     """
 
     removed: tuple[str, ...]
@@ -42,23 +42,23 @@ class Withdrawal(NamedTuple):
 
 @checked_arguments
 def replace(folder: str | os.PathLike[str], participant: str) -> str:
-    """Replace a participant who dropped out: the next id, with the same order and its own page.
+    """Replace a participant who dropped out by the next id, with an equal order and a page of its own.
 
-    What the participant answered stays. Raises StudyError where nobody of this id is expected.
+    The participant's answers are kept. Raises StudyError if no participant with this id is expected.
     """
     target = Path(folder)
-    Design.load(target)  # what is no study is not locked
+    Design.load(target)  # a folder that is no study is not locked
     with changing(target):
         return _followed(Design.load(target).after(participant, withdrawn=False), target, participant)
 
 
 @checked_arguments
 def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
-    """Return delete all that is known of a participant; tables and reports are made again; the next id takes the place.
+    """Delete all data of a participant, rewrite tables and reports, and give the place to the next id.
 
-    Every file in the folder that is called after the participant, or that holds the participant's answers, is removed:
-    answers, page, preference, what a writer left that was killed. Tables that are there, and reports in the folder, are
-    made again of the others' answers, or removed where these do not suffice. It may be called again after a crash.
+    Every file in the folder that is named after the participant, or holds the participant's answers, is removed:
+    answers, page, preference, and leftovers of killed programs. Existing tables and reports are rewritten from the
+    remaining answers, or removed if these do not suffice. The call can be repeated after a crash.
     """
     target = Path(folder)
     Design.load(target)
@@ -78,9 +78,9 @@ def withdraw(folder: str | os.PathLike[str], participant: str) -> Withdrawal:
 
 
 def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...]:
-    """Return the files that :func:`withdraw` would remove, as they are called in the study's folder.
+    """Return the files that :func:`withdraw` would remove, relative to the study's folder.
 
-    Raises StudyError where there is no study, or never was a participant of this id.
+    Raises StudyError if there is no study, or never was a participant with this id.
     """
     target = Path(folder)
     design = Design.load(target)
@@ -90,7 +90,7 @@ def known_of(folder: str | os.PathLike[str], participant: str) -> tuple[str, ...
 
 
 def _followed(design: Design, folder: Path, participant: str) -> str:
-    """Save who left, and write the page of the successor."""
+    """Save the departure, and write the page of the successor."""
     successor = next(one.successor for one in design.left if one.participant == participant)
     design.save(folder)
     if (folder / STIMULI).is_dir() and successor not in {one.participant for one in design.left}:
@@ -107,7 +107,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _files_of(folder: Path, participant: str) -> Iterator[Path]:
-    """Files that are called after a participant, hidden ones of a writer that was killed too, or hold its answers."""
+    """Yield the files that are named after a participant, also hidden leftovers, or hold the participant's answers."""
     called = re.compile(rf"\.?{participant}(?![0-9])")
     says = re.compile(rf'"participant"\s*:\s*"{participant}"'.encode())
     for path in _files(folder):
@@ -117,7 +117,7 @@ def _files_of(folder: Path, participant: str) -> Iterator[Path]:
 
 
 def _naming(folder: Path, participant: str) -> Iterator[str]:
-    """Yield which files of others than hpop name a participant: copies of tables, for instance."""
+    """Yield files not written by hpop that name a participant, such as copies of tables."""
     own = {folder / name for name in (FILE, FRONT, PEOPLE, SCHEDULE, *TABLES)}
     own_folders = {folder / name for name in (ANSWERS, PAGES, STIMULI)} | {
         path.parent for path in _files(folder) if path.name == REPORT
@@ -138,7 +138,7 @@ def _bytes(path: Path, most: int) -> bytes:
 
 
 def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
-    """Make tables and reports that are there again, or remove them; which were made, and why the others were not."""
+    """Rewrite or remove existing tables and reports; return the rewritten ones, and reasons for the others."""
     tables = [path for path in (folder / name for name in TABLES) if path.exists()]
     reports = sorted(path.parent for path in _files(folder) if path.name == REPORT)
     if not tables and not reports:
@@ -161,7 +161,7 @@ def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
 
 
 def _reported_again(report: Path, answers: Answers | None) -> str:
-    """Remove a report, and make it again of answers where there are any; what is to be said of it, or nothing."""
+    """Rewrite a report from the answers, or remove it without answers; return a note, or ""."""
     try:
         made = read_report(report)
         remove_report(report)

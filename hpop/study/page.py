@@ -1,8 +1,8 @@
-"""The page of one participant's session: consent, forms, rides, rests, comparisons, in one file that needs no other.
+"""Page of one participant's session: consent, forms, rides, rests and comparisons, in one self-contained file.
 
-It holds what a design makes public of the session, the stimuli as they lie in the study's folder, and ways on a map,
-hidden until the participant asks for them. What it records are events: opened as a file it keeps them and hands
-them over as a file, served by `hpop.study.server` it sends each at once.
+It contains the public part of the session's design, the stimuli, and paths on a map, hidden until the participant asks
+for them. It records events: opened as a file, it stores them and offers them as a file; served by `hpop.study.server`,
+it sends each event at once.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ MOST_WALLS = 2000
 
 
 class Ride(NamedTuple):
-    """A stimulus, taken apart.
+    """Parts of a stimulus page.
 
-    text     of its page, without its bundle
-    bundle   deflated, base64, as it stands in the page
-    scripts  that its policy allows
+    text     of the page, without the bundle
+    bundle   deflated, in base64
+    scripts  hashes that its policy allows
     payload  `hpop-stimulus`
     """
 
@@ -55,7 +55,7 @@ class Ride(NamedTuple):
 
 
 class Rides(NamedTuple):
-    """The stimuli of a study, as the pages of all participants hold them, by letter."""
+    """Stimuli of a study by letter, shared by the pages of all participants."""
 
     bundle: str
     scripts: tuple[str, ...]
@@ -66,8 +66,8 @@ class Rides(NamedTuple):
 def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
     """Read the stimuli that are rides from a study's folder.
 
-    Raises StudyError for a file that is missing or is no stimulus of hpop's, is that of another letter, or was made by
-    another version than the others.
+    Raises StudyError for a file that is missing, is no stimulus of hpop, has another letter, or was made by another
+    version of hpop than the others.
     """
     found: dict[str, Ride] = {}
     for place in public["places"]:
@@ -90,16 +90,16 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
 
     Parameters
     ----------
-    public : what :meth:`Design.public` tells of the session
+    public : result of :meth:`Design.public`
     folder : the study's, with ``stimuli/``
-    served : whether `hpop.study.server` serves it, to which it may connect
-    rides : what `rides_of` read, for pages of several participants
+    served : whether `hpop.study.server` serves the page, which may then connect to it
+    rides : result of `rides_of`, shared by several participants
 
-    Raises StudyError for stimuli and texts that are not there or not what they should be.
+    Raises StudyError for missing or invalid stimuli and texts.
     """
     shown_rides = rides_of(public, folder) if rides is None else rides
     texts = words(public["language"], folder)
-    if public["protocol"]["stop_rule"] == STOP_RULE:  # of no study's own, so it is said in the language of the pages
+    if public["protocol"]["stop_rule"] == STOP_RULE:  # the default text is translated
         protocol = {**public["protocol"], "stop_rule": texts["stop_rule"]}
         public = {**public, "protocol": protocol}
     payload = {
@@ -123,7 +123,7 @@ def session_page(public: Mapping[str, Any], folder: Path, *, served: bool = Fals
 
 
 def _ride(path: Path, name: str) -> Ride:
-    """Return a stimulus as `hpop.study.stimuli` wrote it."""
+    """Read a stimulus that `hpop.study.stimuli` wrote."""
     try:
         text = read_regular(path, MOST_BYTES).decode()
         payload = parse(PAYLOAD.search(text)[1].encode())  # type: ignore[index]
@@ -144,7 +144,7 @@ def _ride(path: Path, name: str) -> Ride:
 
 
 def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
-    """Return walls and ways in the plane, for small maps; None where there is no ride."""
+    """Return walls and paths in the plane, for small maps; None without a ride."""
     if not payloads:
         return None
     scene = next(iter(payloads.values()))["scene"]
@@ -161,7 +161,7 @@ def _plan(payloads: Mapping[str, Mapping[str, Any]]) -> dict[str, Any] | None:
 
 
 def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
-    """Return outlines of the boxes of a raster, taken together, m."""
+    """Return outlines of the boxes of a raster, m."""
     boxes = np.array(cells["boxes"], dtype=np.float64)
     together = shapely.union_all(shapely.box(*boxes.T)).simplify(0.5)
     x, y, yaw = cells["origin"]
@@ -174,7 +174,7 @@ def _cells(cells: Mapping[str, Any]) -> list[list[list[float]]]:
 
 
 def _way(packed: Mapping[str, Any]) -> list[list[float]]:
-    """Return corners of a way from its packed positions, m."""
+    """Return the corners of a path from its packed positions, m."""
     x, y = (np.cumsum(np.cumsum(column)) * packed["scale"] for column in packed["columns"][:2])
     points = np.stack([x, y], axis=1)
     simple = shapely.LineString(points).simplify(TOLERANCE) if len(points) > 1 else shapely.Point(points[0])

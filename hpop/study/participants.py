@@ -1,11 +1,11 @@
-"""Participants: ids that tell nothing of a person, strata, and balanced orders of the stimuli.
+"""Participants: anonymous ids, strata, and balanced orders of the stimuli.
 
-A participant who sees three rides is sicker at the third, whichever it is. Counterbalanced orders spread that evenly:
+Participants become sicker with each ride, whichever it is. Counterbalanced orders spread this evenly:
 
-- ``permutations``  every order there is: everything is balanced, also what follows what at any distance (to 4 stimuli)
+- ``permutations``  all orders, for up to 4 stimuli: everything is balanced, also sequences at any distance
 - ``williams``      each stimulus equally often at each place, and directly after each other one (Williams 1949,
   Australian Journal of Scientific Research A 2, 149-168): K orders for an even number K of stimuli, 2 K for an odd one
-- ``latin``         each stimulus equally often at each place; nearly all orders have the same neighbours
+- ``latin``         each stimulus equally often at each place; almost all orders have equal neighbours
 - ``random``        an order at random for each participant: balanced on average only
 """
 
@@ -39,10 +39,10 @@ WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9_+.-]{0,19}")
 @checked_arguments
 @dataclass(frozen=True)
 class Participant:
-    """A place in the study, which one person takes.
+    """Place in the study, taken by one person.
 
     id      "p01", "p02", ...
-    order   letters of the stimuli, as this person sees them
+    order   letters of the stimuli, in the order of the session
     strata  level by stratum, such as {"sex": "f"}
     """
 
@@ -53,25 +53,25 @@ class Participant:
 
 @dataclass(frozen=True)
 class Departure:
-    """Somebody who left, and who takes the place: the answers of who dropped out stay, of who withdrew they do not."""
+    """Participant who left, with the successor; answers of a drop-out are kept, those of a withdrawn one deleted."""
 
     participant: str
     successor: str
     withdrawn: bool
 
 
-def checked_id(given: object) -> str:
-    """Return an id as it is, or StudyError: p and a number, never a name.
+def checked_id(identifier: object) -> str:
+    """Return an id such as "p07"; StudyError for anything else, such as a name.
 
     >>> checked_id("p07")
     'p07'
     """
-    if not isinstance(given, str) or not ID.fullmatch(given):
+    if not isinstance(identifier, str) or not ID.fullmatch(identifier):
         raise StudyError(
-            f"a participant is p and a number of two to four digits, such as p07, got {shown(given)}; names, initials "
-            "and the like are refused, for nothing here may tell who somebody is"
+            f"a participant is p and a number of two to four digits, such as p07, got {shown(identifier)}; "
+            "names and initials are refused, because nothing here may reveal a person"
         )
-    return given
+    return identifier
 
 
 def named(number: int) -> str:
@@ -86,12 +86,12 @@ def named(number: int) -> str:
 def enrolled(
     orders: Sequence[tuple[str, ...]], count: int, strata: Mapping[str, Sequence[str]], rng: np.random.Generator
 ) -> tuple[Participant, ...]:
-    """Participants whose orders, strata, and strata within each order are as equally frequent as their number allows.
+    """Return participants with orders, strata, and strata within orders as equally frequent as possible.
 
-    Each order and each combination of levels occurs as often as any other, or once more; so does each combination
-    within each order. All come in random sequence, whole blocks of all combinations first.
+    Frequencies of orders, of combinations of levels, and of combinations within each order differ by at most one.
+    Participants are in random sequence, in blocks of all combinations.
 
-    Raises StudyError for strata that are no words, or whose combinations would have a single person each.
+    Raises StudyError for strata that are no words, or that leave a single person in a combination.
     """
     levels = checked_strata(strata)
     cells = [dict(zip(levels, combination, strict=True)) for combination in product(*levels.values())]
@@ -106,7 +106,7 @@ def enrolled(
 
 
 def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, ...]]:
-    """Return strata with their levels, which are short words: StudyError for anything else."""
+    """Return strata with their levels, which are short words; StudyError otherwise."""
     levels: dict[str, tuple[str, ...]] = {}
     for name, several in strata.items():
         words = [several] if isinstance(several, str) else list(several)
@@ -124,7 +124,7 @@ def checked_strata(strata: Mapping[str, Sequence[str]]) -> dict[str, tuple[str, 
 
 
 def checked_departures(people: Sequence[Participant], left: Sequence[Departure]) -> None:
-    """Raise StudyError for departures of unknown participants, or successors that are not the next ids."""
+    """Raise StudyError for departures of unknown participants, or successors other than the next ids."""
     for i, departure in enumerate(left):
         known = {named(number) for number in range(1, len(people) + i + 1)}
         known -= {earlier.participant for earlier in left[:i]}
@@ -136,7 +136,7 @@ def checked_departures(people: Sequence[Participant], left: Sequence[Departure])
 
 
 def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
-    """Return in words which orders are less frequent than others; "" where all are equally frequent.
+    """Describe the orders that are less frequent than others; () if all are equally frequent.
 
     >>> unequal([("A", "B"), ("A", "B"), ("B", "A")], [("A", "B"), ("B", "A")])
     ('order B A: 1 of 2',)
@@ -147,10 +147,10 @@ def unequal(orders: Iterable[tuple[str, ...]], known: Sequence[tuple[str, ...]])
 
 
 def _pairs(orders: int, cells: int, count: int, rng: np.random.Generator) -> Iterator[tuple[int, int]]:
-    """Yield pairs of order and cell, block after block of all of them.
+    """Yield pairs of order and cell, in blocks of all pairs.
 
-    The i-th of a block is order i mod m in cell (i + i div lcm(m, s)) mod s, relabelled at random: these run through
-    all pairs, and any number of the first ones has all orders, and all cells, as often as another or once more.
+    The i-th pair of a block is order i mod m in cell (i + i div lcm(m, s)) mod s, relabelled at random. A block
+    contains all pairs, and in any prefix of it the frequencies of orders, and of cells, differ by at most one.
     """
     block, step = orders * cells, math.lcm(orders, cells)
     for begin in range(0, count, block):
@@ -165,7 +165,7 @@ def _described(levels: Mapping[str, Sequence[str]]) -> str:
 
 
 def uneven(people: Sequence[Participant], orders: Sequence[tuple[str, ...]], kind: str) -> tuple[str, ...]:
-    """Return whether orders of a kind are dealt unequally often, also within strata, in words."""
+    """Describe the orders that are assigned unequally often, also within strata."""
     said, size, several = list[str](), len(people), len(orders)
     if size % several:
         less = size // several * several
@@ -198,10 +198,10 @@ T = TypeVar("T")
 def sequences(
     kind: str, stimuli: Sequence[T], participants: int, rng: np.random.Generator
 ) -> tuple[tuple[T, ...], ...]:
-    """The different orders of the stimuli among which participants are dealt, each as often as another or once more.
+    """Return the orders of the stimuli that are assigned to participants, with frequencies that differ by at most one.
 
-    ``random`` gives one for each participant. Raises StudyError for ``permutations`` of more than four stimuli or with
-    participants that are no multiple of their number, and for more than 26 stimuli.
+    ``random`` returns one for each participant. Raises StudyError for ``permutations`` of more than four stimuli or
+    with participants that are no multiple of their number, and for more than 26 stimuli.
 
     >>> sequences("williams", "ABCD", 8, np.random.default_rng(1))
     (('A', 'B', 'D', 'C'), ('B', 'C', 'A', 'D'), ('C', 'D', 'B', 'A'), ('D', 'A', 'C', 'B'))
@@ -229,10 +229,11 @@ def latin(count: int) -> IntArray:
 
 
 def williams(count: int) -> IntArray:
-    """Return williams' design (K, K), of an odd number of stimuli (2 K, K): the square, then its rows backwards.
+    """Return Williams' design (K, K); for an odd number of stimuli (2 K, K): the square, then its rows reversed.
 
-    The first row is 0, 1, K - 1, 2, K - 2, ...; each of the others adds one, modulo K. Its steps are all different, so
-    that each stimulus follows each other one once; of an odd K each step comes twice, and its mirror evens that out.
+    The first row is 0, 1, K - 1, 2, K - 2, ...; each further row adds one, modulo K. For even K all steps of the row
+    differ, so that each stimulus follows each other once; for odd K each step occurs twice, and the reversed rows
+    balance that.
     """
     first = np.zeros(count, dtype=np.int64)
     first[1::2] = np.arange(1, count // 2 + 1)
@@ -242,7 +243,7 @@ def williams(count: int) -> IntArray:
 
 
 def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """Return how often each stimulus stands at each place: (K stimuli, K places).
+    """Count how often each stimulus is at each place: (K stimuli, K places).
 
     >>> places([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[2, 1], [1, 2]]
@@ -255,7 +256,7 @@ def places(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
 
 
 def neighbours(orders: Sequence[Sequence[T]], stimuli: Sequence[T]) -> IntArray:
-    """Return how often each stimulus directly follows each other one: (K before, K after).
+    """Count how often each stimulus directly follows each other: (K before, K after).
 
     >>> neighbours([("A", "B"), ("A", "B"), ("B", "A")], "AB").tolist()
     [[0, 2], [1, 0]]

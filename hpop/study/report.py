@@ -1,4 +1,4 @@
-"""The report of a study: tables as text and CSV, figures, a page that names every choice, and the code to repeat it."""
+"""Report of a study: tables as text and CSV, figures, a page that names every decision, and the code to repeat it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hpop.base.text import printable
 from hpop.errors import StudyError
 from hpop.study import design_file
 from hpop.study.conditions import unlike
-from hpop.study.documents import Column, Contents, csv_bytes, remove_report, write_bytes, write_report
+from hpop.study.documents import Contents, TableColumn, csv_bytes, remove_report, write_bytes, write_report
 from hpop.study.figures import draw, figures
 from hpop.study.folder import KEPT, REPORT
 from hpop.study.results import Cell, Row
@@ -78,7 +78,10 @@ img { max-width: 100%; height: auto } pre { background: #f2f5f7; padding: 1rem; 
 
 
 def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
-    """Write the report into a folder, which is made; StudyError where it cannot be written. Gives the page's path."""
+    """Write the report to a folder, created if missing, and return the page's path.
+
+    StudyError if it cannot be written.
+    """
     target = Path(folder)
     _check_own(target)
     try:
@@ -100,7 +103,7 @@ def save(analysis: Analysis, folder: str | os.PathLike[str]) -> Path:
 
 
 def _check_own(folder: Path) -> None:
-    """Raise StudyError where a report would lie among a study's tables, pages or answers."""
+    """Raise StudyError if a report would be among a study's tables, pages or answers."""
     there = folder.resolve()
     for study in (there, *there.parents):
         inside = there.relative_to(study).parts[:1]
@@ -118,7 +121,7 @@ def as_text(analysis: Analysis) -> str:
 
 
 def code(analysis: Analysis) -> str:
-    """Return python that makes the same report from the study's folder."""
+    """Return Python code that makes an equal report from the study's folder."""
     mark = f"# {analysis.mark}\n" if analysis.mark else ""
     return (
         f"{mark}# hpop {hpop.__version__}, NumPy {np.__version__}, SciPy {scipy.__version__}\n"
@@ -135,12 +138,12 @@ def code(analysis: Analysis) -> str:
 
 
 def _how(analysis: Analysis) -> dict[str, str]:
-    """Return arguments of :func:`hpop.study.analyse`."""
+    """Return the arguments for :func:`hpop.study.analyse`."""
     return {"method": analysis.method, "correction": analysis.correction}
 
 
 def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
-    """Return the page: self-contained, without scripts."""
+    """Return the page, self-contained and without scripts."""
     mark = f'<p class="mark">{_text(analysis.mark)}</p>' if analysis.mark else ""
     heading = _text(_heading(analysis))
     shown = {"scores": "test", "order": "balance", "choices": "choices"}  # a figure stands before this table
@@ -171,7 +174,7 @@ def _heading(analysis: Analysis) -> str:
 
 
 def _summary(analysis: Analysis) -> str:
-    """Return the result in a sentence or two."""
+    """Summarise the result in a sentence or two."""
     people = analysis.choices["People"]
     lasting = unlike(analysis.design.conditions)
     also = f" {lasting[0].upper()}{lasting[1:]}." if lasting else ""
@@ -220,7 +223,7 @@ def _columns(rows: Sequence[Row]) -> list[str]:
 
 
 def written(column: str, value: Cell) -> str:
-    """Return a cell for people: p to four decimals, other numbers to four figures, a dash where there is none.
+    """Format a cell: p to four decimals, other numbers to four digits, a dash if missing.
 
     >>> written("p", 0.00003), written("z", -1.31479), written("people", 36), written("low", float("-inf"))
     ('< .0001', '-1.315', '36', 'unbounded')
@@ -241,12 +244,12 @@ def written(column: str, value: Cell) -> str:
 
 
 def _contents(rows: Sequence[Row], mark: str) -> Contents:
-    """Return a table for CSV, whole figures; simulated answers are marked in a column of their own."""
+    """Return a table for CSV with full precision; simulated answers are marked in an extra column."""
     headings = _columns(rows)
-    columns = [Column(heading, "TEXT") for heading in headings]
+    columns = [TableColumn(heading, "TEXT") for heading in headings]
     cells = [[row.get(heading) for heading in headings] for row in rows]
     if mark:
-        columns, cells = [*columns, Column("simulated", "TEXT")], [[*line, "SIMULATED"] for line in cells]
+        columns, cells = [*columns, TableColumn("simulated", "TEXT")], [[*line, "SIMULATED"] for line in cells]
     return Contents(columns, cells)
 
 

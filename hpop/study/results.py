@@ -17,14 +17,14 @@ from hpop.study import statistics
 from hpop.study.answers import Answers, Matrix
 from hpop.study.design import Design
 from hpop.study.participants import places
-from hpop.study.session import Comparison, questions_of
+from hpop.study.session import PairChoice, questions_of
 from hpop.study.statistics.scores import LEAST_STIMULI, Correction
 
 Method = Literal["default", "paper"]
 Cell = str | int | float
 Row = Mapping[str, Cell]
 Tables = dict[str, Sequence[Row]]
-Asked = Sequence[tuple[str, Comparison]]
+Asked = Sequence[tuple[str, PairChoice]]
 """Comparisons of one question, with who made each."""
 BEFORE = "before"
 
@@ -32,7 +32,7 @@ BEFORE = "before"
 def score_tables(
     design: Design, matrix: Matrix, before: FloatArray | None, method: Method, correction: Correction
 ) -> tuple[Tables, list[str]]:
-    """Return tables of one score, and what could not be made, with the reason."""
+    """Return the tables of one score, and the reasons for missing tables."""
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
     wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _described(labels, values, before)}
     if len(labels) >= LEAST_STIMULI or method == "paper":
@@ -47,7 +47,7 @@ def score_tables(
 
 
 def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
-    """Return tables of the comparisons, by question, and what could not be made, with the reason."""
+    """Return the tables of comparisons, by question, and the reasons for missing tables."""
     made = [(session.person.id, one) for session in answers.sessions for one in session.comparisons]
     tables: Tables = {}
     notes = []
@@ -64,7 +64,7 @@ def choice_tables(design: Design, answers: Answers) -> tuple[Tables, list[str]]:
 
 
 def stimuli_table(design: Design) -> Sequence[Row]:
-    """Return the stimulus behind each letter: its duration, s, and its cost by each criterion."""
+    """Return a table of the stimuli: letter, duration, s, and cost by each criterion."""
     return [
         {
             "stimulus": label(design, one.id),
@@ -76,7 +76,7 @@ def stimuli_table(design: Design) -> Sequence[Row]:
 
 
 def _with_unit(name: str) -> str:
-    """Return a criterion with its unit, as far as the name alone tells it."""
+    """Return a criterion's name with its unit, if the criterion is registered."""
     criterion: Any = criteria.get(name)
     unit = "1" if criterion is None else criterion.unit
     return name if unit == "1" else f"{name} ({unit})"
@@ -89,12 +89,12 @@ def placed(matrix: Matrix) -> FloatArray:
 
 
 def label(design: Design, letter: str) -> str:
-    """Return a stimulus for the researcher: its letter, and what it is."""
+    """Return a stimulus for the researcher: its letter and its description."""
     return f"{letter}: {design.condition(letter)}"
 
 
 def _made(wanted: Mapping[str, Callable[[], Sequence[Row]]]) -> tuple[Tables, list[str]]:
-    """Return the tables that the answers suffice for, and why the others cannot be made."""
+    """Return the tables that the answers suffice for, and the reasons for missing tables."""
     tables: Tables = {}
     notes = []
     for name, make in wanted.items():
@@ -116,7 +116,7 @@ def _of_question(design: Design, question: str, asked: Asked) -> dict[str, Calla
 
 
 def _described(labels: Sequence[str], values: FloatArray, before: FloatArray | None) -> list[Row]:
-    """Return medians and quartiles, and of the change since before where that is known."""
+    """Return medians and quartiles, also of the change since before, if there are answers before."""
     columns = list(zip(labels, values.T, strict=True))
     if before is not None:
         columns = [(BEFORE, before), *columns]
@@ -125,7 +125,7 @@ def _described(labels: Sequence[str], values: FloatArray, before: FloatArray | N
 
 
 def _omnibus(values: FloatArray, method: Method) -> Row:
-    """Return whether any stimulus differs."""
+    """Test whether any stimulus differs."""
     if method == "default":
         related = statistics.friedman(values)
         return {
@@ -150,7 +150,7 @@ def _omnibus(values: FloatArray, method: Method) -> Row:
 
 
 def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction: Correction) -> list[Row]:
-    """Return every two stimuli; positive where the second scores higher."""
+    """Compare every two stimuli; positive if the second scores higher."""
     if method == "default":
         pairs = list(combinations(range(len(labels)), 2))
         found = [statistics.wilcoxon(values[:, i], values[:, j]) for i, j in pairs]
@@ -173,7 +173,7 @@ def _pairs(labels: Sequence[str], values: FloatArray, method: Method, correction
 def _against(
     labels: Sequence[str], values: FloatArray, before: FloatArray, method: Method, correction: Correction
 ) -> list[Row]:
-    """Return every stimulus against the answers before."""
+    """Compare every stimulus with the answers before."""
     how: dict[str, Any] = {"zeros": "wilcox", "exact": False} if method == "paper" else {}
     found = [statistics.wilcoxon(before, column, **how) for column in values.T]
     return _signed_rank_rows([(BEFORE, label) for label in labels], found, correction)
@@ -204,12 +204,12 @@ def _signed_rank_rows(
 
 
 def _by_place(matrix: Matrix) -> list[Row]:
-    """Return scores by place, whatever was seen there."""
+    """Return scores by place, for all stimuli together."""
     return [{"place": place, **asdict(statistics.describe(column))} for place, column in enumerate(placed(matrix).T, 1)]
 
 
 def _carried_over(matrix: Matrix) -> list[Row]:
-    """Return whether the place matters, and whether the stimuli differ where nothing was seen before."""
+    """Test whether the place matters, and whether stimuli differ at the first place."""
     by_place = placed(matrix)
     rows: list[Row] = []
     if by_place.shape[1] >= LEAST_STIMULI:
@@ -250,7 +250,7 @@ def _balance(labels: Sequence[str], matrix: Matrix, design: Design) -> list[Row]
 
 
 def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
-    """Return how many chose which of each pair; p of an exact binomial test, those who said neither left out."""
+    """Return the choices of each pair, with p of an exact binomial test without "neither"."""
     rows: list[Row] = []
     for pair in combinations(sorted({letter for _, one in asked for letter in (one.first, one.second)}), 2):
         chosen = [one.chosen for _, one in asked if {one.first, one.second} == set(pair)]
@@ -274,7 +274,7 @@ def _counted(design: Design, question: str, asked: Asked) -> list[Row]:
 
 
 def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Return how often each stimulus was chosen over all others, and a test that all are alike."""
+    """Return how often each stimulus was preferred to all others, with a test of equality."""
     pairs = Counter(person for person, _ in asked)
     every = len(compared) * (len(compared) - 1) // 2
     people = sorted(person for person, several in pairs.items() if several == every)
@@ -301,7 +301,7 @@ def _favourites(design: Design, question: str, asked: Asked, compared: Sequence[
 
 
 def _strengths(design: Design, question: str, asked: Asked, compared: Sequence[str]) -> list[Row]:
-    """Return bradley and Terry's strengths with intervals that hold though each person chose several times."""
+    """Return Bradley and Terry's strengths, with intervals that account for repeated choices of one person."""
     number = {letter: i for i, letter in enumerate(compared)}
     fit = statistics.bradley_terry(
         [number[one.first] for _, one in asked],

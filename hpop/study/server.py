@@ -1,7 +1,7 @@
-"""The study's own server: it gives each participant a page, and writes down each answer as soon as it is given.
+"""Server of a study: it serves each participant's page, and saves each answer at once.
 
-It gives the pages, the stimuli and what a page has recorded so far to that page, and no other file; who may ask is
-checked by :mod:`hpop.runtime.page_server`.
+It serves the pages, the stimuli and, to each page, the events recorded so far, and no other file. Requests are checked
+by :mod:`hpop.runtime.page_server`.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ a {{ display: inline-block; min-width: 4em; line-height: 2.5; color: #14507a }}
 """A page with no script: the list of sessions, and what a browser is told that asks for what there is not."""
 
 
-class Refused(Exception):
-    """What a page is told instead of what it asked for: a status, and why in words."""
+class Refusal(Exception):
+    """Refusal of a page's request: a status, and the reason in words."""
 
     def __init__(self, status: HTTPStatus, said: str, why: str = "") -> None:
         super().__init__(said)
@@ -74,10 +74,10 @@ class Refused(Exception):
 
 @dataclass(eq=False)
 class Study:
-    """A study's folder as its pages see it. What is on the disk counts: it is read again at each request.
+    """Folder of a study as its pages see it; files are read again when they change.
 
     folder  of the study
-    tabs    the window that records, by participant: the one that was opened last
+    tabs    recording window by participant: the last one opened
     """
 
     folder: Path
@@ -88,14 +88,14 @@ class Study:
 
     @property
     def design(self) -> Design:
-        """The design, read again when its files have changed: somebody may have left since."""
+        """Return the design, read again if its files have changed because a participant left."""
         state = _state(self.folder / FILE, self.folder / PEOPLE)
         if self._known is None or self._known[0] != state:
             self._known = (state, Design.load(self.folder))
         return self._known[1]
 
     def page(self, participant: str) -> str:
-        """Return the page of a participant; Refused where there is none."""
+        """Return the page of a participant; Refusal if there is none."""
         design = self._with(participant)
         public = design.public(participant)
         state = _state(*(self.folder / condition.stimulus for condition in design.conditions))
@@ -104,25 +104,25 @@ class Study:
         return session_page(public, self.folder, served=True, rides=self._rides[1])
 
     def stimulus(self, name: str) -> Path:
-        """Return the file of a stimulus, by the name that the design gives it; Refused for any other."""
+        """Return the file of a stimulus, by its name in the design; Refusal for another name."""
         for condition in self.design.conditions:
             if condition.stimulus == name:
                 return self.folder / name
-        raise Refused(HTTPStatus.NOT_FOUND, "there is no such stimulus")
+        raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus")
 
     def taken(self, participant: str, sent: Any) -> dict[str, Any]:
-        """Take an event of a page, or its opening; return all events after opening, else whether it was added."""
+        """Save an event of a page, or open the page; return all events after opening, else whether it was added."""
         if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
-            raise Refused(
+            raise Refusal(
                 HTTPStatus.BAD_REQUEST, "expected an object of design, tab, device, and of an event if there is one"
             )
         tab, event = sent["tab"], sent.get("event")
         if not isinstance(tab, str) or not 0 < len(tab) <= LONGEST_TAB or not isinstance(sent["device"], dict):
-            raise Refused(HTTPStatus.BAD_REQUEST, "expected a short text as tab and an object as device")
-        with self._lock, changing(self.folder):  # nothing is added for somebody who withdraws meanwhile
+            raise Refusal(HTTPStatus.BAD_REQUEST, "expected a short text as tab and an object as device")
+        with self._lock, changing(self.folder):  # no event is added while a participant is withdrawn
             design = self._with(participant)
             if sent["design"] != design.digest:
-                raise Refused(
+                raise Refusal(
                     HTTPStatus.CONFLICT,
                     "this page is of another design than the one that is served; reload it",
                     "design",
@@ -132,36 +132,35 @@ class Study:
                 self.tabs[participant] = tab
                 return {"events": ledger.events}
             if self.tabs.setdefault(participant, tab) != tab:
-                raise Refused(HTTPStatus.CONFLICT, "the session was opened in another window since", "elsewhere")
+                raise Refusal(HTTPStatus.CONFLICT, "the session was opened in another window since", "elsewhere")
             if not isinstance(event, dict):
-                raise Refused(HTTPStatus.BAD_REQUEST, "expected an object as event")
+                raise Refusal(HTTPStatus.BAD_REQUEST, "expected an object as event")
             return {"added": ledger.add(event, sent["device"])}
 
     def _with(self, participant: str) -> Design:
-        """Return the design, if somebody of this id is expected; Refused otherwise."""
+        """Return the design, if it has the participant; Refusal otherwise."""
         design = self.design
         if participant not in {person.id for person in design.participants}:
-            raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
+            raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such participant")
         if participant in design.withdrawn:
-            raise Refused(HTTPStatus.GONE, "this session is closed", "withdrawn")
+            raise Refusal(HTTPStatus.GONE, "this session is closed", "withdrawn")
         return design
 
 
 class StudyServer(PageServer):
-    """Serves the sessions of a study's folder.
+    """Server of the sessions in a study's folder.
 
     Parameters
     ----------
-    port : 0 takes any that is free
-    host : an address of this machine; another than 127.0.0.1 needs ``secured`` and ``token``
-    names : further names by which it may be asked for
-    token : without which nothing is answered, the first part of the address of the list of sessions; of it and the id
-        follows the token of each participant, the first part of the address of that page
-    secured : what encrypts the connections
-    tell : called with what whoever runs the study should know: that answers cannot be written
+    port : 0 for any free port
+    host : an address of this machine; other addresses than 127.0.0.1 need ``secured`` and ``token``
+    names : further names that requests may use
+    token : required first part of the address of the list of sessions; participants' tokens are derived from it and the
+        id, and are the first part of the address of their page
+    secured : context that encrypts the connections
+    tell : called with messages for the experimenter, such as that answers cannot be written
 
-    Raises StudyError where the folder holds no study, lacks stimuli or is served already, OutputError where the port
-    cannot be had.
+    Raises StudyError if the folder has no study, lacks stimuli or is served already, OutputError if the port is taken.
     """
 
     def __init__(
@@ -177,7 +176,7 @@ class StudyServer(PageServer):
     ) -> None:
         self.study = Study(Path(folder))
         self.tell = tell
-        self.study.page(self.study.design.expected[0].id)  # what lacks is said now, not to the first participant
+        self.study.page(self.study.design.expected[0].id)  # reports faults now, not to the first participant
         self.token = token
         answers = self.study.folder / FOLDER
         try:
@@ -186,23 +185,23 @@ class StudyServer(PageServer):
             raise StudyError(f"cannot make {answers}, where answers go: {error.strerror or error}") from None
         self._held = serve_alone(answers)
         try:
-            super().__init__(_Handler, host=host, port=port, names=names, secured=secured)
+            super().__init__(_StudyHandler, host=host, port=port, names=names, secured=secured)
         except OutputError:
             release(self._held)
             raise
 
     def server_close(self) -> None:
-        """Let go of the port and of the folder."""
+        """Release the port and the folder."""
         super().server_close()
         held, self._held = self._held, None
         release(held)
 
     def address(self, name: str = LOCAL) -> str:
-        """Return where the sessions are, as it is typed into a browser; a participant's is this and the id."""
+        """Return the address of the list of sessions, as typed into a browser; a participant's has the id appended."""
         return f"{self.root(name)}/{self.token}{'/' if self.token else ''}"
 
     def token_of(self, participant: str) -> str:
-        """Return the token of a participant's address, "" where there are none: it tells nothing of any other one."""
+        """Return the token of a participant's address, or ""; it reveals no other token."""
         if not self.token:
             return ""
         made = hmac.digest(self.token.encode(), participant.encode(), "sha256")
@@ -214,14 +213,14 @@ class StudyServer(PageServer):
         return f"/{token}/{participant}" if token else f"/{participant}"
 
 
-class _Handler(PageHandler):
-    """One request."""
+class _StudyHandler(PageHandler):
+    """Handler of one request."""
 
     server: StudyServer
     _is_own: bool = True
-    """Whether it was asked by the token of who runs the study, or there is none."""
+    """Whether the request has the experimenter's token, or no token is required."""
     _owner: str | None = None
-    """The participant by whose token it was asked."""
+    """Participant of the request's token."""
 
     def answer(self) -> None:
         """Send a page or a stimulus."""
@@ -238,16 +237,16 @@ class _Handler(PageHandler):
                 self.page(self.server.study.page(name).encode(errors="backslashreplace"))
 
     def take(self) -> None:
-        """Take an event of a session, or the opening of its page."""
+        """Save an event of a session, or open its page."""
         with self._told():
             folder, _, participant = self._asked().partition("/")
             if folder != FOLDER:
-                raise Refused(HTTPStatus.NOT_FOUND, "nothing is taken here")
+                raise Refusal(HTTPStatus.NOT_FOUND, "nothing is taken here")
             self._check_owner(participant)
             self._reply(HTTPStatus.OK, self.server.study.taken(participant, self._body()))
 
     def _asked(self) -> str:
-        """Return the requested path without its token; raise Refused for a wrong token."""
+        """Return the requested path without its token; Refusal for a wrong token."""
         path = self.path.partition("?")[0].removeprefix("/")
         if self.server.token:
             given, _, path = path.partition("/")
@@ -255,43 +254,43 @@ class _Handler(PageHandler):
             people = [person.id for person in self.server.study.design.participants]
             self._owner = next((one for one in people if _same(given, self.server.token_of(one))), None)
             if not self._is_own and self._owner is None:
-                raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+                raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
         return path
 
     def _check_owner(self, participant: str) -> None:
-        """Raise Refused for the page of another participant than that of the token."""
+        """Raise Refusal if the token belongs to another participant."""
         if self.server.token and self._owner != participant:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
 
     def _send_on(self, participant: str) -> None:
         """Redirect the experimenter from an id to the address of the participant's page."""
         if participant not in {person.id for person in self.server.study.design.participants}:
-            raise Refused(HTTPStatus.NOT_FOUND, "the study has no such participant")
+            raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such participant")
         self.page(b"", status=HTTPStatus.FOUND, Location=self.server.address_of(participant))
 
     def _body(self) -> Any:
-        """Return the posted value; raise Refused where it is no JSON or too long."""
+        """Return the posted value; Refusal if it is no JSON or too long."""
         if self.headers.get_content_type() != "application/json":
-            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
+            raise Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
         if not self.headers.get("Content-Length", ""):
-            raise Refused(HTTPStatus.LENGTH_REQUIRED, "expected Content-Length")
+            raise Refusal(HTTPStatus.LENGTH_REQUIRED, "expected Content-Length")
         data = self.body(MOST_BODY)
         if data is None:
-            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MOST_BODY:,} bytes")
+            raise Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MOST_BODY:,} bytes")
         try:
             return parse(data)
         except (ValueError, RecursionError):
-            raise Refused(HTTPStatus.BAD_REQUEST, "expected JSON") from None
+            raise Refusal(HTTPStatus.BAD_REQUEST, "expected JSON") from None
 
     @contextmanager
     def _told(self) -> Iterator[None]:
         """Send refusals and errors to the client."""
         try:
             yield
-        except Refused as refused:
+        except Refusal as refused:
             self._refuse(refused.status, refused.said, refused.why)
         except HpopError as error:
-            # What a page should not have sent is its fault; a disk that is full is not, and the page tries again.
+            # After an invalid request the page gives up; after a full disk it tries again.
             is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
             status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
             if is_ours and self.server.tell is not None:
@@ -315,7 +314,7 @@ class _Handler(PageHandler):
         self.page(json.dumps(values, allow_nan=False).encode(), "application/json", status)
 
     def _list(self) -> bytes:
-        """Return links to the sessions that are expected; nothing of how far they are."""
+        """Return links to the expected sessions, without their progress."""
         names = [person.id for person in self.server.study.design.expected]
         links = " ".join(f'<a href="{self.server.address_of(name)}">{html.escape(name)}</a>' for name in names)
         said = "A page for each participant. schedule.csv says who is next."
@@ -327,7 +326,7 @@ class _Handler(PageHandler):
         try:
             file = open_regular(path, MOST_BYTES if is_page else MOST_VIDEO)
         except OSError:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such stimulus") from None
+            raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus") from None
         with file:
             size = os.fstat(file.fileno()).st_size
             begin, end = _range(self.headers.get("Range"), size)
@@ -350,7 +349,7 @@ def _same(given: str, token: str) -> bool:
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:
-    """Return the token of a study's addresses: made once and kept in its folder, so that pages survive its server."""
+    """Return the token of a study's addresses, created once and kept in its folder, so that addresses stay valid."""
     path = Path(folder) / TOKEN
     if not path.exists():
         write_bytes(path, secrets.token_urlsafe(TOKEN_BYTES).encode())
@@ -363,7 +362,7 @@ def token_of(folder: str | os.PathLike[str]) -> str:
 
 
 def _range(asked: str | None, size: int) -> tuple[int, int]:
-    """Return the first byte, and the one after the last, of a range: "bytes=0-", "bytes=5-9"; else of all."""
+    """Return begin and end of a byte range such as "bytes=0-" or "bytes=5-9"; the whole file otherwise."""
     part = PART.fullmatch(asked or "")
     if part is None:
         return 0, size
@@ -372,5 +371,5 @@ def _range(asked: str | None, size: int) -> tuple[int, int]:
 
 
 def _state(*paths: Path) -> tuple[int, ...]:
-    """Return by which changes of files are noticed."""
+    """Return a key that changes when one of the files changes."""
     return tuple(path.stat().st_mtime_ns if path.exists() else 0 for path in paths)

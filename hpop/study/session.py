@@ -19,7 +19,7 @@ from hpop.base.text import HARMFUL, counted, shown
 from hpop.errors import StudyError
 from hpop.study.conditions import VIEW
 from hpop.study.design import Design
-from hpop.study.documents import Part, read
+from hpop.study.documents import StrictObject, read
 from hpop.study.forms import Form
 from hpop.study.participants import Participant
 
@@ -48,14 +48,14 @@ When = Annotated[
 ]
 
 
-class Event(Part):
-    """Something that happened in a session.
+class SessionEvent(StrictObject):
+    """Event of a session.
 
     t          s since its start, rising
     at         when, ISO, UTC
-    place      0 before the first stimulus, 1, 2, ... with and after each, one more after all; None where it is neither
+    place      0 before the first stimulus, 1, 2, ... for each stimulus, one more after all; None otherwise
     condition  the letter of the stimulus at that place
-    value      of an "answer" a number, or None where it was taken back; of "compare" {"question", "pair", "chosen"};
+    value      of "answer" a number, or None if taken back; of "compare" {"question", "pair", "chosen"};
                of "remark" text; of "frames" numbers by name; of others None, true, a number or a word
     """
 
@@ -69,43 +69,43 @@ class Event(Part):
     value: Any = None
 
 
-class Compared(Part):
-    """The value of a comparison."""
+class PairValue(StrictObject):
+    """Value of a comparison."""
 
     question: Key
     pair: Annotated[list[Letter], Field(min_length=2, max_length=2)]
     chosen: str
 
 
-class AnswersFile(Part):
-    """What answers/p01.json holds."""
+class AnswersFile(StrictObject):
+    """Contents of answers/p01.json."""
 
     schema_: Annotated[Literal["hpop-answers"], Field(alias="schema")]
     version: Literal[1]
     design: Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
     participant: str
     device: Annotated[dict[Key, str | float | bool | None], Field(default_factory=dict, max_length=MOST_KEYS)]
-    events: Annotated[list[Event], Field(max_length=MOST_EVENTS)]
+    events: Annotated[list[SessionEvent], Field(max_length=MOST_EVENTS)]
 
 
 class Slot(NamedTuple):
-    """Where an answer belongs."""
+    """Position of an answer: place, form and item."""
 
     place: int
     form: str
     item: str
 
 
-class Answer(NamedTuple):
-    """The last answer of a slot: its value as it was given, s since the event before it, s since the start."""
+class ItemAnswer(NamedTuple):
+    """Last answer of a slot: its value, s since the previous event, s since the start."""
 
     value: float
     seconds: float
     t: float
 
 
-class Comparison(NamedTuple):
-    """The last answer about a pair; chosen is None for neither."""
+class PairChoice(NamedTuple):
+    """Last answer about a pair; chosen is None for neither."""
 
     question: str
     first: str
@@ -116,11 +116,11 @@ class Comparison(NamedTuple):
 
 
 class Video(NamedTuple):
-    """A video that was said to have ended, the last time that it was begun.
+    """Video that was reported as ended, the last time that it was started.
 
     condition  its letter
     played     whether the page played all of it
-    took       s, from its beginning to its end
+    took       s, from begin to end
     lasts      s
     """
 
@@ -131,7 +131,7 @@ class Video(NamedTuple):
 
 
 class Remark(NamedTuple):
-    """What somebody wrote, and at which place."""
+    """Text written by a participant, with its place."""
 
     place: int | None
     text: str
@@ -139,15 +139,15 @@ class Remark(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Session:
-    """What one participant did, checked; :meth:`load` reads it."""
+    """Checked session of one participant, read by :meth:`load`."""
 
     person: Participant
     device: Mapping[str, str | float | bool | None]
-    events: tuple[Event, ...]
+    events: tuple[SessionEvent, ...]
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], design: Design) -> Session:
-        """Read answers/p01.json; StudyError for what is none, or of another design, or not as the design asks."""
+        """Read answers/p01.json; StudyError for an invalid file, or one that does not fit the design."""
         stored = read(path, AnswersFile, "the answers of a participant", MOST_BYTES)
         try:
             return cls.of(stored, design)
@@ -156,7 +156,7 @@ class Session:
 
     @classmethod
     def of(cls, stored: AnswersFile, design: Design) -> Session:
-        """Return a session of what a file of answers holds; StudyError where the design asks for something else."""
+        """Return the session in a file of answers; StudyError if it does not fit the design."""
         if stored.design != design.digest:
             raise StudyError(
                 f"these are answers to another design (it begins {stored.design[:12]}, this one "
@@ -171,56 +171,56 @@ class Session:
 
     @property
     def ended(self) -> bool:
-        """Whether it went on to its end."""
+        """Return whether the session was completed."""
         return self._has("end") and not self.stopped
 
     @property
     def stopped(self) -> bool:
-        """Whether the participant stopped it."""
+        """Return whether the participant stopped the session."""
         return self._has("stop")
 
     @property
     def reached(self) -> int:
-        """The last place whose stimulus began; 0 before the first."""
+        """Return the last place with a begun stimulus; 0 before the first."""
         return max((event.place or 0 for event in self.events if event.kind == "stimulus"), default=0)
 
     @cached_property
-    def answers(self) -> dict[Slot, Answer]:
-        """The last answer of each item at each place, but for those that were taken back."""
-        found: dict[Slot, Answer] = {}
+    def answers(self) -> dict[Slot, ItemAnswer]:
+        """Return the last answer of each item at each place, without answers that were taken back."""
+        answers: dict[Slot, ItemAnswer] = {}
         for event, seconds in self._timed("answer"):
             slot = Slot(event.place or 0, event.form or "", event.item or "")
-            found.pop(slot, None)
+            answers.pop(slot, None)
             if event.value is not None:
-                found[slot] = Answer(event.value, seconds, event.t)
-        return found
+                answers[slot] = ItemAnswer(event.value, seconds, event.t)
+        return answers
 
     @cached_property
-    def comparisons(self) -> tuple[Comparison, ...]:
-        """The last answer to each question on each pair."""
-        found: dict[tuple[str, frozenset[str]], Comparison] = {}
+    def comparisons(self) -> tuple[PairChoice, ...]:
+        """Return the last answer to each question on each pair."""
+        found: dict[tuple[str, frozenset[str]], PairChoice] = {}
         for event, seconds in self._timed("compare"):
-            value = Compared.model_validate(event.value)
+            value = PairValue.model_validate(event.value)
             first, second = value.pair
             chosen = None if value.chosen == NONE else value.chosen
             key = (value.question, frozenset(value.pair))
             found.pop(key, None)
-            found[key] = Comparison(value.question, first, second, chosen, seconds, event.t)
+            found[key] = PairChoice(value.question, first, second, chosen, seconds, event.t)
         return tuple(found.values())
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """What was written, the last at each place."""
+        """Return the last remark at each place."""
         texts = {event.place: event.value for event in self.events if event.kind == "remark"}
         return tuple(Remark(place, text) for place, text in texts.items() if text)
 
     def values(self, place: int, form: Form) -> dict[str, float]:
-        """Return answers to a form at a place, by item; what was not answered is left out."""
+        """Return the answers to a form at a place, by item, without missing ones."""
         slots = {item.id: Slot(place, form.id, item.id) for item in form.items}
         return {item: self.answers[slot].value for item, slot in slots.items() if slot in self.answers}
 
     def lacking(self, design: Design) -> list[str]:
-        """Return which items have no answer, in words."""
+        """Describe the items without an answer."""
         said = []
         for form in (form for form in design.questionnaires if form.kind == "ratings"):
             for place in asked_at(design, form):
@@ -237,12 +237,12 @@ class Session:
 
     @property
     def jerky(self) -> list[tuple[str, float]]:
-        """Rides that were not drawn smoothly: the letter, and the share of the time with fewer than 60 pictures a s."""
+        """Return rides that were not smooth: the letter, and the share of time below 60 pictures per second."""
         told = {event.condition: event.value.get("slow", 0.0) for event in self.events if event.kind == "frames"}
         return [(letter, slow) for letter, slow in told.items() if letter and slow >= MOST_SLOW]
 
     def videos(self, design: Design) -> list[Video]:
-        """Return the videos that were said to have ended."""
+        """Return the videos that were reported as ended."""
         lasts = {one.id: one.duration for one in design.conditions if one.kind == "video"}
         begun: dict[str, float] = {}
         played: set[str] = set()
@@ -264,7 +264,7 @@ class Session:
     def _has(self, kind: str) -> bool:
         return any(event.kind == kind for event in self.events)
 
-    def _timed(self, kind: str) -> Iterator[tuple[Event, float]]:
+    def _timed(self, kind: str) -> Iterator[tuple[SessionEvent, float]]:
         """Yield events of a kind, with the seconds since the event before each."""
         first = self.events[:1]
         for before, event in pairwise((*first, *self.events)):
@@ -273,7 +273,7 @@ class Session:
 
 
 def asked_at(design: Design, form: Form) -> list[int]:
-    """Return places at which a form is asked."""
+    """Return the places at which a form is asked."""
     count = len(design.letters)
     places = {"before": [0], "after_each": list(range(1, count + 1)), "after_all": [count + 1]}
     return sorted(place for when in form.when for place in places[when])
@@ -284,15 +284,15 @@ def questions_of(design: Design) -> tuple[str, ...]:
     return tuple(item.id for form in design.questionnaires if form.kind == "pairs" for item in form.items)
 
 
-class Standing(NamedTuple):
-    """How a session stands after some events: s since its start, whether there was consent, and a stop."""
+class SessionState(NamedTuple):
+    """State of a session after some events: s since its start, whether there was consent, and a stop."""
 
     t: float = 0.0
     consented: bool = False
     stopped: bool = False
 
-    def then(self, design: Design, person: Participant, event: Event) -> Standing:
-        """Return how it stands after one more event; StudyError for one that the design does not ask for."""
+    def then(self, design: Design, person: Participant, event: SessionEvent) -> SessionState:
+        """Return the state after one more event; StudyError for one that the design does not ask for."""
         if event.t < self.t:
             raise StudyError(f"time goes back, from {self.t:g} to {event.t:g} s")
         if event.kind in ("answer", "compare", "remark") and not self.consented:
@@ -300,12 +300,12 @@ class Standing(NamedTuple):
         _check_place(person, event)
         _check_value(design, event, stopped=self.stopped)
         agreed = event.kind == "consent" and event.value is True
-        return Standing(event.t, self.consented or agreed, self.stopped or event.kind == "stop")
+        return SessionState(event.t, self.consented or agreed, self.stopped or event.kind == "stop")
 
 
-def standing_after(design: Design, person: Participant, events: Iterable[Event]) -> Standing:
-    """Return how a session stands after all its events; StudyError for one that the design does not ask for."""
-    standing = Standing()
+def standing_after(design: Design, person: Participant, events: Iterable[SessionEvent]) -> SessionState:
+    """Return the state of a session after all its events; StudyError for one that the design does not ask for."""
+    standing = SessionState()
     for number, event in enumerate(events):
         try:
             standing = standing.then(design, person, event)
@@ -314,7 +314,7 @@ def standing_after(design: Design, person: Participant, events: Iterable[Event])
     return standing
 
 
-def _check_value(design: Design, event: Event, *, stopped: bool) -> None:
+def _check_value(design: Design, event: SessionEvent, *, stopped: bool) -> None:
     """Check an event's item and its value."""
     value = event.value
     match event.kind:
@@ -335,7 +335,7 @@ def _check_value(design: Design, event: Event, *, stopped: bool) -> None:
                 raise StudyError(f"{kind} has a number, a word or nothing as its value, got {shown(value)}")
 
 
-def _check_place(person: Participant, event: Event) -> None:
+def _check_place(person: Participant, event: SessionEvent) -> None:
     last = len(person.order) + 1
     if event.place is None:
         if event.condition is not None:
@@ -351,10 +351,10 @@ def _check_place(person: Participant, event: Event) -> None:
         )
 
 
-def _check_answer(design: Design, event: Event, *, stopped: bool) -> None:
+def _check_answer(design: Design, event: SessionEvent, *, stopped: bool) -> None:
     form = design.form(event.form or "")
     item = form.item(event.item or "")
-    places = asked_at(design, form) + [len(design.letters) + 1] * stopped  # how somebody feels who stopped
+    places = asked_at(design, form) + [len(design.letters) + 1] * stopped  # also after a stop
     if form.kind != "ratings" or event.place not in places:
         raise StudyError(f"form {form.id} is not asked at place {event.place}")
     if event.value is not None and event.value not in (scale := form.scale_of(item)):
@@ -363,7 +363,7 @@ def _check_answer(design: Design, event: Event, *, stopped: bool) -> None:
 
 def _check_comparison(design: Design, value: Any) -> None:
     try:
-        compared = Compared.model_validate(value)
+        compared = PairValue.model_validate(value)
     except ValueError:
         raise StudyError(f"a comparison is an object of question, pair and chosen, got {shown(value)}") from None
     known = questions_of(design)

@@ -1,6 +1,6 @@
-"""Answers that nobody gave: to rehearse a study's analysis before anybody is asked, and for examples.
+"""Simulated answers, to rehearse a study's analysis, and for examples.
 
-They are marked: ``device["simulated"]`` is true in every session, and reports say so on every page and figure.
+They are marked: ``device["simulated"]`` is true in every session, and reports mark every page and figure.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from hpop.study.answers import Answers
 from hpop.study.design import Design
 from hpop.study.forms import Form, Item
 from hpop.study.participants import Participant
-from hpop.study.session import Event, Session, asked_at, questions_of, standing_after
+from hpop.study.session import Session, SessionEvent, asked_at, questions_of, standing_after
 
 DEVICE: Mapping[str, str | float | bool | None] = {"simulated": True, "browser": "none"}
 BEFORE = "before"
@@ -41,19 +41,18 @@ def simulate(
     tiring: float = 0.0,
     seed: int = 0,
 ) -> Answers:
-    """Return answers of all expected participants, as if each stimulus shifted how they feel.
+    """Return simulated answers of all expected participants; each stimulus shifts how they feel.
 
     Parameters
     ----------
-    discomfort : by letter, and "before" for the answers before the first stimulus (0 where it is not given), in
-        standard deviations of how people feel; an item's answer is that, with noise, on its scale: about 0 where nobody
-        feels anything
-    liking : by letter, for the comparisons other than "comfort"; the opposite of discomfort where it is not given
-    correlation : of how a person feels at two places
-    tiring : discomfort that each place adds
-    seed : of all that is drawn
+    discomfort : by letter, and "before" for the answers before the first stimulus (default 0), in standard deviations
+        of how people feel; an item's answer is this value, with noise, on its scale: about 0 without discomfort
+    liking : by letter, for comparisons other than "comfort"; by default the opposite of discomfort
+    correlation : between a person's feelings at two places
+    tiring : discomfort added at each place
+    seed : of the random numbers
 
-    Raises StudyError where a letter has no number.
+    Raises StudyError if a letter has no number.
     """
     own = float(np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError)))
     rng = np.random.default_rng(whole("seed", seed, 0, MOST_SEED, "a seed", error=StudyError))
@@ -95,7 +94,10 @@ def _answers(
 
 
 def _rated(form: Form, item: Item, felt: float) -> float:
-    """The answer of somebody who feels so bad: from the better end of the scale on; nobody rates comfort as perfect."""
+    """Return the answer for a discomfort, counted from the better end of the scale.
+
+    Comfort is never rated as perfect.
+    """
     values = form.scale_of(item).values
     felt += SPREAD if form.better == "high" else 0.0
     step = int(np.clip(np.floor(felt / WIDTH * (len(values) + 1)), 0, len(values) - 1))
@@ -115,10 +117,10 @@ def _choices(
 
 
 def _session(design: Design, person: Participant, said: list[tuple[str, dict[str, Any]]]) -> Session:
-    """Return a whole session, as the page would have recorded it, a second an event."""
+    """Return a complete session, as the page would record it, with one event per second."""
     told = [("consent", {"value": True}), ("start", {}), *said, ("end", {})]
     events = tuple(
-        Event(t=float(t), at=f"2000-01-01T{t // 3600:02d}:{t // 60 % 60:02d}:{t % 60:02d}Z", kind=kind, **more)  # type: ignore[arg-type]
+        SessionEvent(t=float(t), at=f"2000-01-01T{t // 3600:02d}:{t // 60 % 60:02d}:{t % 60:02d}Z", kind=kind, **more)  # type: ignore[arg-type]
         for t, (kind, more) in enumerate(told)
     )
     standing_after(design, person, events)

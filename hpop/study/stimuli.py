@@ -1,8 +1,8 @@
-"""Stimuli: what participants see of a condition, and nothing that tells which it is.
+"""Stimuli: pages or videos of conditions that reveal nothing about the condition.
 
-A stimulus is a page in one file that rides once along a trajectory, as it is executed, from rest to rest. It has the
-letter of its condition and no other name, no numbers, no map and no controls but its start; it ends by itself and tells
-the page in which it stands how smoothly it was drawn. Or it is a video all round, for a headset's own player.
+A stimulus is a page in one file that rides once along an executed trajectory, from rest to rest. It shows the letter of
+its condition, but no other name, number or map, and no controls except the start; it ends by itself, and reports to the
+surrounding page how smoothly it was drawn. Alternatively it is a 360 degree video for a headset's own player.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ SHORTEST, LONGEST = 1.0, 3600.0
 SAID = ("ride_begin", "ride_headset", "ride_about", "view_about", "ride_over", "ride_failed", "stop")
 
 
-class Shown(Protocol):
-    """What a condition of a design says of its stimulus.
+class StimulusCondition(Protocol):
+    """Condition of a design, as far as its stimulus needs it.
 
     id        its letter
     row       of the front; None for the still view and for baselines
@@ -59,7 +59,7 @@ class Shown(Protocol):
 def save_stimuli(
     problem: Problem,
     front: Front,
-    conditions: Iterable[Shown],
+    conditions: Iterable[StimulusCondition],
     folder: str | os.PathLike[str],
     *,
     baselines: Mapping[str, Trajectory] | None = None,
@@ -67,17 +67,17 @@ def save_stimuli(
     study: Path | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> dict[str, Path]:
-    """Write the stimulus of each condition into a folder, which is made: its files by letter.
+    """Write the stimulus of each condition to a folder, created if missing, and return its files by letter.
 
-    A ride and the still view are pages, ``A.html``; a video, all round, is ``A.mp4``, which needs hpop[video].
+    Rides and the still view are pages, ``A.html``; 360 degree videos are ``A.mp4``, and need hpop[video].
 
     Parameters
     ----------
     baselines : by letter, the trajectories of conditions that are no rows of the front
-    study : a study's folder, with words of languages that hpop does not bring
+    study : a study's folder, with texts in further languages
     progress : of videos: True shows a line on the terminal; a function is called with each frame
 
-    Raises StudyError for letters that are none or come twice, OutputError where a file cannot be written.
+    Raises StudyError for invalid or repeated letters, OutputError if a file cannot be written.
     """
     target, written = Path(folder), dict[str, Path]()
     said = words(language, study)
@@ -107,8 +107,8 @@ def save_stimuli(
     return written
 
 
-def _ridden(front: Front, condition: Shown, baselines: Mapping[str, Trajectory]) -> Trajectory:
-    """Return the trajectory of a condition; of the still view any, since all start alike."""
+def _ridden(front: Front, condition: StimulusCondition, baselines: Mapping[str, Trajectory]) -> Trajectory:
+    """Return the trajectory of a condition; for the still view any, since all have one start."""
     if condition.row is None and condition.kind != "view":
         if condition.id not in baselines:
             raise StudyError(
@@ -122,7 +122,7 @@ def _ridden(front: Front, condition: Shown, baselines: Mapping[str, Trajectory])
 def _save_video(
     problem: Problem, trajectory: Trajectory, path: Path, which: str, progress: ProgressCallback | bool | None
 ) -> Path:
-    """Write a video without the file beside it, which names the costs, and tell progress ``which`` video it is."""
+    """Write a video without the file beside it, which names the costs; report ``which`` video it is to progress."""
     with followed(progress) as told:
 
         def tell(done: Progress) -> None:
@@ -140,7 +140,7 @@ def ride_page(problem: Problem, trajectory: Trajectory, name: str, *, said: Word
 
 
 def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: float, *, said: Words | None = None) -> str:
-    """Return a page that shows for some seconds the still view at the start of a trajectory."""
+    """Return a page that shows the still view at the start of a trajectory for some seconds."""
     duration = real("seconds", seconds, SHORTEST, LONGEST, "seconds of a still view")
     ridden = track(trajectory)
     still = {part: _held(ridden[part]) for part in ("positions", "quaternions", "links")}
@@ -150,7 +150,10 @@ def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: floa
 
 
 def _held(packed: dict[str, Any]) -> dict[str, Any]:
-    """Return the first of packed values, twice: differenced twice, v and v are v and -v."""
+    """Return the first of packed values, held for two samples.
+
+    Since values are differenced twice, these are v and -v.
+    """
     return {"scale": packed["scale"], "columns": [[column[0], -column[0]] for column in packed["columns"]]}
 
 
@@ -183,6 +186,6 @@ def _page(
 
 
 def _unnamed(scene: dict[str, Any]) -> dict[str, Any]:
-    """Return a scene without names that nobody sees in it: only those on plates are read."""
+    """Return a scene without names, except those visible on plates."""
     bare = {kind: [{**thing, "name": ""} for thing in scene[kind]] for kind in ("prisms", "people", "zones")}
     return {**scene, **bare, "notes": []}

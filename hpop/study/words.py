@@ -1,4 +1,4 @@
-"""What the participant's pages say, by language: data, so that another language is a file and no code."""
+"""Texts of the participant's pages, by language, as data files, so that a new language needs no code."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ Words = dict[str, str]
 def words(language: str, study: Path | None = None) -> Words:
     """Return the texts of the pages in a language, by name: the study's ``words/LANGUAGE.json``, or hpop's.
 
-    A file must have the texts of hpop's ``en.json``, no fewer and no others, with the same ``{names}`` in them.
+    A file must have exactly the texts of hpop's ``en.json``, with equal ``{names}`` in them.
 
-    Raises StudyError for a language of which there is none, and for a file that lacks something: all of it at once.
+    Raises StudyError for a language without texts, and for an incomplete file, with all faults at once.
 
     >>> words("en")["stop"]
     'Stop'
@@ -47,7 +47,7 @@ def words(language: str, study: Path | None = None) -> Words:
 
 
 def checked_file(path: str | os.PathLike[str]) -> Words:
-    """Return the texts of a file; StudyError where it lacks something."""
+    """Return the texts of a file; StudyError if it is incomplete."""
     try:
         return _checked(_read(read_regular(path, MOST_BYTES), str(path)), _english(), str(path))
     except OSError as error:
@@ -85,7 +85,7 @@ def _checked(texts: Words, english: Words, file: str) -> Words:
 
 
 def _gaps(text: str) -> set[str] | None:
-    """Return names between braces; None where braces do not match."""
+    """Return the names between braces; None if braces do not match."""
     try:
         return {field for _, field, _, _ in Formatter().parse(text) if field is not None}
     except ValueError:

@@ -161,7 +161,7 @@ def test_axes_are_moved_flipped_stretched_and_dropped(page: Page) -> None:
     assert box is not None
     page.mouse.move(box["x"] + 15, box["y"] + 8)
     assert state(page, "s.hovered") == [best]
-    page.get_by_role("button", name=f"drop the axis of {before[0]}").click()
+    page.get_by_role("button", name=f"remove the axis of {before[0]}").click()
     assert before[0] not in state(page, names)
     page.get_by_role("button", name=f"+ {before[0]}").click()
     assert before[0] in state(page, names)

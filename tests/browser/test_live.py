@@ -44,7 +44,7 @@ def test_fronts_appear_as_they_are_found_and_bounds_and_pins_stay(browser: Brows
         assert (selected(page) == within(whole, bounds(page))).all()
         (pinned,) = [row for row in state(page, "s.pins") if row is not None]
         assert (whole.costs[pinned] == whole[found].costs[10]).all()
-        assert page.locator(".live").inner_text() == "live: the search goes on"
+        assert page.locator(".live").inner_text() == "live: the search is running"
     until(page, "document.querySelector('.live').textContent.startsWith('complete: the search has ended')")
     assert complaints == []
     assert {url.split("/")[2] for url in asked if not url.startswith("data:")} == {live.address.split("/")[2]}

@@ -9,7 +9,7 @@ from dataclasses import fields
 from inspect import signature
 from pathlib import Path
 
-from hpop.ros import Interface, PlanarPose, Planning
+from hpop.ros import GoalPlanner, Interface, PlanarPose
 
 NODE = Path(__file__).resolve().parents[2] / "examples/ros2/hpop_planner.py"
 TREE = ast.parse(NODE.read_text())
@@ -38,10 +38,10 @@ def test_it_imports_what_hpop_has_and_what_ros_brings() -> None:
 
 
 def test_it_calls_hpop_as_it_can_be_called() -> None:
-    (interface,), (answer,), (planning,) = calls("Interface"), calls("answer"), calls("Planning")
+    (interface,), (answer,), (planning,) = calls("Interface"), calls("answer"), calls("GoalPlanner")
     assert {word.arg for word in interface.keywords} < {one.name for one in fields(Interface)}
-    assert len(answer.args) == len(signature(Planning.answer).parameters) - 1
-    assert len(planning.args) == len(signature(Planning).parameters)
+    assert len(answer.args) == len(signature(GoalPlanner.answer).parameters) - 1
+    assert len(planning.args) == len(signature(GoalPlanner).parameters)
     assert all(len(call.args) == len(PlanarPose._fields) for call in calls("PlanarPose"))
     read = {node.attr for node in ast.walk(TREE) if isinstance(node, ast.Attribute)}
     assert {"values", "options", "known", "rehearsed", "options_topic"} <= read

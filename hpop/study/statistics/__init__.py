@@ -1,8 +1,8 @@
-"""Statistics of what people say: tests of related scores, effect sizes, choices, and power before a study.
+"""Statistics for studies: tests of related scores, effect sizes, choices, and power before a study.
 
-SciPy does what it can: Friedman, Kruskal and Wallis, the normal approximation of Wilcoxon, binomial intervals. What it
-lacks is here, each short, and all is tested against printed values: exact Wilcoxon with ties and zeros, Hodges and
-Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, and power by simulation.
+SciPy is used for Friedman, Kruskal and Wallis, the normal approximation of Wilcoxon, and binomial intervals. Methods
+missing in SciPy are implemented here, and all are tested against published values: exact Wilcoxon with ties and zeros,
+Hodges and Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, and power by simulation.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from hpop.study.statistics.choices import Multinomial, Share, Strengths, bradley
 from hpop.study.statistics.pairs import Pair, wilcoxon
 from hpop.study.statistics.power import Power, power
 from hpop.study.statistics.scores import (
-    Comparison,
     Described,
+    DunnComparison,
     Independent,
     Related,
     adjusted,
@@ -24,8 +24,8 @@ from hpop.study.statistics.scores import (
 )
 
 __all__ = [
-    "Comparison",
     "Described",
+    "DunnComparison",
     "Independent",
     "Multinomial",
     "Pair",

@@ -1,8 +1,8 @@
 """Choices: shares with intervals, and strengths from choices between two stimuli.
 
-In the model of Bradley and Terry, stimulus i is chosen over j with odds exp(s_i - s_j). Where people may say "neither",
-that is an outcome of its own, with weight nu exp((s_i + s_j) / 2). Bradley and Terry 1952, Biometrika 39, 324-345;
-Davidson 1970, Journal of the American Statistical Association 65, 317-328.
+In the model of Bradley and Terry, stimulus i is chosen over j with odds exp(s_i - s_j). If people may answer "neither",
+it is a third outcome, with weight nu exp((s_i + s_j) / 2). Bradley and Terry 1952, Biometrika 39, 324-345; Davidson
+1970, Journal of the American Statistical Association 65, 317-328.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ MOST_STEPS = 100
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Strengths:
-    """How strongly each stimulus is preferred.
+    """Strength of preference for each stimulus.
 
-    strengths   (k,)  logarithms, of which differences count: their mean is 0, or the reference's is
-    errors      (k,)  standard errors; NaN where people answered alike, which tells nothing of how people differ
-    ties        nu, 0 where nobody said "neither"
-    side        what being named first adds to a strength; NaN where it was not asked
+    strengths   (k,)  logarithmic; only differences matter: their mean is 0, or the reference's strength is
+    errors      (k,)  standard errors; NaN if all people answered alike, so that their variation is unknown
+    ties        nu, 0 without any "neither"
+    side        bonus to the strength of the first of a pair; NaN if not fitted
     side_error  its standard error; NaN as in errors
-    choices     comparisons that were made, ties among them
+    choices     number of comparisons, including ties
     """
 
     strengths: FloatArray
@@ -57,7 +57,7 @@ class Strengths:
         return ends
 
     def chance(self, first: int, second: int) -> float:
-        """Return the chance that who chooses one of two stimuli chooses the first."""
+        """Return the probability that the first is chosen, if one of the two stimuli is chosen."""
         return float(special.expit(self.strengths[first] - self.strengths[second]))
 
 
@@ -73,17 +73,17 @@ def bradley_terry(
     side: bool = False,
     names: Sequence[str] | None = None,
 ) -> Strengths:
-    """Fit strengths to comparisons (m,) of stimuli 0 to k - 1 by greatest likelihood.
+    """Fit strengths to comparisons (m,) of stimuli 0 to k - 1 by maximum likelihood.
 
-    chosen     of each comparison the one of the two that was chosen, None for neither
-    people     who made each: errors then hold though choices of one person are alike (a "sandwich" by groups); else
-               each comparison counts as another person's
-    reference  stimulus whose strength is 0; the mean is where there is none
-    side       fit too what being named first adds
-    names      of the stimuli, for errors; their numbers where there are none
+    chosen     the chosen stimulus of each comparison, None for neither
+    people     person of each comparison, for errors that account for similar choices of one person (a "sandwich" by
+               groups); by default comparisons are independent
+    reference  stimulus of strength 0; by default the mean is 0
+    side       whether to fit the bonus of the first stimulus of a pair
+    names      of the stimuli, for errors; by default their numbers
 
-    Raises StudyError where no finite strengths exist: some stimuli were never chosen over, nor tied with, the others;
-    or where ties, or which was named first, explain the choices without exception.
+    Raises StudyError if no finite strengths exist: some stimuli were never chosen over, nor tied with, the others; or
+    ties, or the order within pairs, explain all choices.
 
     >>> fit = bradley_terry([0, 0, 0], [1, 1, 1], [0, 0, 1], stimuli=2)
     >>> round(fit.chance(0, 1), 6)
@@ -118,7 +118,7 @@ def bradley_terry(
 
 
 def _outcome(pair: IntArray, chosen: int | None) -> int:
-    """0 where the first of a pair was chosen, 1 the second, 2 neither."""
+    """Return 0 if the first of a pair was chosen, 1 for the second, 2 for neither."""
     if chosen is None:
         return 2
     if chosen not in pair:
@@ -127,7 +127,7 @@ def _outcome(pair: IntArray, chosen: int | None) -> int:
 
 
 def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
-    """Raise StudyError where the likelihood has no greatest value (Ford 1957, American Mathematical Monthly 64, 28)."""
+    """Raise StudyError if the likelihood has no maximum (Ford 1957, American Mathematical Monthly 64, 28)."""
     stimuli = len(names)
     if not len(pairs) or stimuli < 2 or pairs.min() < 0 or pairs.max() >= stimuli or (pairs[:, 0] == pairs[:, 1]).any():
         raise StudyError(f"expected comparisons of two different ones of {stimuli} stimuli, counted from 0")
@@ -146,9 +146,9 @@ def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
 
 
 def _check_bounded(features: FloatArray, outcome: IntArray, tied: bool, side: bool) -> None:
-    """Raise StudyError where some change of the parameters makes nothing that was answered less likely.
+    """Raise StudyError if some direction of parameters makes no answer less likely.
 
-    Along it the likelihood grows, or stays, without end (Albert and Anderson 1984, Biometrika 71, 1-10).
+    Then the likelihood has no unique maximum (Albert and Anderson 1984, Biometrika 71, 1-10).
     """
     answered = features[np.arange(len(outcome)), outcome][:, None]
     ahead = np.unique((answered - features).reshape(-1, features.shape[2]), axis=0)
@@ -177,9 +177,9 @@ def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArr
 
 
 def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Parameters of greatest likelihood, chances of the outcomes (m, o), and the information about the parameters.
+    """Return the maximum likelihood parameters, probabilities of the outcomes (m, o), and the information matrix.
 
-    The likelihood is concave, so Newton's steps, halved where one goes too far, end at its greatest value.
+    The log-likelihood is concave, so Newton's method with step halving converges to its maximum.
     """
     chosen = features[np.arange(len(outcome)), outcome].sum(axis=0)
     estimate = np.zeros(features.shape[2])
@@ -199,12 +199,12 @@ def _fitted(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatA
 
 
 def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) -> float:
-    """Return the logarithm of the likelihood of what was chosen."""
+    """Return the log-likelihood of the choices."""
     return float(chosen @ estimate - special.logsumexp(features @ estimate, axis=1).sum())
 
 
 def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
-    """Return squares of the gradients of each person, summed: what choices that go together are worth."""
+    """Return the summed squares of each person's gradients, for errors that account for similar choices."""
     _, member = np.unique(np.array(people), return_inverse=True)
     count = int(member.max()) + 1
     if len(member) != len(gradients) or count < 2:
@@ -216,7 +216,7 @@ def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
 
 
 def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) -> FloatArray:
-    """Standard errors (k,) of sums (k, p) of parameters; NaN where people do not differ in one though choices do."""
+    """Return the standard errors (k,) of sums (k, p) of parameters; NaN if people do not vary although choices do."""
     variances, apart = (np.einsum("kp,pq,kq->k", sums, one, sums) for one in (covariance, by_choices))
     told = (variances > ALIKE * apart) | (apart == 0.0)
     errors: FloatArray = np.sqrt(np.where(told, variances, np.nan))
@@ -230,12 +230,12 @@ MOST_PEOPLE = 1_000_000
 
 @dataclass(frozen=True)
 class Share:
-    """So many of all.
+    """Proportion with its interval.
 
     share  count / total
-    low    lower end of the interval of shares that the exact test does not reject
+    low    lower end of the interval of shares that the exact test accepts
     high   upper end
-    p      two-sided, exact, that the share is one half: below 1 - level where the interval does not hold it
+    p      two-sided exact p of a share of one half; below 1 - level if the interval does not contain one half
     """
 
     count: int
@@ -248,10 +248,10 @@ class Share:
 
 @dataclass(frozen=True)
 class Multinomial:
-    """Whether people choose one of k alike.
+    """Test whether k options are chosen equally often.
 
-    p      chance of counts that are as unlikely as these, or more, where all k are chosen alike
-    exact  whether all counts were gone through; else p is of the chi-square test
+    p      probability of counts at most as likely as these, if all k are equally likely
+    exact  whether all counts were enumerated; else p is from the chi-square test
     """
 
     p: float
@@ -278,10 +278,10 @@ def share(count: int, total: int, level: float = 0.95) -> Share:
 
 @checked_arguments
 def multinomial(counts: Sequence[int]) -> Multinomial:
-    """Test whether all of k stimuli are chosen alike, by how many people chose each as the one.
+    """Test whether all of k stimuli are chosen equally often, from the numbers of people who chose each.
 
-    Exact where there are at most 200,000 outcomes (36 people and three stimuli have 703), else by chi-square.
-    Raises StudyError for fewer than two stimuli, or nobody.
+    Exact where there are at most 200,000 outcomes (36 people and three stimuli have 703), else by chi-square. Raises
+    StudyError for fewer than two stimuli, or no people.
 
     >>> round(multinomial([5, 1, 0]).p, 4)
     0.0535

@@ -1,4 +1,4 @@
-"""Two scores of the same people: Wilcoxon's signed-rank test, effect sizes, and by how much they differ."""
+"""Two scores of the same people: Wilcoxon's signed-rank test, effect sizes, and the shift between them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ MOST_EXACT = 200
 
 @dataclass(frozen=True)
 class Pair:
-    """How much greater the second score of each person is than the first.
+    """Comparison of two scores of the same people; positive if the second is greater.
 
-    people    who gave both
-    zeros     of them, whose scores are equal
+    people    number of people with both scores
+    zeros     number of people with two equal scores
     rank_sum  of the differences above zero, ranked by size
     z         normal approximation, with ties, without continuity correction: above 0 where the second is greater
     p         two-sided
-    exact     whether p counts all signs out; else it comes from z
+    exact     whether p enumerates all signs; else it is from z
     biserial  matched-pairs rank-biserial correlation: share of the rank sum above zero less that below, -1 to 1
     r         |z| / sqrt(people), as the paper and many others report it
     shift     Hodges and Lehmann's estimate: the median of all means of two differences
-    low       lower end of the interval of shifts that this test does not reject; -inf where the people are too few for
-              one, NaN where the test rejects every shift, as it may where most differences are equal
+    low       lower end of the interval of shifts that this test accepts; -inf if there are too few people,
+              NaN if the test rejects every shift, as may happen if most differences are equal
     high      upper end
-    level     of the interval: it holds 0 where p is above 1 - level
+    level     of the interval, which contains 0 if p is above 1 - level
     """
 
     people: int
@@ -57,22 +57,21 @@ class Pair:
 
 @checked_arguments
 def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = True, level: float = 0.95) -> Pair:
-    """Return Wilcoxon's signed-rank test of two scores (n,) of the same people; who gave one only, NaN, is left out.
+    """Return Wilcoxon's signed-rank test of two scores (n,) of the same people; a person with a NaN is left out.
 
     Differences of zero are ranked and then left out (``pratt``: Pratt 1959, Journal of the American Statistical
-    Association 54, 655-667), or left out before (``wilcox``, as SPSS does), as if nobody had felt no difference. z is
-    the sum of the signed ranks by the root of that of their squares: what a coin tossed for each sign gives, which is
-    the usual formula with its correction for ties. ``exact`` counts out, for up to 200 people, how many of all signs
-    that these very ranks may have are as far from even; ties and zeros are no hindrance.
+    Association 54, 655-667), or left out before ranking (``wilcox``, as in SPSS). z is the sum of the signed ranks
+    divided by the root of the sum of their squares, which is the usual formula with its correction for ties. ``exact``
+    computes p for up to 200 people from all signs of these ranks, with ties and zeros.
 
     Effect size: Kerby 2014, Comprehensive Psychology 3. Shift and interval: Hodges and Lehmann 1963, Annals of
     Mathematical Statistics 34, 598-611. The interval inverts this very test, ties and zeros included (Bauer 1972,
-    Journal of the American Statistical Association 67, 687-690): a shift is in it if and only if the test does not
-    reject the differences less that shift. An end that the test rejects itself, such as 0 among SSQ scores, is
-    reported 1e-9 further in, which is the step to which scores are rounded. Only with ``wilcox`` may the shifts that
-    are not rejected have gaps, since the people who count change with the shift; the interval then spans them.
+    Journal of the American Statistical Association 67, 687-690): a shift is in it if and only if the test accepts the
+    differences minus that shift. An end that the test itself rejects, such as 0 among SSQ scores, is moved 1e-9 inside,
+    the step to which scores are rounded. With ``wilcox`` the accepted shifts may have gaps, because the people without
+    a zero change with the shift; the interval spans the gaps.
 
-    Raises StudyError for scores of different lengths, or of nobody.
+    Raises StudyError for scores of different lengths, or without people.
 
     >>> pair = wilcoxon([1, 2, 3, 4, 5, 6], [2, 4, 6, 8, 10, 12])
     >>> pair.rank_sum, pair.p, pair.biserial, pair.shift
@@ -108,7 +107,7 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
 
 
 def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
-    """Return ranks by size with the signs of the differences, those of zero left out."""
+    """Return ranks by size with the signs of the differences, without zeros."""
     kept = differences if zeros == "pratt" else differences[differences != 0]
     ranks = np.asarray(stats.rankdata(np.abs(kept))) * np.sign(kept)
     signed: FloatArray = ranks[ranks != 0]
@@ -116,12 +115,12 @@ def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
 
 
 def exact_p(ranks: FloatArray) -> float:
-    """Share of all signs of these ranks whose sum above zero is as far from the middle as this one, or farther."""
+    """Return the share of all signs of these ranks with a positive sum at least as far from the middle."""
     return min(1.0, 2 * min(_tails(ranks, counted=True)))
 
 
 def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
-    """Return the chances of a rank sum above zero as great as this one, and as small; exact, or by z."""
+    """Return the probabilities of a positive rank sum at least as great, and at most as great; exact, or by z."""
     if not counted:
         size = float(np.sqrt((ranks**2).sum()))
         z = float(ranks.sum()) / size if size else 0.0
@@ -133,7 +132,7 @@ def _tails(ranks: FloatArray, counted: bool) -> tuple[float, float]:
 
 
 def rank_sum_chances(steps: Any) -> FloatArray:
-    """Return chances of the sums 0, 1, ..., sum(steps) where each step is taken or not, by tossing a coin."""
+    """Return the probabilities of the sums 0, 1, ..., sum(steps), if each step is taken with probability one half."""
     chance = np.zeros(int(np.sum(steps)) + 1)
     chance[0] = 1.0
     reached = 0
@@ -152,10 +151,10 @@ def _walsh_averages(differences: FloatArray) -> FloatArray:
 
 
 def _interval(differences: FloatArray, zeros: Zeros, counted: bool, level: float) -> tuple[float, float]:
-    """Return the ends of the shifts that the test does not reject.
+    """Return the ends of the interval of shifts that the test accepts.
 
-    Signed ranks change only where a shift is a Walsh average, so one shift of each gap between two averages stands for
-    all of the gap. The chance of a rank sum as great rises with the shift, that of one as small falls.
+    Signed ranks change only at Walsh averages, so one shift represents each gap between two averages. The upper tail
+    probability rises with the shift, the lower one falls.
     """
     units = np.rint(differences / STEP) * 2  # whole, and so are the averages: ties are exact
     averages = np.unique(_walsh_averages(units))
@@ -174,7 +173,7 @@ def _interval(differences: FloatArray, zeros: Zeros, counted: bool, level: float
     if after < len(gaps):
         end = float(averages[after - 1])
         high = end if tails(end)[1] > tail else end - 2
-    if zeros == "wilcox":  # where somebody's difference is the shift, this person does not count
+    if zeros == "wilcox":  # a person with a difference equal to the shift does not count
         outside = [one for one in np.unique(units).tolist() if not low <= one <= high and min(tails(one)) > tail]
         low, high = min([low, *outside]), max([high, *outside])
     return (round(low * STEP / 2, 10), round(high * STEP / 2, 10)) if low <= high else (np.nan, np.nan)

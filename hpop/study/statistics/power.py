@@ -1,8 +1,7 @@
-"""How many people a study needs: the power of a test by simulation, asked before the study.
+"""Power of a test by simulation, and the number of people a study needs.
 
-Answers are simulated as a normal variable with one part of the person's and one of the answer's, shifted for each
-stimulus, and cut into the steps of a scale where a pilot shows how its answers lie. Or people of a pilot are drawn
-again and again.
+Answers are simulated as normal variables with a component per person and one per answer, shifted for each stimulus, and
+discretised like a pilot's scores if given. Alternatively, people of a pilot are resampled.
 """
 
 from __future__ import annotations
@@ -47,15 +46,15 @@ Draw = Callable[[np.random.Generator, int, int], FloatArray]
 
 @dataclass(frozen=True)
 class Power:
-    """How often studies of so many people find a difference.
+    """Share of simulated studies that find a difference.
 
     power        share of the simulated studies with p below ``alpha``
-    low          lower end of its 95 % interval, of the simulation alone
+    low          lower end of its 95 % interval, due to the simulation alone
     high         upper end
     people       in each study
-    test         that was made
-    alpha        below which p is called a difference
-    simulations  studies that were simulated
+    test         name of the test
+    alpha        significance level
+    simulations  number of simulated studies
     seed         of their random numbers
     """
 
@@ -69,7 +68,7 @@ class Power:
     seed: int
 
     def text(self) -> str:
-        """Return the figures in a sentence."""
+        """Return the result as a sentence."""
         return (
             f"With {self.people:,} people the {self.test.title()} test finds the difference (p < {self.alpha:g}) in "
             f"{100 * self.power:.1f} % of studies ({100 * self.low:.1f} to {100 * self.high:.1f} % by the "
@@ -92,17 +91,17 @@ def power(
     simulations: int = 10_000,
     seed: int = 0,
 ) -> Power:
-    """Return the power of a study of n people, or the least n whose power reaches ``target``.
+    """Return the power of a study of n people, or the least n that reaches the power ``target``.
 
-    effect       shift of each of the k stimuli, in standard deviations of an answer; one number is the shift of the
-                 last, the others lie evenly between
-    n            people who answer to all stimuli; None asks for the least number
+    effect       shift of each of the k stimuli, in standard deviations of an answer; a single number is the shift of
+                 the last, with the others evenly between
+    n            number of people; None computes the least number
     correlation  of two answers of one person: with .5 the effect of a pair is its difference in standard deviations of
                  differences, "dz"
     test         "friedman" for three stimuli or more, "wilcoxon" for two, or "kruskal", as the paper did
-    like         scores of a pilot, of any shape: without an effect the simulated ones are these, as often as there
-    pilot        scores (people, stimuli), in the place of an effect: people are drawn from it, with replacement
-    simulations  studies that are simulated for each n
+    like         scores of a pilot, of any shape, for the distribution of simulated scores without an effect
+    pilot        scores (people, stimuli), instead of an effect: people are drawn from it, with replacement
+    simulations  simulated studies for each n
 
     Raises StudyError for "observed power": that of a pilot for its own n, or ``effect="observed"``.
 
@@ -133,7 +132,7 @@ def power(
 
 
 def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
-    """Return simulated answers, and how many stimuli there are."""
+    """Return a function that draws answers for an effect, and the number of stimuli."""
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
     if isinstance(effect, Sequence | np.ndarray) and not isinstance(effect, str):
@@ -156,7 +155,7 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
 
 
 class _Pieces(NamedTuple):
-    """Scores (m,), rising, and where (m - 1,) a normal variable is cut so that its pieces are as frequent as they."""
+    """Scores (m,), rising, and the cuts (m - 1,) of a normal variable that give them equal frequencies to a pilot's."""
 
     scores: FloatArray
     cuts: FloatArray
@@ -174,7 +173,7 @@ def _pieces(like: Any) -> _Pieces | None:
 
 
 def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
-    """Return people of a pilot drawn with replacement, and how many stimuli there are."""
+    """Return a function that draws people of a pilot with replacement, and the number of stimuli."""
     scores = checked(pilot)
     scores = scores[complete_rows(scores)]
     if len(scores) < 2 or scores.shape[1] < 2:
@@ -195,7 +194,7 @@ def _from_pilot(pilot: Any, n: int | None) -> tuple[Draw, int]:
 def _found(
     draw: Draw, people: int, k: int, test: Test, alpha: float, simulations: int, rng: np.random.Generator
 ) -> int:
-    """Return how many of the simulated studies find a difference."""
+    """Count the simulated studies that find a difference."""
     most, found = max(1, AT_ONCE // (people * k)), 0
     for begin in range(0, simulations, most):
         values = draw(rng, min(most, simulations - begin), people)
@@ -243,7 +242,7 @@ def _kruskal_statistics(values: FloatArray) -> FloatArray:
 
 
 def _too_small(most: Power, target: float) -> StudyError:
-    """Return the error for an effect that the greatest number of people does not find."""
+    """Return the error for an effect that even the greatest number of people does not find."""
     return StudyError(
         f"{most.people:,} people have a power of {most.power:.2f}, below {target:g}: the effect is too small for any "
         "study; give a larger one, or a lower target"
@@ -251,7 +250,7 @@ def _too_small(most: Power, target: float) -> StudyError:
 
 
 def _least(of: Callable[..., Power], target: float) -> Power:
-    """Return the least number of people whose power reaches the target: doubled until it does, then halved between."""
+    """Return the least number of people that reaches the target, by doubling, then bisection."""
     few = of(MOST_PEOPLE, FEW_STUDIES)
     if few.power + SURELY < target:
         raise _too_small(few, target)

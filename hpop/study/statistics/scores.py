@@ -1,9 +1,9 @@
 """Scores: medians and quartiles, tests of k scores, and p values of several tests at once.
 
-Scores of questionnaires are ordinal and skewed, with many zeros: these tests use ranks only. Friedman's test and
-Cochran's take scores of the same people. The tests of Kruskal and Wallis and of Dunn take each score as another
-person's: on scores of the same people they are what the paper took (Becerra et al. 2020) and lose power, because the
-general level of each person stays in as noise. They fit where people do differ, as at the first place of each session.
+Scores of questionnaires are ordinal and skewed, with many zeros: these tests use ranks only. Friedman's and Cochran's
+tests are for scores of the same people. The tests of Kruskal and Wallis and of Dunn are for independent scores. The
+paper (Becerra et al. 2020) used them on scores of the same people, which loses power, because each person's general
+level acts as noise. They suit scores of different people, as at the first place of each session.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ LEAST_STIMULI = 3
 
 @dataclass(frozen=True)
 class Related:
-    """A test of k scores of the same people.
+    """Test of k scores of the same people.
 
     statistic  chi-square, with ``freedom`` degrees of freedom
     p          by the chi-square approximation
-    agreement  Kendall's W: 0 where the people's rankings have nothing in common, 1 where all rank alike
-    people     who gave all k scores; the others are left out
-    left_out   how many those are
+    agreement  Kendall's W: 0 if the people's rankings have nothing in common, 1 if all rankings are equal
+    people     number of people with all k scores
+    left_out   number of people with missing scores
     """
 
     statistic: float
@@ -47,11 +47,11 @@ class Related:
 
 @checked_arguments
 def friedman(values: Any) -> Related:
-    """Return friedman's test with ties, and Kendall's W, of scores (n people, k stimuli), NaN where there is none.
+    """Return Friedman's test with ties, and Kendall's W, of scores (n people, k stimuli), NaN if missing.
 
-    Each person ranks the stimuli by his own scores, so that how high somebody answers in general does not matter.
-    Friedman 1937, Journal of the American Statistical Association 32, 675-701. Raises StudyError for fewer than three
-    stimuli or two people.
+    Stimuli are ranked within each person, so that the general level of a person's answers does not matter. Friedman
+    1937, Journal of the American Statistical Association 32, 675-701. Raises StudyError for fewer than three stimuli or
+    two people.
     """
     table = checked(values)
     complete = complete_rows(table)
@@ -61,7 +61,7 @@ def friedman(values: Any) -> Related:
     if people < 2:
         raise StudyError(f"Friedman's test needs the scores of two people or more for all stimuli, got {people}")
     kept = table[complete]
-    if (kept == kept[:, :1]).all():  # nobody tells any two apart: nothing to divide by
+    if (kept == kept[:, :1]).all():  # all ranks are tied: nothing to divide by
         statistic, p = 0.0, 1.0
     else:
         statistic, p = map(float, stats.friedmanchisquare(*kept.T))
@@ -71,7 +71,7 @@ def friedman(values: Any) -> Related:
 
 @checked_arguments
 def cochran(values: Any) -> Related:
-    """Return Cochran's Q of yes or no (n people, k stimuli) as 1 and 0: Friedman's test on them, to which it is equal.
+    """Return Cochran's Q of yes or no (n people, k stimuli), as 1 and 0; it equals Friedman's test on them.
 
     Cochran 1950, Biometrika 37, 256-266.
 
@@ -85,7 +85,7 @@ def cochran(values: Any) -> Related:
 
 
 def friedman_statistics(values: FloatArray) -> FloatArray:
-    """Return friedman's statistics (s,) of many studies at once (s, n, k), none of whose scores lacks."""
+    """Return Friedman's statistics (s,) of many studies at once (s, n, k), without missing scores."""
     _, people, stimuli = values.shape
     ranks = stats.rankdata(values, axis=2)
     between = ((ranks.mean(axis=1) - (stimuli + 1) / 2) ** 2).sum(axis=1)  # (s,)
@@ -95,12 +95,12 @@ def friedman_statistics(values: FloatArray) -> FloatArray:
 
 
 def complete_rows(values: FloatArray) -> BoolArray:
-    """Return which people (n,) gave all scores (n, k)."""
+    """Mark people (n,) with all scores (n, k)."""
     return ~np.asarray(np.isnan(values).any(axis=1))
 
 
 def checked(values: Any, dimensions: int = 2) -> FloatArray:
-    """Return scores as an array; StudyError where they are none or infinite."""
+    """Return scores as an array; StudyError if they are invalid or infinite."""
     table = np.asarray(values, dtype=float)
     if table.ndim != dimensions or np.isinf(table).any():
         shape = "(people, stimuli)" if dimensions == 2 else "(people,)"
@@ -111,12 +111,12 @@ def checked(values: Any, dimensions: int = 2) -> FloatArray:
 
 @dataclass(frozen=True)
 class Described:
-    """Scores in five numbers.
+    """Five-number summary of scores.
 
-    people    who gave one
-    missing   who did not
-    median    NaN where nobody gave one, as are the quartiles
-    lower     first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as R and NumPy have it)
+    people    number of people with a score
+    missing   number of people without a score
+    median    NaN without scores, as are the quartiles
+    lower     first quartile, by linear interpolation (type 7 of Hyndman and Fan 1996, as in R and NumPy)
     upper     third quartile
     least     the least score
     greatest  the greatest
@@ -133,7 +133,7 @@ class Described:
 
 @checked_arguments
 def describe(values: Any) -> Described:
-    """Return median and quartiles of scores (n,), NaN where one is missing.
+    """Return median and quartiles of scores (n,), NaN if missing.
 
     >>> describe([1.0, 2.0, 4.0, float("nan")])
     Described(people=3, missing=1, median=2.0, lower=1.5, upper=3.0, least=1.0, greatest=4.0)
@@ -151,8 +151,8 @@ class Independent:
     statistic  H, corrected for ties, with ``freedom`` degrees of freedom
     p          by the chi-square approximation
     epsilon2   effect size H / (N - 1): 0 to 1
-    eta2       effect size (H - k + 1) / (N - k), below 0 where H is less than by chance
-    sizes      of the groups, without who gave no score
+    eta2       effect size (H - k + 1) / (N - k), below 0 if H is less than expected by chance
+    sizes      of the groups, without missing scores
     """
 
     statistic: float
@@ -164,10 +164,10 @@ class Independent:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class DunnComparison:
     """Dunn's comparison of two groups.
 
-    first, second  their numbers
+    first, second  numbers of the groups
     z              mean rank of the second less that of the first, by its standard deviation
     p              two-sided, for this comparison alone
     """
@@ -180,7 +180,7 @@ class Comparison:
 
 @checked_arguments
 def kruskal(groups: Sequence[Any]) -> Independent:
-    """Return Kruskal and Wallis' test of scores by group, NaN where there is none, with ties.
+    """Return Kruskal and Wallis' test of scores by group, with ties; NaN means missing.
 
     Kruskal and Wallis 1952, Journal of the American Statistical Association 47, 583-621; effect sizes: Tomczak and
     Tomczak 2014, Trends in Sport Sciences 1(21), 19-25. Raises StudyError for fewer than two groups, an empty one, or
@@ -201,11 +201,12 @@ def kruskal(groups: Sequence[Any]) -> Independent:
 
 
 @checked_arguments
-def dunn(groups: Sequence[Any]) -> list[Comparison]:
-    """Return Dunn's comparisons of every two groups by their mean ranks among all, with ties.
+def dunn(groups: Sequence[Any]) -> list[DunnComparison]:
+    """Return Dunn's comparisons of every two groups by their mean ranks among all scores, with ties.
 
-    Dunn 1964, Technometrics 6, 241-252. Own code: the libraries give p and no z. For groups of equal size H is 2 / k
-    times the sum of all z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as ``kruskal``.
+    Dunn 1964, Technometrics 6, 241-252. Implemented here because libraries return p without z. For groups of equal size
+    H is 2 / k times the sum of all z squared, and the z add up: z(1, 3) = z(1, 2) + z(2, 3). Raises StudyError as
+    ``kruskal``.
     """
     kept = _kept(groups)
     values = np.concatenate(kept)
@@ -216,7 +217,7 @@ def dunn(groups: Sequence[Any]) -> list[Comparison]:
     for first, second in combinations(range(len(kept)), 2):
         spread = np.sqrt(variance * (1 / len(kept[first]) + 1 / len(kept[second])))
         z = float((ranks[second].mean() - ranks[first].mean()) / spread) if spread else 0.0
-        found.append(Comparison(first, second, z, float(2 * stats.norm.sf(abs(z)))))
+        found.append(DunnComparison(first, second, z, float(2 * stats.norm.sf(abs(z)))))
     return found
 
 
@@ -235,10 +236,10 @@ CORRECTIONS: tuple[Correction, ...] = ("holm", "bonferroni", "none")
 
 @checked_arguments
 def adjusted(p: Any, correction: str = "holm") -> FloatArray:
-    """Adjust p values (m,) for being m, in their order; a NaN stays one and counts for none.
+    """Adjust p values (m,) for multiple tests, in their order; NaN stays NaN and does not count.
 
     ``bonferroni`` multiplies each by m. ``holm`` (1979, Scandinavian Journal of Statistics 6, 65-70) multiplies the
-    least by m, the next by m - 1, and so on, never falling: it rejects whatever Bonferroni does, and more.
+    least by m, the next by m - 1, and so on, made monotone: it rejects at least what Bonferroni rejects.
 
     >>> adjusted([0.01, 0.04, 0.03]).round(3).tolist(), adjusted([0.01, 0.04, 0.03], "bonferroni").round(3).tolist()
     ([0.03, 0.06, 0.06], [0.03, 0.12, 0.09])

@@ -11,6 +11,7 @@ with too many cells, neighbouring cells are merged, which a note says.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -234,6 +235,12 @@ def _title(front: Front) -> str:
     return f"Trade-offs between {', '.join(several)} and {last}" if several else f"The least {last}"
 
 
+def _about(criterion: Criterion) -> str:
+    """Return the first paragraph of a criterion's docstring, without markup."""
+    first = " ".join((type(criterion).__doc__ or "").strip().split("\n\n")[0].split())
+    return printable(re.sub(r":\w+:`~?([^`]+)`|`", r"\1", first))
+
+
 def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer) -> list[dict[str, Any]]:
     """Return the criteria, then what is reported."""
     quanta = [*front.quanta.tolist(), *[0.0] * len(front.reported_names)]
@@ -244,6 +251,7 @@ def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer)
             "name": column.name,
             "label": column.label,
             "unit": column.unit,
+            "about": "" if criterion is None else _about(criterion),
             "group": group if group in "PCRO" else "",
             "quantum": quantum,
             "counts": bool(column.counts),

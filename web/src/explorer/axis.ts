@@ -43,13 +43,13 @@ export class Axis {
     badge.style.background = colour;
     this.name = make("button", "axis-name", [badge, broken(column.label)], {
       type: "button",
-      title: `${column.label}, ${words}. Drag to another place; Shift and an arrow key do the same.`,
+      title: `${column.label}, ${words}. ${column.about}\nDrag to reorder, or press Shift and an arrow key.`,
     });
     this.name.style.borderColor = colour;
     this.flipButton = button("\u21c5", `flip ${column.name}`, () => { state.flip(index); });
     this.logButton = button("log", `logarithmic scale of ${column.name}`, () => { state.log(index); });
     this.logButton.disabled = column.low <= 0 || this.scale.equal;
-    const drop = button("\u00d7", `drop the axis of ${column.name}`, () => { state.show(index, false); });
+    const drop = button("\u00d7", `remove the axis of ${column.name}`, () => { state.show(index, false); });
     const tools = make("div", "axis-tools", [this.flipButton, this.logButton, drop]);
     this.top = this.end(1);
     this.bottom = this.end(0);

@@ -1,27 +1,28 @@
-// Two dialogs: help with the keys, and what is chosen as text to copy.
+// Two dialogs: help with words and keys, and the selection as text to copy.
 import { asCommands, asPython } from "./copy";
 import { button, make } from "./dom";
+import { wordList } from "./guide";
 import type { State } from "./state";
 
 const KEYS: readonly (readonly [string, string])[] = [
-  ["\u2191 \u2193, Page, Home, End", "go along the sorted table"],
-  ["Enter or P", "pin the row at the focus, or take its pin away"],
-  ["A, B, C", "pin it as A, B or C"],
-  ["K", "keep: go on with the selected rows alone"],
-  ["X", "exclude: go on without the selected rows"],
-  ["Alt \u2190, Alt \u2192", "take a step back, and again"],
-  ["0", "all rows again"],
-  ["Y", "copy what is chosen"],
-  ["Esc", "leave what is at the focus"],
+  ["\u2191 \u2193, Page, Home, End", "move along the sorted table"],
+  ["Enter or P", "pin the row in focus, or unpin it"],
+  ["A, B, C", "pin the row in focus as A, B or C"],
+  ["K", "keep: show only the selected rows"],
+  ["X", "exclude: hide the selected rows"],
+  ["Alt \u2190, Alt \u2192", "undo a step, redo it"],
+  ["0", "show all rows again"],
+  ["Y", "copy the selection"],
+  ["Esc", "clear the focus"],
   ["?", "this help"],
 ];
 
 const WORDS = [
-  "Every line on the axes, every dot and every path is one trajectory. None is better than another in every cost, so you choose.",
-  "Drag along an axis to say what you accept; drag the brush to move it, its ends to resize it, click to clear it. The numbers at the ends can be typed.",
-  "Wishes rank what the bounds leave: the nearest is drawn in gold.",
-  "Drag the name of an axis to another place (Shift and an arrow key); \u21c5 flips it, log stretches small values, \u00d7 drops it.",
-  "The address of this page holds bounds, pins, wishes and order: copied, it shows the same again. Nothing is stored or sent.",
+  "Each line on the axes, each dot and each path is one trajectory. None is better than another in every cost, so the choice is yours.",
+  "Drag along an axis to bound a cost. Drag the band to move it, its ends to resize it, and click it to clear it. You can also type the numbers at its ends.",
+  "Wishes rank the rows within the bounds; the nearest is drawn in gold.",
+  "Drag the name of an axis to reorder axes (or press Shift and an arrow key). \u21c5 flips an axis, log stretches small values, \u00d7 removes it.",
+  "The address of this page holds bounds, pins, wishes and order, so a copied address shows the same selection. Nothing is sent. Your browser only remembers that you closed the first hint.",
 ];
 
 function dialog(heading: string, ...content: readonly HTMLElement[]): HTMLDialogElement {
@@ -33,9 +34,9 @@ function dialog(heading: string, ...content: readonly HTMLElement[]): HTMLDialog
   return element;
 }
 
-export function helpDialog(): HTMLDialogElement {
+export function helpDialog(state: State): HTMLDialogElement {
   const keys = make("dl", "keys", KEYS.flatMap(([key, words]) => [make("dt", "", key), make("dd", "", words)]));
-  return dialog("Help", ...WORDS.map((words) => make("p", "", words)), keys);
+  return dialog("Help", ...WORDS.map((words) => make("p", "", words)), wordList(state), keys);
 }
 
 /** A dialog that is filled each time it opens. */
@@ -56,7 +57,7 @@ export function copyDialog(state: State): { element: HTMLDialogElement; open: ()
     return { element: make("div", "copy-part", [make("div", "panel-head", [make("h3", "", heading), copy]), area]), fill };
   };
   const parts = [part("Python", () => asPython(state)), part("Command line", () => asCommands(state))];
-  const element = dialog("Take along what is chosen", ...parts.map((one) => one.element));
+  const element = dialog("Copy the selection", ...parts.map((one) => one.element));
   const open = (): void => {
     for (const one of parts) one.fill();
     element.showModal();

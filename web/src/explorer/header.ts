@@ -1,5 +1,6 @@
-// Title, how many are selected, how the search ended and what is claimed, in full; what is done to all rows.
+// The title, the number of selected rows, the status and certificate of the search, and buttons for all rows.
 import { button, make } from "./dom";
+import { CERTIFICATE } from "./guide";
 import { count } from "./numbers";
 import type { State } from "./state";
 import type { View } from "./view";
@@ -15,12 +16,15 @@ export function headerView(state: State, actions: Actions): View {
   const badge = make("span", "status");
   const claim = make("span", "claim");
   const full = make("div", "claims");
-  const details = make("details", "about", [make("summary", "", [badge, claim]), full]);
-  const back = button("\u2190 Back", "take the last step back (Alt-Left)", () => { state.back(); });
-  const forward = button("Forward \u2192", "take it again (Alt-Right)", () => { state.forward(); });
-  const keep = button("Keep", "go on with the selected rows alone (K)", () => { state.keep("selected"); });
-  const exclude = button("Exclude", "go on without the selected rows (X)", () => { state.keep("others"); });
-  const all = button("All", "all rows again, no bounds (0)", () => { state.clear(); });
+  const details = make("details", "about", [
+    make("summary", "", [badge, claim], { title: `certificate: ${CERTIFICATE}` }),
+    full,
+  ]);
+  const back = button("\u2190 Back", "undo the last step (Alt-Left)", () => { state.back(); });
+  const forward = button("Forward \u2192", "redo the step (Alt-Right)", () => { state.forward(); });
+  const keep = button("Keep", "show only the selected rows (K)", () => { state.keep("selected"); });
+  const exclude = button("Exclude", "hide the selected rows (X)", () => { state.keep("others"); });
+  const all = button("All", "show all rows again, without bounds (0)", () => { state.clear(); });
   const tools = make(
     "div",
     "tools",
@@ -28,8 +32,8 @@ export function headerView(state: State, actions: Actions): View {
       make("div", "tool-group", [back, forward]),
       make("div", "tool-group", [keep, exclude, all]),
       make("div", "tool-group", [
-        button("Copy\u2026", "copy what is chosen, as Python or for the command line (Y)", actions.copy),
-        button("?", "help, keys (?)", actions.help),
+        button("Copy\u2026", "copy the selection as Python or as commands (Y)", actions.copy),
+        button("?", "help and keys (?)", actions.help),
       ]),
     ],
     { role: "toolbar", "aria-label": "selection" },
@@ -47,7 +51,7 @@ export function headerView(state: State, actions: Actions): View {
     full.replaceChildren(
       ...model.certificate.map((paragraph) => make("p", "", paragraph)),
       ...(model.notes.length > 0 ? [make("h2", "", "Notes"), make("ul", "", model.notes.map((note) => make("li", "", note)))] : []),
-      make("p", "hint", "Classes of criteria: P performance, C comfort, R robot, O others; dashed axes are reported, not minimised."),
+      make("p", "hint", "Criteria: P performance, C comfort, R robot, O other people. Dashed axes are reported, not minimised."),
     );
     details.open = model.n === 0;
   }

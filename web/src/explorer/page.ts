@@ -3,6 +3,7 @@ import { axesView } from "./axes";
 import { copyDialog, helpDialog } from "./dialogs";
 import { make } from "./dom";
 import { fragmentOf, restore } from "./fragment";
+import { guideView } from "./guide";
 import { headerView, type Actions } from "./header";
 import { keyboard } from "./keyboard";
 import { mapView } from "./map";
@@ -54,13 +55,14 @@ export interface Page {
 export async function mount(element: HTMLElement, payload: unknown, callbacks: Callbacks = {}): Promise<Page> {
   const state = new State(await decode(payload));
   const copy = copyDialog(state);
-  const help = helpDialog();
+  const help = helpDialog(state);
   const actions: Actions = { copy: copy.open, help: () => { help.showModal(); } };
   const table = tableView(state);
   const wishes = wishPanel(state);
   const ranked = [table, wishes]; // the order of rows changes nothing else that is dear to draw
+  const header = headerView(state, actions);
   const views: View[] = [
-    headerView(state, actions),
+    header,
     axesView(state),
     mapView(state),
     matrixView(state),
@@ -70,6 +72,11 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
     pinsPanel(state),
   ];
   const root = make("main", "hpop", [...views.map((view) => view.element), help, copy.element]);
+  if (callbacks.address === true) { // a page of its own, not a part of a notebook
+    const guide = guideView(state);
+    header.element.append(guide.element);
+    views.push(guide);
+  }
   element.append(root);
 
   const sized = [root, ...root.querySelectorAll(".plot, .axes-scroll")];
@@ -168,7 +175,7 @@ export async function mount(element: HTMLElement, payload: unknown, callbacks: C
   }
 }
 
-/** Reads the end of the address now and whenever somebody changes it, and writes what is chosen into it. */
+/** Reads the fragment of the address now and after each change, and writes the selection into it. */
 function keepAddress(state: State): void {
   let timer = 0;
   const read = (): void => {

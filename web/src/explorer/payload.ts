@@ -13,6 +13,8 @@ export interface Column {
   readonly label: string;
   /** "m", "rad", "1", ... */
   readonly unit: string;
+  /** What it means, in a sentence or two; "" if unknown. */
+  readonly about: string;
   readonly group: Group;
   /** Step in which values are compared, in the unit; 0 of reported values, which are compared as they are. */
   readonly quantum: number;

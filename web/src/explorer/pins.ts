@@ -53,7 +53,7 @@ export function pinsPanel(state: State): View {
     chip.style.background = PIN_COLOURS[pin]!;
     const dash = make("span", "dash");
     dash.style.borderTop = `3px ${["solid", "dashed", "dotted"][PIN_DASHES.indexOf(PIN_DASHES[pin]!)]!} ${PIN_COLOURS[pin]!}`;
-    const off = button("\u00d7", `take pin ${letter} away`, () => { state.unpin(pin); });
+    const off = button("\u00d7", `unpin ${letter}`, () => { state.unpin(pin); });
     return make("th", "", [make("span", "pin-line", [chip, dash, off]), make("span", "", `row ${count(row)}`), nameOf(row)], { scope: "col" });
   }
 

@@ -1,5 +1,6 @@
 // The selected rows as a table: sorted by any column; only the rows in sight are in the document.
 import { button, headOf, make, panel } from "./dom";
+import { KNEE } from "./guide";
 import { count, text, unit } from "./numbers";
 import type { Mark } from "./payload";
 import type { SortKey, State } from "./state";
@@ -50,7 +51,7 @@ export function tableView(state: State): TableView {
 
   /** A row with a name, to be found at once. */
   function chipOf({ names, row }: Mark): HTMLElement {
-    const chip = button(`${NAMED} ${names.join(", ")}`, `row ${row}: pin it, or take its pin away`, () => { state.pin(row); });
+    const chip = button(`${NAMED} ${names.join(", ")}`, `row ${row}: pin or unpin it${names.includes("knee") ? `. knee: ${KNEE}` : ""}`, () => { state.pin(row); });
     chip.dataset.row = String(row);
     chip.addEventListener("pointerenter", () => { state.hover([row]); });
     chip.addEventListener("pointerleave", () => { state.hover([]); });
@@ -67,13 +68,13 @@ export function tableView(state: State): TableView {
   }
 
   function buildHead(): void {
-    const wished = state.wishes.size > 0 ? [headCell("wishes", "near", "sort by how near it is to the wishes")] : [];
+    const wished = state.wishes.size > 0 ? [headCell("wishes", "near", "sort by nearness to the wishes")] : [];
     heads = [
-      headCell("row", "row", "sort by the number of the row, as in the front"),
+      headCell("row", "row", "sort by the number of the row in the front"),
       ...wished,
       ...columns.map((index) => {
         const column = state.column(index);
-        const title = `sort by ${column.label}`;
+        const title = `sort by ${column.label}. ${column.about}`;
         return headCell(index, column.name.replace(/_/g, "_\u200b") + (unit(column) && ` (${unit(column)})`), title);
       }),
     ];

@@ -86,10 +86,10 @@ export function traceView(state: State): View {
     });
     if (others.length > 0) {
       const rows = [...state.model.traces.keys()].sort((a, b) => a - b);
-      const stored = rows.length === 0 ? "This file holds none." : `Rows that have one: ${rows.join(", ")}.`;
+      const stored = rows.length === 0 ? "This file has no traces." : `Rows that have one: ${rows.join(", ")}.`;
       words.push(`No trace is stored of ${others.map(named).join("; ")}. ${stored}`);
     }
-    if (shown.length + others.length === 0) words.push("Point at a trajectory, or pin one, to see what arises along it.");
+    if (shown.length + others.length === 0) words.push("Point at a trajectory, or pin one, to see how its costs arise along it.");
     note.replaceChildren(...words);
     note.title = note.textContent;
   }

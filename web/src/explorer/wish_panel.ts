@@ -75,7 +75,7 @@ export function wishPanel(state: State): View {
   function told(): (Node | string)[] {
     if (state.model.n === 0) return ["No row to rank."];
     const first = state.nearest?.[0];
-    if (first === undefined) return ["Say what you would like, of one cost or several: the row that comes nearest is shown."];
+    if (first === undefined) return ["Set a wish for one or several costs, to see the nearest row."];
     const { wished } = state;
     const link = (row: number): HTMLElement => {
       const pin = button(`row ${count(row)}`, "pin it", () => { state.pin(row); }, "link wished");

@@ -11,13 +11,13 @@ export interface Option {
 const KEYS: readonly (readonly [string, string])[] = [
   ["Space", "play, stop"],
   ["1 2 3 …, X", "ride along this trajectory; along the next"],
-  ["← →, Home, End", "a second back or on (with Shift five); start, end"],
+  ["← →, Home, End", "a second back or forward (five with Shift); start, end"],
   ["↑ ↓", "faster, slower"],
   ["T", "compare at equal time, or at equal progress"],
   ["drag, double click, R", "look around; look ahead again"],
   ["F", "the view alone, or with map and criteria"],
-  ["N", "blind: no numbers and names, and back"],
-  ["V, Esc", "into the headset; out of it at once"],
+  ["N", "hide or show numbers and names (blind)"],
+  ["V, Esc", "enter the headset; leave it at once"],
 ];
 
 export function helpDialog(options: readonly Option[], notes: readonly string[], licence: string, saveLog: () => void): HTMLDialogElement {
@@ -27,13 +27,13 @@ export function helpDialog(options: readonly Option[], notes: readonly string[],
     element(
       "p",
       "",
-      "You see what the robot’s camera sees. The robot carries you; where you look is up to you. " +
-        "Equal progress: as much of the way done, a radian of turning counted as half a metre.",
+      "You see what the robot’s camera sees. The robot carries you; you choose where to look. " +
+        "Equal progress: the same share of the path is done, where a radian of turning counts as half a metre.",
     ),
   );
   const keys = element("dl");
   for (const [key, what] of KEYS) keys.append(element("dt", "", key), element("dd", "", what));
-  dialog.append(keys, element("h3", "", "Options, off by default; the log tells of them"));
+  dialog.append(keys, element("h3", "", "Options, off by default; they are logged"));
   for (const option of options) {
     const label = element("label");
     const box = element("input");
@@ -53,11 +53,11 @@ export function helpDialog(options: readonly Option[], notes: readonly string[],
     dialog.append(list);
   }
   const terms = element("details");
-  terms.append(element("summary", "", "The view is drawn by three.js, whose licence is"), element("pre", "", licence));
+  terms.append(element("summary", "", "The view is drawn by three.js. Its licence is"), element("pre", "", licence));
   dialog.append(terms);
   const row = element("p");
   row.append(
-    button("Save the log", "What was done here and when, as a file", saveLog),
+    button("Save the log", "Save a file of all actions with their times", saveLog),
     " ",
     button("Close", "Back to the ride", () => {
       dialog.close();

@@ -14,7 +14,7 @@ try {
 } catch (error) {
   const reason = error instanceof Error ? error.message : String(error);
   const text = /webgl/i.test(reason)
-    ? "This browser draws no WebGL, with which the ride is drawn. Another browser, or hardware acceleration in its settings, may."
+    ? "This browser cannot draw WebGL, which the ride needs. Try another browser, or turn on hardware acceleration in its settings."
     : reason;
   document.body.replaceChildren(element("p", "", text));
   tell({ kind: "failed", reason: text });

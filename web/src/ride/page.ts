@@ -69,7 +69,7 @@ export class Page {
     side.id = "side";
     const map = element("canvas");
     map.id = "plan";
-    map.setAttribute("aria-label", "Map: the ways, and where the camera is and looks");
+    map.setAttribute("aria-label", "Map: the paths, and the camera with its view direction");
     side.append(map);
     this.plan = new Plan(map, ride, this.clock);
     this.rates = this.addRates(side, tracks);
@@ -81,17 +81,17 @@ export class Page {
       chip.style.setProperty("--mine", colourOfTrack(i));
       return chip;
     });
-    this.together = button("at equal time", "What goes together when you switch (T)", () => {
+    this.together = button("at equal time", "Switch at equal time or at equal progress (T)", () => {
       this.toggleTogether();
     });
     this.together.id = "together";
-    this.phone = button("Follow phone", "Look around by turning the phone; an iPhone asks you first", () => {
+    this.phone = button("Follow phone", "Look around by turning the phone; an iPhone asks for permission", () => {
       void this.looking.togglePhone().then((on) => {
         this.phone.setAttribute("aria-pressed", String(on));
         this.log.add("follow phone", on);
       });
     });
-    this.blindness = button("Blind", "No numbers and names, for a choice by what one sees (N)", () => {
+    this.blindness = button("Blind", "Hide numbers and names, to choose by the view alone (N)", () => {
       this.setBlind(!this.blind);
     });
 
@@ -110,7 +110,7 @@ export class Page {
       [
         {
           label: "Dark margins while the view moves (vignette)",
-          title: "May spare some people sickness; it changes what is seen",
+          title: "May reduce sickness for some people; it changes the view",
           get: () => this.vignette,
           set: (on) => {
             this.vignette = on;
@@ -118,8 +118,8 @@ export class Page {
           },
         },
         {
-          label: "Keep the view level though the camera tilts or rolls",
-          title: "May spare some people sickness; it changes what is seen",
+          label: "Keep the view level when the camera tilts or rolls",
+          title: "May reduce sickness for some people; it changes the view",
           get: () => this.stage.level,
           set: (on) => {
             this.stage.level = on;
@@ -147,10 +147,10 @@ export class Page {
     const panel = element("section");
     panel.id = "rates";
     panel.tabIndex = 0; // it may scroll
-    panel.setAttribute("aria-label", "Criteria along the way");
+    panel.setAttribute("aria-label", "Criteria along the path");
     panel.append(
-      element("h2", "", "How criteria arise along the way"),
-      element("p", "", "Rates as executed, the cursor is now; below each the cost of the whole plan."),
+      element("h2", "", "How criteria arise along the path"),
+      element("p", "", "Rates of the executed motion; the cursor is the present. Below each, the cost of the whole plan."),
     );
     side.append(panel);
     return new RatesPanel(panel, this.ride.criteria, tracks, this.clock, (t) => { this.seek(t); });
@@ -167,7 +167,7 @@ export class Page {
     this.scrub.min = "0";
     this.scrub.max = "1000";
     this.scrub.step = "any";
-    this.scrub.setAttribute("aria-label", "Where along the ride");
+    this.scrub.setAttribute("aria-label", "Position along the ride");
     this.scrub.addEventListener("input", () => {
       this.seek((Number(this.scrub.value) / 1000) * this.clock.track.duration);
     });
@@ -183,7 +183,7 @@ export class Page {
     this.speed.addEventListener("change", () => { this.setSpeed(Number(this.speed.value)); });
     const full = button("View alone", "The view alone, or with map and criteria (F)", () => { this.toggleFull(); });
     const help = button("Help", "Keys and options (?)", () => { this.dialog.showModal(); });
-    const headset = button("Headset", "Into the headset (V); Esc leaves it at once", () => { void this.headset.enter(); });
+    const headset = button("Headset", "Enter the headset (V); Esc leaves it at once", () => { void this.headset.enter(); });
     headset.id = "headset";
     headset.hidden = true;
     void this.headset.isThere().then((is) => { headset.hidden = !is; });
