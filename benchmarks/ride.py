@@ -22,7 +22,7 @@ import hpop
 import hpop.examples
 from hpop.view import save_video
 from hpop.view.ride.panorama import Panorama
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from hpop.view.ride.video import Clip
 
 WAY = [(2, 10, 0), (11, 10, 0), (16, 9.9, 0), (20, 9, 0), (24, 8.5, -1.57), (24.1, 6, -1.57)]
@@ -36,7 +36,7 @@ def processor_seconds() -> float:
 
 def picture(problem: hpop.Problem, width: int) -> dict[str, Any]:
     """Return the median of seven pictures at different positions."""
-    drawn, seconds = Panorama(Scene.of(problem), width), []
+    drawn, seconds = Panorama(ViewScene.of(problem), width), []
     for x in range(4, 12):
         began = time.thread_time()
         drawn.draw(np.array([x, 10.0, 1.2]), 0.1 * x, 0.0)

@@ -48,12 +48,12 @@ def film(
     """Make a video, or its frames, or both, of one row, by default the knee, and print what was written."""
     from hpop.problems.named_rows import named_rows
     from hpop.view import save_frames, save_video
-    from hpop.view.ride.scene import Scene
+    from hpop.view.ride.scene import ViewScene
 
     if len(rows) > 1:
         raise click.UsageError(f"a video is of one row, got {len(rows)}: {', '.join(rows)}; make one of each")
     (row,) = named_rows(front, rows or ["knee"])
-    for note in Scene.of(problem).notes:
+    for note in ViewScene.of(problem).notes:
         echo(f"note: {note}")
     for save, target in ((save_video, video), (save_frames, frames)):
         if target is None:
@@ -143,10 +143,10 @@ def ride(
 def _say(problem: Problem, front: Front, rows: Sequence[str]) -> str:
     """Print the trajectories of a page, and notes on inexact drawings; return their number in words."""
     from hpop.problems.named_rows import named_rows
-    from hpop.view.ride.scene import Scene
+    from hpop.view.ride.scene import ViewScene
 
     chosen = named_rows(front, rows)
-    for note in Scene.of(problem).notes:
+    for note in ViewScene.of(problem).notes:
         echo(f"note: {note}")
     for name, row in zip("ABCDEFGH", chosen, strict=False):
         echo(f"{name} is {row}")

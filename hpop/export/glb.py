@@ -1,4 +1,4 @@
-"""Scene with an animated camera, as binary glTF.
+"""ViewScene with an animated camera, as binary glTF.
 
 The scene is made of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. Metres in the
 world's frame, z up. Corners are not shared between faces, so that each face has its normal; triangles are
@@ -22,7 +22,7 @@ from hpop.base.text import printable
 from hpop.export.base import PROGRAM, Exported, export_format, product
 
 if TYPE_CHECKING:
-    from hpop.view.ride.scene import Cells, Part, Plate, Scene
+    from hpop.view.ride.scene import BodyPart, Cells, Plate, ViewScene
     from hpop.world.content.people import Person
 
 Colour = tuple[int, int, int]
@@ -46,7 +46,7 @@ class TriangleMesh(NamedTuple):
     person: Person | None = None
 
 
-def meshes_of(scene: Scene) -> Iterator[TriangleMesh]:
+def meshes_of(scene: ViewScene) -> Iterator[TriangleMesh]:
     """Yield the non-empty meshes of a scene."""
     from hpop.view.ride import surfaces  # hpop.view imports Matplotlib
 
@@ -105,7 +105,7 @@ def _boxes(cells: Cells) -> FloatArray:
     return np.concatenate([*faces, _walls(rings, cells.low, cells.high)])
 
 
-def _round(part: Part, x: float, y: float) -> FloatArray:
+def _round(part: BodyPart, x: float, y: float) -> FloatArray:
     """Return triangles of a cylinder or an ellipsoid round the vertical through (x, y)."""
     angles = np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -197,9 +197,9 @@ def glb(given: Exported) -> bytes:
     file.animate(0, clock, "rotation", file.accessor(rotations, "VEC4"))
     notes: list[str] = []
     if given.problem is not None:
-        from hpop.view.ride.scene import Scene  # hpop.view imports Matplotlib
+        from hpop.view.ride.scene import ViewScene  # hpop.view imports Matplotlib
 
-        scene = Scene.of(given.problem)
+        scene = ViewScene.of(given.problem)
         notes = list(scene.notes)
         _add(file, list(meshes_of(scene)), float(times[-1]))
     file.document["animations"][0]["name"] = given.title

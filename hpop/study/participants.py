@@ -69,7 +69,7 @@ def checked_id(identifier: object) -> str:
     if not isinstance(identifier, str) or not ID.fullmatch(identifier):
         raise StudyError(
             f"a participant is p and a number of two to four digits, such as p07, got {shown(identifier)}; "
-            "names and initials are refused, because nothing here may reveal a person"
+            "names, initials and the like are refused, because nothing here may reveal a person"
         )
     return identifier
 

@@ -25,7 +25,7 @@ from hpop.runtime.status import Progress, ProgressCallback, followed
 from hpop.study.words import Words, words
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.page import licence, links_of, tilted_solids, track
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from hpop.view.ride.video import save_video
 from hpop.view.single_page import single_page
 
@@ -166,7 +166,7 @@ def _page(
     *,
     is_still: bool,
 ) -> str:
-    scene = Scene.of(problem)
+    scene = ViewScene.of(problem)
     fov = problem.model.field_of_view
     texts = words("en") if said is None else said
     payload = {

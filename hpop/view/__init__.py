@@ -1,11 +1,10 @@
-"""Pictures of a problem and its front: the map, the front itself, one trajectory in time and on the map.
+"""Pictures of a problem and its front: the map, the front itself, one trajectory over time and on the map.
 
-Beside them a page, the explorer, to choose a trajectory from in a browser.
+The explorer is a page to choose a trajectory in a browser.
 
-What is drawn is a ``matplotlib.figure.Figure`` that no global state knows of:
-``draw_map(problem, front).savefig("map.pdf")``; a notebook shows it as the last value of a cell, and small pictures
-of worlds, problems and fronts once this package is imported. With ``ax=`` each draws in a figure of yours.
-The core never imports this package.
+Each function returns a ``matplotlib.figure.Figure`` outside pyplot's global state: ``draw_map(problem,
+front).savefig("map.pdf")``. A notebook shows it as the last value of a cell, and, once this package is imported, small
+pictures of worlds, problems and fronts. With ``ax=`` it draws in your own figure. The core never imports this package.
 """
 
 from __future__ import annotations

@@ -34,9 +34,9 @@ Handle = Line2D | Patch
 
 
 def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -> list[Handle]:
-    """Draw what a world's content has in view, but keep-out zones; returns the legend entries of what there is.
+    """Draw a world's content, except keep-out zones, in a view, and return its legend entries.
 
-    On a small map names would cover each other and people be specks: names are left out, symbols enlarged.
+    On a small map names are left out and symbols enlarged.
     """
     content = world.content
     shown = shapely.box(view.x_min, view.y_min, view.x_max, view.y_max)
@@ -58,7 +58,7 @@ def draw_content(axes: Axes, world: World, view: View, *, small: bool = False) -
 
 
 def _draw_ways(axes: Axes, people: Sequence[Person]) -> list[Handle]:
-    """Return a dotted line along the way that each is predicted to walk, of each future one, if they are few."""
+    """Draw dotted lines along the predicted paths of people, one for each future, unless there are too many."""
     walking = [person for person in people if person.moves and math.isfinite(person.settled)]
     if not walking or len(walking) > MOST_NAMES:
         return []
@@ -70,7 +70,7 @@ def _draw_ways(axes: Axes, people: Sequence[Person]) -> list[Handle]:
 
 
 def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[Handle]:
-    """Draw discs, dashed for people who come later; ticks where they look; arrows along velocities."""
+    """Draw discs, dashed for people who come later, with ticks for headings and arrows for velocities."""
     for person in people:
         radius = _disc(person, side)
         likeliest = person.likeliest
@@ -97,7 +97,7 @@ def _draw_people(axes: Axes, people: Sequence[Person], side: float) -> Iterator[
 
 
 def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Handle]:
-    """Yield a line between two who talk, round three or more."""
+    """Draw a line between two people in conversation, or around three or more."""
     look = {"color": TALK, "linewidth": 1.8, "linestyle": (0, (1.5, 1))}
     for talk in talks:
         points: FloatArray = np.array([(person.x, person.y) for person in talk])
@@ -110,7 +110,7 @@ def _draw_groups(axes: Axes, talks: Sequence[Sequence[Person]]) -> Iterator[Hand
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> Iterator[Handle]:
-    """Yield a star, with a tick where its front looks."""
+    """Draw stars, with a tick in the direction of a landmark's front."""
     look = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
     for mark in landmarks:
         if mark.facing is not None:
@@ -123,7 +123,7 @@ def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], side: float) -> I
 
 
 def _draw_zones(axes: Axes, zones: Sequence[Zone], side: float) -> Iterator[Handle]:
-    """Yield hatched areas: the speed limit in the middle, or arrows along the way."""
+    """Draw hatched areas, with a speed limit in the middle or arrows along a one-way path."""
     for kind, label, colour, hatch in (
         ("speed", "speed limit", SLOW, "...."),
         ("one-way", "one-way, along the arrows", WAY, "///"),

@@ -49,7 +49,7 @@ ROOM = 0.06  # share of an axis left free at both ends
 def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
     """Draw the costs of a front: scatters of every pair for two to four criteria, else parallel coordinates.
 
-    Of more than 2,000 parallel lines so many are drawn, evenly over the front, which the title says.
+    At most 2,000 parallel lines are drawn, evenly over the front, as the title then says.
 
     Parameters
     ----------
@@ -58,8 +58,8 @@ def draw_front(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axe
     chosen : mapping from label to row, optional
         Points to mark and name, as on the map; by default the knee and the best of each criterion.
     ax : Axes, optional
-        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
-        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
+        Axes of a grid, such as those of `plt.subplots`, to be replaced by the picture; their figure is returned. Use
+        ``layout="constrained"``, so that texts have room. By default a new figure.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def limits(values: FloatArray) -> tuple[float, float]:
 
 
 def _scatter_matrix(columns: Sequence[Quantity], named: Sequence[Mark], ax: Axes | None) -> FigureBase:
-    """Return panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
+    """Draw panels of every pair, below the diagonal; the legend is in the empty corner, or below one panel."""
     size = len(columns) - 1
     figure = figure_for(ax, *((6.4, 5.6) if size == 1 else (2.7 * size + 1.2, 2.5 * size + 0.9)))
     panels = figure.subplots(size, size, squeeze=False)
@@ -158,7 +158,7 @@ def _scatter(axes: Axes, x: Quantity, y: Quantity, named: Sequence[Mark]) -> Non
 
 
 def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
-    """Shade what some point of a two-criteria front is better than in both."""
+    """Shade the region dominated by points of a two-criteria front."""
     order = np.argsort(x.values, kind="stable")
     right, top = axes.get_xlim()[1], axes.get_ylim()[1]
     across = np.append(x.values[order], right)
@@ -170,7 +170,7 @@ def _staircase(axes: Axes, x: Quantity, y: Quantity) -> None:
 def _parallel(
     columns: Sequence[Quantity], named: Sequence[Mark], rows: IntArray, drawn: str, ax: Axes | None
 ) -> FigureBase:
-    """Return one vertical axis a criterion, its least value at the bottom; one line a trajectory of some rows."""
+    """Draw a vertical axis for each criterion, least value at the bottom, and a line for each of some trajectories."""
     count = rows.size
     bounds = np.array([limits(column.values) for column in columns])  # (k, 2)
     table = np.stack([column.values for column in columns], axis=1)  # (n, k)
@@ -260,7 +260,7 @@ WIDTH, HEIGHT = 13.0, 5.2
 @checked_arguments
 @plain
 def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: Axes | None = None) -> Figure:
-    """Draw the share of each cost with its 90 % interval, and the map with the best trajectory and the knee.
+    """Draw the weight of each cost with its 90 % interval, and the map with the best trajectory and the knee.
 
     Parameters
     ----------
@@ -269,11 +269,11 @@ def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: A
     front : Front
         Its trajectories; at least one.
     person : Preference
-        What was learnt, of this front or another one with the same costs.
+        Preference learnt from this front, or from another with equal costs.
     ax : Axes, optional
-        One of a grid, whose place the picture takes; by default a new figure.
+        Axes of a grid, to be replaced by the picture; by default a new figure.
 
-    Raises StudyError where the front lacks a cost that the preference weighs.
+    Raises StudyError if the front lacks a cost of the preference.
     """
     best = person.best(front)
     figure = figure_for(ax, WIDTH, HEIGHT)
@@ -289,7 +289,7 @@ def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: A
 
 
 def _draw_shares(axes: Axes, person: Preference) -> None:
-    """Draw means as dots on intervals, a line a cost, the greatest above."""
+    """Draw means as dots on intervals, a line for each cost, the greatest above."""
     shares, intervals = person.weights, person.interval(LEVEL)
     names = sorted(shares, key=lambda name: shares[name])
     places = np.arange(len(names))

@@ -1,4 +1,4 @@
-"""The ground of a map: obstacles, keep-out zones, the obstruction field and a scale bar."""
+"""Ground of a map: obstacles, keep-out zones, the obstruction field and a scale bar."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SMALL_PART = 0.4  # of the longer side of the map
 
 @dataclass(frozen=True)
 class View:
-    """The rectangle that a map shows, m."""
+    """Rectangle that a map shows, m."""
 
     x_min: float
     y_min: float
@@ -53,31 +53,33 @@ class View:
 
     @property
     def width(self) -> float:
-        """Extent along x, m."""
+        """Return the extent along x, m."""
         return self.x_max - self.x_min
 
     @property
     def height(self) -> float:
-        """Extent along y, m."""
+        """Return the extent along y, m."""
         return self.y_max - self.y_min
 
 
 class Unresolved(LimitPassed):
-    """The ball is smaller than a pixel of the map."""
+    """Ball smaller than a pixel of the map."""
 
 
 @dataclass(frozen=True)
 class Ball:
-    """The ball round the camera of which obstacles take a share: radius and height of its centre, m."""
+    """Ball round the camera for the obstruction: radius and height of its centre, m."""
 
     radius: float
     z: float
 
 
 def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
-    """Show free space, start and goal, with a margin: a map file's unknown surroundings are cut off.
+    """Return the rectangle of free space, start and goal, with a margin.
 
-    Where paths (N, 2), m, keep to a small part of it, show that part: what lies round start, goal and paths.
+    Unknown surroundings of a map file are cut off.
+
+    If paths (N, 2), m, stay in a small part of it, only the surroundings of start, goal and paths are shown.
     """
     start, goals = end_poses(problem)
     ends = shapely.MultiPoint([pose[:2] for pose in (start, *goals)])
@@ -99,9 +101,9 @@ def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
 
 
 def ball_of(problem: Problem) -> Ball | None:
-    """Take the radius from the problem's obstruction criterion (else 2 m), the height from the camera.
+    """Return the ball of the problem's obstruction criterion (default radius 2 m), at the camera's height.
 
-    A robot that drives nowhere has no ball unless a criterion asks for one: its whole reach would be in it.
+    A fixed robot has no ball unless a criterion has one, because its whole reach would be inside.
     """
     measured = [c for c in problem.criteria if isinstance(c, Obstruction | Exposure)]
     if not measured and "base" not in problem.model.provides:
@@ -114,12 +116,11 @@ def ball_of(problem: Problem) -> Ball | None:
 def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
     """Draw the obstructed fraction of the ball over the extent.
 
-    Colours range from 0 to what 99 in 100 free places stay below, and grow faster at first: the corners of a
-    room are several times as obstructed as the places where a robot drives.
+    Colours range from 0 to the 99th percentile over free space, and grow faster at first, because corners of a room are
+    several times more obstructed than paths.
 
-    Raises LimitPassed where a limit of whoever draws does not allow for the field, and Unresolved where the ball is
-    smaller than a pixel: on a map so large a field that shows anything would need more samples than memory has room
-    for.
+    Raises LimitPassed if the field exceeds a limit of the caller, and Unresolved if the ball is smaller than a pixel,
+    because a useful field would then need too much memory.
     """
     pixel = max(view.width, view.height) / PIXELS
     if pixel > 2 * ball.radius:
@@ -145,15 +146,15 @@ def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
 
 
 def draw_bare_floor(axes: Axes, world: World) -> None:
-    """Draw the extent white, where its obstructed fraction is left out."""
+    """Draw the extent white, without its obstructed fraction."""
     axes.add_artist(PathPatch(outline(world.extent), facecolor="white", edgecolor="none", zorder=0))
 
 
 def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> list[Patch]:
-    """Draw obstacles and keep-out zones, of cells those in view; returns the legend entries of what there is.
+    """Draw obstacles and keep-out zones in a view, and return their legend entries.
 
-    Obstacles at the camera's height are dark; those that it looks over or under are light and hatched. Of a camera that
-    rises, some are between: obstacles at some of its heights.
+    Obstacles at the camera's height are dark; those above or below it are light and hatched. For a camera that rises,
+    obstacles at some of its heights are in between.
     """
     axes.set_facecolor(OBSTACLE if world.outside_is_obstacle else "white")
     entries: list[Patch] = []
@@ -172,19 +173,19 @@ def draw_obstacles(axes: Axes, world: World, heights: Heights, view: View) -> li
         _fill(axes, closed, zone, zorder=1.6)
         entries.append(zone)
     border = PathPatch(outline(world.extent), facecolor="none", edgecolor=QUIET, linewidth=0.6, zorder=2.2)
-    axes.add_artist(border)  # as a patch its limits would be looked for: 50 us a point, and maps have their own
+    axes.add_artist(border)  # as a patch it would update the data limits: 50 us a point
     return entries
 
 
 def _layer(obstacle: tuple[float, float], heights: Heights) -> int:
-    """Return whether an obstacle is at all heights of a camera (2), at some of them (1), or at none (0)."""
+    """Return 2 for an obstacle at all heights of a camera, 1 at some of them, 0 at none."""
     if obstacle[1] < heights.low or heights.high < obstacle[0]:
         return 0
     return 2 if obstacle[0] <= heights.low and heights.high <= obstacle[1] else 1
 
 
 def _obstacle_looks(heights: Heights) -> dict[int, Patch]:
-    """Return how obstacles look on a map, by layer, and what the legend says of them."""
+    """Return the appearance and legend text of obstacles by layer."""
     if not heights.vary:
         light = f"obstacle below or above\nthe camera (at {heights})"
         return {2: Patch(facecolor=OBSTACLE, label="obstacle"), 0: _hatched(OFF_CAMERA, "////", light)}
@@ -221,7 +222,10 @@ def draw_scale_bar(axes: Axes, view: View) -> None:
 
 
 def outline(geometry: BaseGeometry) -> Path:
-    """Return Matplotlib path of the polygons of a geometry; holes run the other way round, so they stay empty."""
+    """Return a Matplotlib path of the polygons of a geometry.
+
+    Holes run in the opposite direction, so they stay empty.
+    """
     return Path.make_compound_path(*(Path(ring, closed=True) for ring in _rings(geometry)))
 
 
@@ -232,7 +236,7 @@ def _rings(geometry: BaseGeometry) -> Iterator[FloatArray]:
 
 
 def _open(world: World) -> BaseGeometry:
-    """Take obstacles of any height off the extent; the extent if they leave nothing."""
+    """Return the extent without obstacles of any height; the extent if nothing remains."""
     rest = shapely.difference(world.extent, world.solid())
     return world.extent if rest.is_empty else rest
 
@@ -249,7 +253,7 @@ def _fill(axes: Axes, geometry: BaseGeometry, like: Patch, zorder: float) -> Non
 
 
 def _draw_raster(axes: Axes, raster: Raster, colour: ColorType, view: View) -> None:
-    """Draw the cells in view; of more than a picture shows, some together, occupied where one of them is."""
+    """Draw the cells in view; if there are too many, blocks of cells, occupied if any cell is."""
     to_world = (
         Affine2D().scale(raster.resolution).rotate(raster.origin[2]).translate(raster.origin[0], raster.origin[1])
     )

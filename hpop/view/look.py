@@ -1,4 +1,4 @@
-"""A look before planning: the map in metres, where this robot is free, and whether start and goal can be used."""
+"""Look at a problem before planning: the map in metres, free space of the robot, and validity of start and goal."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ BETTER: dict[str, Any] = {
 }
 
 
-class Look(NamedTuple):
-    """What a look tells.
+class MapLook(NamedTuple):
+    """Picture and verdict on a problem before planning.
 
     figure
-    refused  why the start, or a goal, cannot be used, with the nearest place that can; empty where all can
-    notes    what else is told: how much of the map is free, and what is cut off
-    no_way   whether the start and all goals can be used, but every goal lies in another part than the start
+    refused  reasons why the start or a goal is blocked, with the nearest free place; empty if all are free
+    notes    how much of the map is free, and which goals are cut off
+    no_way   whether start and goals are free, but every goal is in another part of free space than the start
     """
 
     figure: Figure
@@ -77,12 +77,12 @@ def _drawn(problem: Problem, title: str, free: FreeMap | None, text: Sequence[st
     )
 
 
-def look(problem: Problem, title: str) -> Look:
-    """Draw a problem's map, the free space of its robot, start, goals, people, landmarks and zones, and judge the ends.
+def look(problem: Problem, title: str) -> MapLook:
+    """Draw a problem's map, free space, start, goals, people, landmarks and zones, and judge start and goals.
 
     Parameters
     ----------
-    title : what stands above the picture
+    title : title of the picture
     """
     model, world = problem.model, problem.world
     ends = _ends(problem)
@@ -92,7 +92,7 @@ def look(problem: Problem, title: str) -> Look:
         reason = collision.why_blocked(States(**{name: np.nan_to_num(getattr(state, name)) for name in state.names}))
         place = nearest_free(model, world, state) if reason else None
         if not reason or (place is not None and _same(place, state)):
-            continue  # a goal whose heading is free may be blocked at the one that was tried
+            continue  # another heading of this goal may be free
         where = ", ".join(f"{float(getattr(state, name)[0]):.4g}" for name in ("x", "y") if name in state.names)
         refused.append(
             f"the {what}{f' ({where})' * bool(where)} is not usable: {reason}.{elsewhere(model, world, state)}"
@@ -102,11 +102,11 @@ def look(problem: Problem, title: str) -> Look:
     apart = [] if free is None or refused else _apart(free, ends)
     notes = [] if free is None else _notes(free, apart)
     no_way = 0 < len(apart) == len(ends) - 1
-    return Look(_drawn(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
+    return MapLook(_drawn(problem, title, free, [*refused, *notes], better), tuple(refused), tuple(notes), no_way)
 
 
 def _ends(problem: Problem) -> dict[str, States]:
-    """Start and goals that are states; what is free in them is NaN."""
+    """Return start and goals that are states; free values are NaN."""
     space = problem.model.space
     ends = {"start": space.state(problem.start)}
     if problem.target.listed:
@@ -121,13 +121,13 @@ def _same(place: States, state: States) -> bool:
 
 
 def _apart(free: FreeMap, ends: dict[str, States]) -> list[str]:
-    """Return the goals in another part of what is free than the start, as far as the grid tells."""
+    """Return the goals in another part of free space than the start, as far as the grid resolves."""
     parts = {what: free.part_at(float(state.x[0]), float(state.y[0])) for what, state in ends.items()}
     return [what for what, part in parts.items() if part != parts["start"]]
 
 
 def _notes(free: FreeMap, apart: Sequence[str]) -> list[str]:
-    """Return how much is free, and which goals are cut off from the start."""
+    """Return notes on the free area, and on goals cut off from the start."""
     if not free.main:
         return ["the robot is free nowhere on this map: is its scale right, or the robot too large?"]
     whole = float(free.areas.sum())
@@ -149,7 +149,7 @@ def _area(area: float) -> str:
 
 
 def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch]:
-    """Colour where the robot is free, and which part of that it reaches from the start; returns the legend entries."""
+    """Colour the free space, and the part reachable from the start, and return the legend entries."""
     if free is None:
         return []
     start = problem.model.space.state(problem.start)
@@ -176,7 +176,7 @@ def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch
 
 
 def _draw_robot(axes: Axes, problem: Problem, view: View) -> list[Patch]:
-    """Return the robot at its start, to scale."""
+    """Draw the robot at its start, to scale."""
     model, start = problem.model, problem.model.space.state(problem.start)
     outlines = outlines_at(model, start, from_above)
     if not outlines and model.platform:

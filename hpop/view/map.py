@@ -1,4 +1,4 @@
-"""The map: the trajectories of a front as lines on the ground, coloured by a cost, with the named ones on top."""
+"""Map: the trajectories of a front as lines on the ground, coloured by a cost, with the named ones on top."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ Line = Callable[[Trajectory], FloatArray]  # points (N, 2) of a trajectory in a 
 
 
 def scale_of(front: Front, colour: str | None) -> Quantity:
-    """Find the column that colours the trajectories: the length, else the first, where none is named."""
+    """Return the column that colours the trajectories: by default the length, else the first column."""
     columns = quantities(front)
     names = [column.name for column in columns]
     if colour is None:
@@ -93,7 +93,7 @@ def scale_of(front: Front, colour: str | None) -> Quantity:
 
 
 def draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray, line: Line) -> list[Bar]:
-    """Draw the trajectories of some rows, the least on top; returns the colour bar, or none where all are alike."""
+    """Draw the trajectories of some rows, the least on top, and return the colour bar; none if all values are equal."""
     order = rows[np.argsort(-scale.values[rows], kind="stable")]
     norm = Normalize(float(scale.values.min()), float(scale.values.max()))
     alpha = float(np.clip(7.0 / np.sqrt(rows.size), 0.15, 0.9))
@@ -117,7 +117,7 @@ def draw_all(axes: Axes, front: Front, scale: Quantity, rows: IntArray, line: Li
 
 
 def draw_named(axes: Axes, front: Front, named: Sequence[Mark], line: Line) -> list[Handle]:
-    """Draw trajectories thick; returns their legend entries, with what they cost."""
+    """Draw named trajectories thick, and return their legend entries with costs."""
     handles: list[Handle] = []
     for layer, mark in enumerate(named):
         x, y = line(front.trajectories[mark.row]).T
@@ -137,7 +137,7 @@ def draw_named(axes: Axes, front: Front, named: Sequence[Mark], line: Line) -> l
 
 
 def planner_entries(front: Front) -> list[Handle]:
-    """Return legend entries of planners that share a front: each has its own dashes."""
+    """Return legend entries of the planners of a joint front, each with its own dashes."""
     counts = _counts(front)
     return [
         Line2D([], [], color=QUIET, linestyle=dashes, linewidth=1.2, label=printable(f"found by {name}: {count}"))
@@ -147,7 +147,7 @@ def planner_entries(front: Front) -> list[Handle]:
 
 
 def _counts(front: Front) -> dict[str, int]:
-    """Return how many trajectories are of each planner, the one with most first."""
+    """Return the number of trajectories of each planner, the largest first."""
     return dict(Counter(str(origin.get("planner")) for origin in front.provenance).most_common())
 
 
@@ -169,8 +169,8 @@ def draw_map(
     problem : Problem
         World, model, start and goal; the ball of its obstruction criterion (2 m without one) gives the field.
     front : Front
-        Its trajectories, coloured by a criterion, the least on top: of more than 2,000 so many, evenly over the front,
-        which the title says. Without any, the title says that and why.
+        Its trajectories, coloured by a criterion, the least on top; at most 2,000, evenly over the front, as the title
+        then says. An empty front is explained in the title.
     chosen : mapping from label to row, optional
         Trajectories to draw thick and name; by default the knee and the best of each criterion.
     colour : str, optional
@@ -179,8 +179,8 @@ def draw_map(
         The rectangle to show, m; by default all free space, or where the trajectories lead if that is less than
         two fifths of it along the longer side.
     ax : Axes, optional
-        Where to draw, with a colour bar beside and the named trajectories alone in the legend; its figure is
-        returned. By default a new figure that fits, with all legends and what is claimed.
+        Axes to draw in, with a colour bar and only the named trajectories in the legend; their figure is returned. By
+        default a new figure with all legends and the certificate.
 
     Raises
     ------
@@ -242,7 +242,7 @@ def draw_map(
 
 
 def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> list[Bar]:
-    """Draw the obstructed fraction at the height of the start; none round a hand, unless a criterion asks for it."""
+    """Draw the obstructed fraction at the height of the start; not for a fixed robot, unless a criterion has a ball."""
     ball = ball_of(problem)
     if ball is None:
         draw_bare_floor(axes, problem.world)
@@ -253,13 +253,13 @@ def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> l
 
 
 def _turn_places(trajectory: Trajectory) -> FloatArray:
-    """Return where (N, 2), m, the base turns without moving."""
+    """Return the places (N, 2), m, where the base turns in place."""
     turns = turns_in_place(trajectory)
     return mapped_points(trajectory.model, trajectory.states)[1:][turns]
 
 
 def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = None, **more: object) -> Line2D:
-    """Return points where a trajectory turns; without coordinates the legend entry for them."""
+    """Return dots for turns in place; without coordinates the legend entry."""
     nowhere = np.zeros(0)
     return Line2D(
         nowhere if x is None else x,
@@ -275,7 +275,7 @@ def turn_dot(colour: str, x: FloatArray | None = None, y: FloatArray | None = No
 
 
 def _hidden(turns: FloatArray, ends: Ends, view: View) -> str:
-    """Say under which of start and goal some of the turns (N, 2) are: whoever counts the dots misses them."""
+    """Name the letters, start or goal, that cover some of the turns (N, 2), which a reader would miss."""
     covered = CIRCLE / 2 / 72 * max(view.width / MOST_WIDE, view.height / MOST_HIGH)  # m
     start, goals = ends
     under = [
@@ -287,7 +287,7 @@ def _hidden(turns: FloatArray, ends: Ends, view: View) -> str:
 
 
 def draw_headed_ends(axes: Axes, problem: Problem, ends: Ends, view: View) -> Sequence[Handle]:
-    """Start and goal, with an arrow along the heading."""
+    """Draw start and goals, with arrows along the headings."""
     reach = 0.055 * max(view.width, view.height)
     start, goals = ends
     for name, (x, y, yaw) in (("start", start), *(("goal", goal) for goal in goals)):

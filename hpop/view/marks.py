@@ -21,12 +21,12 @@ from hpop.view.style import GOAL, HALO, QUIET, SMALL, START, mapped, mapped_poin
 CIRCLE = 12.0  # points across
 RING = 19.0  # points across
 LOOKS = {"start": ("S", START), "goal": ("G", GOAL)}
-END_DIGITS = 6  # digits, m: ends that agree to so many are one
+END_DIGITS = 6  # digits, m, to which equal ends agree
 Place = Sequence[float]
 
 
 class EndPose(NamedTuple):
-    """Where a robot is at an end: m, m, rad; None where its yaw is free, or it has no base that looks anywhere."""
+    """Pose of a robot at an end: m, m, rad; yaw is None if free, or without a base."""
 
     x: float
     y: float
@@ -37,9 +37,9 @@ Ends = tuple[EndPose, tuple[EndPose, ...]]
 
 
 def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Return where a problem starts on a map, and all places where it may end.
+    """Return the start of a problem on a map, and all possible ends.
 
-    A goal that does not list them is where the trajectories end that were ``found``.
+    For a goal that lists no states, the ends of the ``found`` trajectories are returned.
     """
     model, poses = problem.model, []
     for state in _end_states(problem, found):
@@ -51,7 +51,7 @@ def end_poses(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
 
 
 def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[FloatArray, FloatArray]:
-    """Return where the camera starts (3,) and may end (n, 3), m: see :func:`end_poses`."""
+    """Return the camera's start (3,) and possible ends (n, 3), m; see :func:`end_poses`."""
     poses = [positions(problem.model.pose("camera", state)) for state in _end_states(problem, found)]
     places = np.concatenate(poses)
     known = places[1:][~np.isnan(places[1:]).any(axis=1)]
@@ -59,10 +59,10 @@ def end_positions(problem: Problem, found: Sequence[Trajectory] = ()) -> tuple[F
 
 
 def camera_ends(problem: Problem, found: Sequence[Trajectory] = ()) -> Ends:
-    """Return where the camera starts, seen from above, and all places where it may end: see :func:`end_poses`.
+    """Return the camera's start, seen from above, and all possible ends; see :func:`end_poses`.
 
-    A heading that the goal leaves free is none. Where that lets the camera be in many places it ends where the
-    trajectories do that were ``found``, or nowhere.
+    A free heading is None. If a free heading allows many camera positions, the ends of the ``found`` trajectories are
+    returned.
     """
     states, poses = _end_states(problem, found), []
     start, *listed = (problem.model.pose("camera", state) for state in states)
@@ -86,7 +86,7 @@ def goal_words(problem: Problem, count: int) -> str:
 
 
 def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
-    """Return the start, then the goals; what is free in them is NaN."""
+    """Return the start, then the goals; free values are NaN."""
     space = problem.model.space
     states = [space.state(problem.start)]
     if problem.target.listed:
@@ -95,7 +95,7 @@ def _end_states(problem: Problem, found: Sequence[Trajectory]) -> list[States]:
 
 
 def draw_ends(axes: Axes, start: Place, goals: Sequence[Place], words: tuple[str, str] = ("", "")) -> list[Line2D]:
-    """Draw a letter at each; returns the legend entries, which may say more."""
+    """Draw letters at start and goals, and return the legend entries with additional words."""
     handles = []
     for (name, (letter, fill)), places, more in zip(LOOKS.items(), ([start], goals), words, strict=True):
         look: dict[str, Any] = {"marker": "o", "markerfacecolor": fill, "markeredgecolor": "black"}
@@ -116,13 +116,13 @@ SIZE, WIDTH = 14.0, 2.0  # points: round the star of a landmark that is the targ
 
 
 def targets_of(problem: Problem) -> FloatArray:
-    """Return the places (n, 3), m, each once."""
+    """Return the distinct targets (n, 3), m."""
     places = dict.fromkeys(place for _, place in _named(problem))
     return np.array(list(places), float).reshape(-1, 3)
 
 
 def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """Return the places, m, each once, with all that name it."""
+    """Return the distinct targets, m, each with the names of its criteria or goals."""
     names: dict[tuple[float, float, float], list[str]] = {}
     for name, place in _named(problem):
         names.setdefault(place, []).append(name)
@@ -130,7 +130,7 @@ def targets_by_name(problem: Problem) -> list[tuple[str, tuple[float, float, flo
 
 
 def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], FloatArray]) -> list[Line2D]:
-    """Draw a ring round each, where ``flatten`` has it in the picture; returns the legend entry."""
+    """Draw a ring round each target, at its ``flatten``-ed position, and return the legend entry."""
     places = targets_of(problem)
     if not len(places):
         return []
@@ -140,16 +140,16 @@ def draw_targets(axes: Axes, problem: Problem, flatten: Callable[[FloatArray], F
 
 
 def _named(problem: Problem) -> list[tuple[str, tuple[float, float, float]]]:
-    """Return the criteria or the goal that name a place, by place."""
+    """Return the criteria or goals with their targets."""
     named = [(criterion.name, place) for criterion in problem.criteria for place in criterion.places]
     return [*named, *(("the goal", place) for place in problem.target.places)]
 
 
-HOLD_DIGITS = 6  # digits, m, to which the places of holds agree that are on one spot
-BESIDE = 11.0  # points to the right and above the spot: on it are dots of turns, and the letters of start and goal
+HOLD_DIGITS = 6  # digits, m, to which holds at one place agree
+BESIDE = 11.0  # points to the right of and above the place, beside dots of turns and letters
 ROW = 13.0  # points between the clocks of two trajectories
-ASIDE = 44.0  # points between two clocks of one trajectory whose spots are near each other: a clock and its time
-NEAR = (0.12, 0.04)  # of the width of what is shown: spots nearer than that, along x and along y
+ASIDE = 44.0  # points between clocks of one trajectory at close places
+NEAR = (0.12, 0.04)  # distances along x and y, as shares of the picture's width, below which places are close
 Colour = tuple[float, float, float, float]
 WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 DARK = 1.5  # sum of red, green and blue
@@ -158,7 +158,7 @@ CLOCK = Path.make_compound_path(Path.unit_circle(), HANDS)
 
 
 class Held(NamedTuple):
-    """Where a robot stands still, m, for how long in all, s, and in which motions."""
+    """Place, m, where a robot stands still, with the total time, s, and the motions."""
 
     x: float
     y: float
@@ -167,12 +167,12 @@ class Held(NamedTuple):
 
 
 def is_held(trajectory: Trajectory) -> BoolArray:
-    """Return which motions (n,) are holds."""
+    """Mark motions (n,) that are holds."""
     return np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
 
 
 def holds_of(trajectory: Trajectory) -> list[Held]:
-    """Return the places where it holds, in order of time, those on one spot together."""
+    """Return the places where the robot holds, in order of time, with holds at one place merged."""
     spots: dict[tuple[float, float], list[int]] = {}
     points = np.round(mapped_points(trajectory.model, trajectory.states), HOLD_DIGITS)
     for i in np.flatnonzero(is_held(trajectory)).tolist():
@@ -181,7 +181,7 @@ def holds_of(trajectory: Trajectory) -> list[Held]:
 
 
 def written_time(seconds: float) -> str:
-    """Return how long, in words.
+    """Return a duration in words.
 
     >>> written_time(3.0), written_time(2.25), written_time(0.04), written_time(600.0)
     ('3 s', '2.2 s', '0.04 s', '10 min')
@@ -201,9 +201,9 @@ def draw_holds(
     gid: str = "hold",
     face: Callable[[Held], Colour] = lambda held: WHITE,
 ) -> None:
-    """Draw the clocks of a trajectory in its colour, in a row of their own above their spots; ``face`` fills them.
+    """Draw the clocks of a trajectory's holds in its colour, in a row above their places; ``face`` colours them.
 
-    ``width`` is that of what is shown, m: clocks whose spots are near each other stand side by side.
+    ``width`` is the width of the picture, m: clocks of close places are drawn side by side.
     """
     figure = axes.get_figure(root=True)
     up = BESIDE + ROW * row
@@ -221,7 +221,7 @@ def draw_holds(
 
 
 def _are_near(one: Held, other: Held, width: float) -> bool:
-    """Whether two spots are so near that their clocks would lie on each other, in a picture so many metres wide."""
+    """Return whether the clocks of two places would overlap in a picture of a width, m."""
     along, across = NEAR
     return abs(one.x - other.x) < along * width and abs(one.y - other.y) < across * width
 
@@ -229,7 +229,7 @@ def _are_near(one: Held, other: Held, width: float) -> bool:
 def hold_clock(
     colour: str, x: float | None = None, y: float | None = None, face: Colour = WHITE, **more: Any
 ) -> Line2D:
-    """Return a clock, its hands white on a dark face; without a place the legend entry for it."""
+    """Return a clock, with white hands on a dark face; without a place the legend entry."""
     xs, ys = ([], []) if x is None or y is None else ([x], [y])
     edge = colour if sum(face[:3]) > DARK else "white"
     look: dict[str, Any] = {"markerfacecolor": face, "markeredgecolor": edge, "markeredgewidth": 1.2}

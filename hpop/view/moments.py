@@ -1,4 +1,4 @@
-"""Maps at moments: one for each event of a drive, and a trajectory among people who move.
+"""Maps at moments: one for each event of a drive, or of a trajectory among moving people.
 
 The lower panel of :func:`draw_encounters` shows the distance driven, m, over time. Its line rises while the robot
 drives and is level while the robot turns or holds. Behind the line, each position and time is coloured by the
@@ -57,7 +57,7 @@ DRIVEN, PLANNED, TAKEN = COLOURS[0], COLOURS[1], COLOURS[2]
 @checked_arguments
 @plain
 def draw_drive(drive: Execution, happenings: Sequence[Happening]) -> Figure:
-    """Draw what happened on a drive: a map an event, the first twelve of them, and one of what was driven in the end.
+    """Draw a drive: a map for each of the first twelve events, and one of the whole drive.
 
     On each there are the way driven until then, the plan as it was before, all options, and the one that was taken.
 
@@ -149,7 +149,7 @@ def _draw_robot(axes: Axes, problem: Problem, happening: Happening) -> None:
 
 TIMES, PLACES = 400, 300  # of the coloured way
 MOMENTS = 4  # maps above it
-TRAIL = 2.0  # s of each way that a map shows behind whoever walks
+TRAIL = 2.0  # s of path shown behind each person
 NEARNESS = ("#7f1d1d", "#e8956d", "#f6cf9f", "#fbf0dc", "#ffffff")  # touching, and Hall's zones, from within
 WORDS = ("robot and person would touch", *(f"{zone} zone, to {limit:g} m" for zone, limit in HALL.items()))
 ROBOT = COLOURS[2]
@@ -160,10 +160,10 @@ ROBOT = COLOURS[2]
 def draw_encounters(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw a trajectory over time among people who move, and maps of the moments at which they are nearest.
+    """Draw a trajectory over time among moving people, and maps at the moments when they are nearest.
 
-    Distances are between surfaces, the robot round about its axis. Of a person with several hypotheses each is drawn;
-    those whose position is uncertain are drawn where they are predicted to be.
+    Distances are between surfaces, with a round robot. Each hypothesis of a person is drawn; people of uncertain
+    position are drawn at the predicted position.
 
     Parameters
     ----------
@@ -172,11 +172,11 @@ def draw_encounters(
     trajectory : Trajectory
         A planned trajectory of the problem's model.
     name : str
-        What the title calls it.
+        Name in the title.
     ax : Axes, optional
-        Where to draw, one of a grid such as `plt.subplots` makes; by default a new figure that fits.
+        Axes of a grid, such as those of `plt.subplots`; by default a new figure.
 
-    Raises QueryError where nobody moves.
+    Raises QueryError without moving people.
     """
     walkers = _walkers(problem)
     if not walkers:
@@ -232,7 +232,10 @@ def _walkers(problem: Problem) -> list[Person]:
 
 
 def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
-    """How far (PLACES, TIMES), m, a person is from the robot, were it at a place of its way at a time; inf if gone."""
+    """Return distances (PLACES, TIMES), m, of a person to the robot at each place of its path and each time.
+
+    Inf if absent.
+    """
     along = np.linspace(0.0, driven.along[-1], PLACES)
     rising = np.append(True, np.diff(driven.along) > 0)
     x, y = (np.interp(along, driven.along[rising], column[rising]) for column in driven.points.T)
@@ -243,12 +246,12 @@ def _gap(problem: Problem, person: Person, driven: _Driven) -> FloatArray:
 
 
 def _moments(walkers: Sequence[Person], driven: _Driven, gaps: FloatArray) -> FloatArray:
-    """Times (MOMENTS,), s: the start, and of the shortest distance in equal parts of the time until nothing changes."""
+    """Return times (MOMENTS,), s: the start, and the shortest distance in each equal part of the time with changes."""
     t = np.linspace(0.0, driven.times[-1], TIMES)
     changing = np.flatnonzero(t <= max(person.settled for person in walkers))
     places = np.interp(t, driven.times, driven.along) / max(driven.along[-1], 1e-9) * (PLACES - 1)
     met = gaps[np.round(places).astype(np.int64), np.arange(TIMES)]
-    apart = changing.size // (3 * MOMENTS)  # two maps of nearly the same moment tell nothing new
+    apart = changing.size // (3 * MOMENTS)  # maps of almost equal moments add nothing
     parts = [part[apart:] for part in np.array_split(changing, MOMENTS - 1)]
     return np.array([0.0, *(t[part[np.argmin(met[part])]] for part in parts if part.size)])
 

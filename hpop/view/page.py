@@ -1,4 +1,4 @@
-"""The layout of a picture: its figure, a map's sheet in inches, colour bars, legends, title and claim."""
+"""Layout of a picture: its figure, a map's page in inches, colour bars, legends, title and certificate."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ SCREEN = 90  # dots an inch in a notebook
 
 
 class Picture(Figure):
-    """A figure that no global state knows of, and that a notebook shows as the last value of a cell."""
+    """Figure outside pyplot's global state, which a notebook shows as the last value of a cell."""
 
     def _repr_png_(self) -> bytes:
         return png_of(self, SCREEN)
@@ -43,9 +43,9 @@ def new_figure(width: float, height: float, layout: Any = "constrained") -> Pict
 
 
 def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "constrained") -> Figure | SubFigure:
-    """Return a new figure of a size in inches; or in the place of axes, which are removed, a part of theirs.
+    """Return a new figure of a size in inches, or a part of the figure of axes, which are removed.
 
-    Raises OptionError for what are no axes of a grid.
+    Raises OptionError unless the axes are in a grid.
     """
     if ax is None:
         return new_figure(width, height, layout)
@@ -61,14 +61,14 @@ def figure_for(ax: Axes | None, width: float, height: float, layout: Any = "cons
 
 
 def checked(ax: Any) -> Axes:
-    """Return axes, or OptionError."""
+    """Return axes; OptionError for another value."""
     if not isinstance(ax, Axes):
         raise OptionError(f"ax must be axes of Matplotlib, such as one of plt.subplots(1, 2)[1], got {shown(ax)}")
     return ax
 
 
 def whole(figure: FigureBase) -> Figure:
-    """Return the figure of which this is a part, or itself."""
+    """Return the root figure of a figure or part of a figure."""
     return figure.get_figure(root=True)
 
 
@@ -88,15 +88,15 @@ BAR, PITCH, GAP = 0.16, 0.95, 0.15  # a colour bar, from one to the next at leas
 LEGEND = 8.0  # width of the two legends
 SYMBOLS = 4.95  # where the second one begins
 LINE = 0.205  # height of a line of the legends
-CLAIM_LINE = 0.155  # and of what is claimed
+CLAIM_LINE = 0.155  # and of the certificate
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """A page: sizes in inches, places as shares of the figure.
+class PageLayout:
+    """Layout of a page: sizes in inches, positions as shares of the figure.
 
     width, height          of the figure
-    map_width, map_height  of the map, in the proportions of what it shows where these are not extreme
+    map_width, map_height  of the map, with its true proportions unless these are extreme
     left, bottom           of the map
     bars                   left edges of the colour bars
     """
@@ -110,8 +110,8 @@ class Sheet:
     bars: tuple[float, ...]
 
     @classmethod
-    def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> Sheet:
-        """Lay out a map of a view with lines of legend and of what is claimed, and colour bars with so wide words."""
+    def of(cls, view: View, *, words: Sequence[float], lines: int, claim: int) -> PageLayout:
+        """Lay out a map of a view, with numbers of lines of legend and certificate, and widths of bars' labels."""
         map_width, map_height = _size(view)
         offsets = np.cumsum([GAP, *(max(PITCH, BAR + wide + GAP) for wide in words)])
         with_bars = LEFT + map_width + offsets[-1]
@@ -123,27 +123,27 @@ class Sheet:
 
     @property
     def title(self) -> tuple[float, float]:
-        """Middle of the title's upper edge."""
+        """Return the middle of the title's upper edge."""
         return 0.5, 1.0 - 0.1 / self.height
 
     @property
     def legends(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Upper left corners of the two legends."""
+        """Return the upper left corners of the two legends."""
         margin = (self.width - LEGEND) / 2 + 0.1
         top = (self.bottom - BELOW) / self.height
         return (margin / self.width, top), ((margin + SYMBOLS) / self.width, top)
 
     @property
     def claim(self) -> tuple[float, float]:
-        """Lower left corner of what is claimed."""
+        """Return the lower left corner of the certificate."""
         return self.legends[0][0], 0.08 / self.height
 
     def map_box(self) -> Box:
-        """Place the map."""
+        """Return the box of the map."""
         return self._box(self.left, self.map_width)
 
     def bar_box(self, position: int) -> Box:
-        """Place a colour bar, counted from the map outwards."""
+        """Return the box of a colour bar, counted from the map outwards."""
         return self._box(self.bars[position], BAR)
 
     def _box(self, left: float, width: float) -> Box:
@@ -151,26 +151,26 @@ class Sheet:
 
 
 def stretch_of(view: View) -> float:
-    """Return how many times as large as its width the height of a view is drawn that fills its place."""
+    """Return the ratio of vertical to horizontal scale of a view that fills its box."""
     width, height = _size(view)
     return (height / view.height) / (width / view.width)
 
 
 def _size(view: View) -> tuple[float, float]:
-    """Return width and height, inches, of the place of a view."""
+    """Return width and height, inches, of the box of a view."""
     scale = min(MOST_WIDE / view.width, MOST_HIGH / view.height)
     return max(LEAST, scale * view.width), max(LEAST, scale * view.height)
 
 
-WHOLE = (0.0, 0.0, 1.0, 1.0)  # of a figure, where axes are that have no place yet
-CLAIM_WRAP = 118  # characters a line of what is claimed
+WHOLE = (0.0, 0.0, 1.0, 1.0)  # box of axes before the layout
+CLAIM_WRAP = 118  # characters per line of the certificate
 Handle = Line2D | Patch
 Corner = Literal["upper left", "upper center"]
 
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """A colour bar to come: what it explains, in which words."""
+    """Colour bar to be drawn: what it explains, and its label."""
 
     of: ScalarMappable
     words: str
@@ -179,7 +179,7 @@ class Bar:
 
 
 def lay_on(axes: Axes, front: Front, *, bars: Sequence[Bar], lines: Sequence[Handle]) -> Figure:
-    """Write round axes of somebody's figure, which is returned: colour bars, the title, the named trajectories."""
+    """Draw colour bars, the title and the named trajectories round axes of a user's figure, and return the figure."""
     figure = cast(FigureBase, axes.get_figure(root=False))
     for bar in bars:
         drawn = figure.colorbar(bar.of, ax=axes, extend=bar.extend, extendfrac=0.025, shrink=0.8)
@@ -203,10 +203,10 @@ def lay_out(
     lines: Sequence[Handle],
     symbols: Sequence[Handle],
 ) -> Figure:
-    """Give the axes of a new figure their place, write what belongs round them, and make the figure fit."""
+    """Place the axes of a new figure, write the texts round them, and fit the figure."""
     figure = whole(cast(FigureBase, axes.get_figure(root=True)))
     drawn = [_draw_bar(figure, bar) for bar in bars]
-    sheet = Sheet.of(
+    sheet = PageLayout.of(
         view,
         words=[_width_of_words(figure, cax) for cax in drawn],
         lines=max(height_of(lines), height_of(symbols)),
@@ -227,17 +227,17 @@ def lay_out(
 
 
 def draw_caption(axes: Axes, words: str) -> None:
-    """Write what is seen, and from where, above the upper left corner of a picture."""
+    """Write a caption above the upper left corner of a picture."""
     axes.text(0.0, 1.02, words, transform=axes.transAxes, ha="left", va="bottom", fontsize=SMALL, gid="caption")
 
 
 def height_of(handles: Sequence[Handle]) -> int:
-    """Return lines of text in a legend."""
+    """Return the number of lines of text in a legend."""
     return sum(1 + str(handle.get_label()).count("\n") for handle in handles)
 
 
 def _draw_bar(figure: Figure, bar: Bar) -> Axes:
-    """Draw a colour bar that has no place yet."""
+    """Draw a colour bar at a provisional position."""
     cax = figure.add_axes((0.0, 0.0, 0.1, 1.0), label=bar.words)
     drawn = figure.colorbar(bar.of, cax=cax, extend=bar.extend, extendfrac=0.025)
     drawn.set_label(bar.words, fontsize=NORMAL)
@@ -247,7 +247,7 @@ def _draw_bar(figure: Figure, bar: Bar) -> Axes:
 
 
 def _width_of_words(figure: Figure, cax: Axes) -> float:
-    """Return width of what stands beside a colour bar, ticks and label, inches."""
+    """Return the width of the ticks and label beside a colour bar, inches."""
     box = cast(Bbox, cax.get_tightbbox())
     return float(box.x1 - cax.bbox.x1) / figure.dpi
 
@@ -265,17 +265,17 @@ def _draw_legend(figure: Figure, handles: Sequence[Handle], at: tuple[float, flo
 
 
 def claim_of(front: Front) -> str:
-    """Return the claims, a paragraph for each planner: a picture is passed on without its front."""
+    """Return the certificate, a paragraph for each planner, since a picture is passed on without its front."""
     return paragraphs(front.certificate.split(JOINT))
 
 
 def paragraphs(parts: Sequence[str]) -> str:
-    """Return text under a picture, wrapped."""
+    """Return wrapped text for below a picture."""
     return "\n".join(wrapped(printable(part), CLAIM_WRAP) for part in parts)
 
 
 def title_of(front: Front) -> str:
-    """Return how many trajectories there are, in which costs, and how the search ended."""
+    """Return a title: the number of trajectories, their costs, and the status of the search."""
     if not len(front):
         if front.status == Status.NO_PATH:
             return "No path from start to goal"

@@ -1,4 +1,4 @@
-"""The robot's outline where its paths begin and end, and where its camera looks along a trajectory."""
+"""Robot's outline at the ends of its paths, and view directions of its camera along a trajectory."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def solid_outline(solid: Solid, flatten: Flatten) -> Polygon:
 
 
 def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list[BaseGeometry]:
-    """Outlines, m, of the robot at both ends of the first of some trajectories; none of models without ``bodies``."""
+    """Return outlines, m, of the robot at both ends of the first trajectory; none for models without ``bodies``."""
     if not trajectories:
         return []
     return outlines_at(trajectories[0].model, trajectories[0].states.take([0, -1]), flatten)
 
 
 def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeometry]:
-    """Return outlines, m, of a robot in states (N,), from where its ``bodies`` are."""
+    """Return outlines, m, of a robot in states (N,), from its ``bodies``."""
     placed = [[Solid(shape, pose) for pose in poses] for shape, poses in model.bodies(states)]
     return [
         shapely.union_all([solid_outline(solid, flatten) for solid in parts]) for parts in zip(*placed, strict=True)
@@ -55,12 +55,12 @@ def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeom
 
 
 def corners_of(outlines: Sequence[BaseGeometry]) -> FloatArray:
-    """Return points (N, 2), m, round which a picture of them reaches."""
+    """Return the points (N, 2), m, of outlines."""
     return shapely.get_coordinates(np.array(outlines, dtype=object))
 
 
 def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mark]) -> list[Patch]:
-    """Draw outlines of the robot at both ends of the first that is named; returns the legend entry."""
+    """Draw the robot's outlines at both ends of the first named trajectory, and return the legend entry."""
     if not outlines:
         return []
     paths = [outline(geometry) for geometry in outlines]
@@ -68,15 +68,15 @@ def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mar
     return [Patch(**LOOK, label=f"the robot at both ends: {named[0].names[0]}")]
 
 
-REACH = 0.045  # of the longer side of a map: how far a wedge reaches
+REACH = 0.045  # length of a wedge, as a share of the map's longer side
 APART = 1.5  # reaches: from one wedge to the next, along the way
 CONE_REACH = 0.07  # as REACH, of a cone
 CONES_APART = 3.0  # reaches
 RIM = np.linspace(-1.0, 1.0, 9)  # shares of half an angle of view at which a cone's rim is sampled
 AHEAD = 1 + RIM.size**2 // 2  # place of the middle of the view among the points of a cone
-POINTER = math.radians(16.0)  # how wide the wedge of a camera is that sees all round
-SAMPLES = 4000  # moments at which a trajectory is looked at
-ASIDE = 1e-6  # rad: a camera that looks no farther aside of the base looks where it does
+POINTER = math.radians(16.0)  # width of the wedge of an all-round camera
+SAMPLES = 4000  # sampled times of a trajectory
+ASIDE = 1e-6  # rad: tolerance of "the camera looks along the base"
 
 
 def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
@@ -90,10 +90,10 @@ def looks_aside(model: Model, trajectories: list[Trajectory]) -> bool:
 
 
 def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, zorder: float, gid: str) -> None:
-    """Draw where the camera looks from above: wedges on the ground of a base, cones of a camera in a hand.
+    """Draw the camera's view directions from above: wedges for a base, cones for a camera in a hand.
 
-    There is one at the start, at even distances on the way, and at the goal; a wedge that looks up or down is shorter.
-    Where the robot stands, it is the view with which it goes on.
+    They are drawn at the start, at even distances along the path, and at the goal; a wedge that looks up or down is
+    shorter. Where the robot stands, the view with which it continues is drawn.
     """
     if "base" not in trajectory.model.provides:
         draw_cones(axes, trajectory, colour, view, from_above, zorder=zorder, gid=gid)
@@ -113,7 +113,7 @@ def draw_sight(axes: Axes, trajectory: Trajectory, colour: str, view: View, *, z
 def draw_cones(
     axes: Axes, trajectory: Trajectory, colour: str, view: View, flatten: Flatten, *, zorder: float, gid: str
 ) -> None:
-    """Draw what the camera has in view up to a short distance, as it is seen from afar, at even distances on the way.
+    """Draw the camera's view cones up to a short distance, seen from afar, at even distances along the path.
 
     flatten : points in space (..., 3) as they are in the picture (..., 2)
     """
@@ -127,7 +127,10 @@ def draw_cones(
 
 
 def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
-    """Where the camera is, and points (N, 1 + K, 3), m, that it sees at one distance: all round, those ahead of it."""
+    """Return the camera position and points (N, 1 + K, 3), m, in view at one distance.
+
+    Ahead for an all-round camera.
+    """
     h, v = (angle if angle < math.pi else POINTER for angle in field_of_view(model))
     b, e = (grid.ravel() for grid in np.meshgrid(0.5 * h * RIM, 0.5 * v * RIM))
     level = np.cos(e)
@@ -151,13 +154,13 @@ def _look(colour: str) -> dict[str, Any]:
 
 
 def _width(model: Model) -> float:
-    """Return how wide a wedge is, rad."""
+    """Return the width of a wedge, rad."""
     given = model.field_of_view
     return POINTER if given is None or given[0] >= 2.0 * math.pi else float(given[0])
 
 
 def _moments(trajectory: Trajectory, apart: float) -> FloatArray:
-    """Return times (N,), s, at which the camera has gone on by a distance, m; the end is one of them."""
+    """Return times (N,), s, at equal distances, m, along the camera's path, including the end."""
     times = np.linspace(0.0, trajectory.duration, SAMPLES)
     steps = np.diff(positions(trajectory.model.pose("camera", trajectory.at(times))), axis=0)
     gone = np.append(0.0, np.cumsum(np.sqrt((steps**2).sum(axis=1))))

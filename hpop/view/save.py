@@ -44,7 +44,7 @@ from hpop.world import World
 
 DPI = 200
 LEAST_DPI, MOST_DPI = 10, 1200  # a map is up to some 13 inches wide: of more pixels it takes gigabytes
-MOST_FIELD = 500_000_000  # bytes, of the map's field where nobody says: of a fine raster it takes a gigabyte, and 20 s
+MOST_FIELD = 500_000_000  # bytes of the map's field by default; a fine raster would take a gigabyte, and 20 s
 OTHERS = {
     "front.png",
     "trace.png",
@@ -67,16 +67,14 @@ def save_pictures(
     max_memory: int | None = None,
     preference: Preferring | None = None,
 ) -> list[Path]:
-    """Write ``map.png``, ``front.png``, and of the knee ``trace.png`` and ``where.png``; without a front the map alone.
+    """Write ``map.png``, ``front.png``, and for the knee ``trace.png`` and ``where.png``; for an empty front the map.
 
-    Where people move there is ``encounters.png``, the knee over time among them.
-    Where the camera rises or sinks there is ``side.png``, a view from the side; where states change that maps do not
-    show, such as joints, ``states.png``.
-    With the ``preference`` of a person what is best for them is drawn among the marked trajectories.
-    The map's field is left out, and the map says so, if it takes more than ``max_memory`` bytes, 500 MB if not said.
-    A knee that stays where it is, since the start is the goal, has no trace and no places.
-    The folder is made if it is missing; pictures that are there are replaced, and those of an earlier front that this
-    one has no use for are removed. All are drawn before the first is written.
+    If people move, ``encounters.png`` shows the knee over time among them. If the camera rises or sinks, ``side.png``
+    is a view from the side. If states change that maps do not show, such as joints, there is ``states.png``. With a
+    person's ``preference`` the best trajectory for that person is marked too. The map's field is left out, and the map
+    says so, if it takes more than ``max_memory`` bytes, 500 MB if not said. A knee without motion, since the start is
+    the goal, has no ``trace.png`` and ``where.png``. The folder is created if missing; existing pictures are replaced,
+    or removed if this front has none of that name. All are drawn before the first is written.
 
     Raises
     ------
@@ -118,16 +116,16 @@ def save_pictures(
 
 
 def save_figure(figure: Figure, path: Path, dpi: float = DPI) -> None:
-    """Write one picture, as PNG, to a file whose folder is made if it is missing; raises OSError."""
+    """Write a picture as PNG to a file, creating its folder if missing; raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     _write(path, _png(figure, dpi)())
 
 
 def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
-    """Draw what `savefig` makes, once where that draws twice to lay it out; what is returned compresses it."""
+    """Draw a figure once, where `savefig` would draw it twice, and return a function that compresses it."""
     figure.set_dpi(dpi)
     canvas: Any = FigureCanvasAgg(figure)
-    with warnings.catch_warnings():  # of letters that the font lacks: the picture shows a box, the page has them
+    with warnings.catch_warnings():  # about letters missing in the font, which become boxes
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
         canvas.draw()
     picture = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")

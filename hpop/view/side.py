@@ -1,4 +1,4 @@
-"""The view from the side: how the camera rises and sinks along the trajectories of a front, among what stands there."""
+"""View from the side: camera heights along the trajectories of a front, among nearby obstacles."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from hpop.view.page import (
     title_of,
 )
 from hpop.view.robot import corners_of, draw_cones, draw_robot, robot_outlines, sight_entry
-from hpop.view.silhouettes import Section, Surroundings, draw_silhouettes, ends_of
+from hpop.view.silhouettes import PathSurroundings, Section, draw_silhouettes, ends_of
 from hpop.view.style import NORMAL, SMALL, Heights, camera_path, drawn_rows, marks, plain, whole_ticks
 from hpop.world.content.content import Landmark
 
@@ -56,24 +56,24 @@ def draw_side(
     colour: str | None = None,
     ax: Axes | None = None,
 ) -> Figure:
-    """Draw the camera's paths of a front from the side, among the obstacles that stand among them.
+    """Draw the camera's paths of a front from the side, among the obstacles near them.
 
-    The picture looks along the ground, at right angles to the direction in which the paths spread most. What the map
-    shows of them (:func:`hpop.view.draw_map`), lines and colours, it shows too.
+    The view is horizontal, at right angles to the direction in which the paths spread most. Lines and colours are those
+    of the map (:func:`hpop.view.draw_map`).
 
     Parameters
     ----------
     problem : Problem
         World, model, start and goal.
     front : Front
-        Its trajectories, at least one; of more than 2,000 so many are drawn, evenly over the front.
+        Its trajectories, at least one; at most 2,000 are drawn, evenly over the front.
     chosen : mapping from label to row, optional
         Trajectories to draw thick and name; by default the knee and the best of each criterion.
     colour : str, optional
         The criterion or reported value that colours the trajectories; by default the length, else the first.
     ax : Axes, optional
-        Where to draw, with a colour bar beside and the named trajectories alone in the legend; its figure is
-        returned. By default a new figure that fits, with all legends and what is claimed.
+        Axes to draw in, with a colour bar and only the named trajectories in the legend; their figure is returned. By
+        default a new figure with all legends and the certificate.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def draw_side(
     paths = [path(front.trajectories[row]) for row in sorted({*rows.tolist(), *(mark.row for mark in named)})]
     start, goals = end_positions(problem, picked)
     section = Section.along(paths)
-    around = Surroundings.of(paths)
+    around = PathSurroundings.of(paths)
     solid = around.silhouettes(problem.world, section)
     landmarks = problem.world.content.landmarks
     marked = np.array([*((mark.x, mark.y, mark.z) for mark in landmarks), *targets_of(problem)]).reshape(-1, 3)
@@ -136,14 +136,14 @@ def _view(points: FloatArray, solid: Heights, drives: bool) -> View:
 
 
 def _draw_floor(axes: Axes, view: View) -> Iterator[Handle]:
-    """Yield the floor, at height 0."""
+    """Draw the floor, at height 0."""
     axes.axhspan(view.y_min - 1.0, 0.0, facecolor="white", edgecolor=EARTH, hatch="////", linewidth=0.0, zorder=1.1)
     axes.axhline(0.0, color=EARTH, linewidth=1.4, zorder=2.0, gid="floor")
     yield Patch(facecolor="none", edgecolor=EARTH, hatch="////", label="below the floor (height 0)")
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark], section: Section, view: View) -> Iterator[Handle]:
-    """Yield stars at the landmarks' heights."""
+    """Draw stars at the landmarks' heights."""
     look: dict[str, Any] = {"marker": "*", "markerfacecolor": STAR, "markeredgecolor": INK, "markeredgewidth": 0.7}
     shown = 0
     for mark in landmarks:

@@ -1,4 +1,4 @@
-"""Obstacles in outline: on a map all of them, from the side those near some paths, in a vertical plane.
+"""Outlines of obstacles: all of them on a map, or those near some paths in a vertical plane.
 
 A camera in a robot's hand moves over, under and between obstacles, so a map of its paths shows obstacles of all
 heights.
@@ -32,7 +32,7 @@ MINUS = "\N{MINUS SIGN}"
 
 @dataclass(frozen=True)
 class Section:
-    """An upright plane, seen at right angles.
+    """Vertical plane, seen at right angles.
 
     degrees  of its direction, counter-clockwise from x: a multiple of 15, above -90 and up to 90
     """
@@ -55,13 +55,13 @@ class Section:
 
     @property
     def direction(self) -> FloatArray:
-        """Its horizontal unit vector (2,)."""
+        """Return the horizontal unit vector (2,) of the plane."""
         yaw = math.radians(self.degrees)
         return np.array([math.cos(yaw), math.sin(yaw)])
 
     @property
     def label(self) -> str:
-        """What its horizontal axis measures: x and y of the map where it is along one of them.
+        """Return the label of the horizontal axis: x or y of the map, or a combination.
 
         >>> Section(0).label, Section(90).label, Section(-30).label
         ('x (m)', 'y (m)', 'along −30°: x cos 30° − y sin 30° (m)')
@@ -72,19 +72,19 @@ class Section:
         return f"along {sign.strip('+')}{angle}: x cos {angle} {sign} y sin {angle} (m)"
 
     def flattened(self, points: FloatArray) -> FloatArray:
-        """Return points in space (..., 3) as they are in the picture (..., 2), m."""
+        """Project points in space (..., 3) to the picture (..., 2), m."""
         return np.stack([points[..., :2] @ self.direction, points[..., 2]], axis=-1)
 
 
 LOOK: dict[str, Any] = {"facecolor": ("#d8cfbf", 0.45), "edgecolor": "#9c9078", "linewidth": 0.7}
-ASIDE = 0.1  # of the paths' longer side: how far beyond their hull obstacles are still beside them
+ASIDE = 0.1  # width of the zone beside the paths' hull, as a share of their longer side
 LEAST_ASIDE = 0.4  # m
-ENDLESS = 1e5  # m: so far what has no end is drawn
+ENDLESS = 1e5  # m: drawn height of unlimited obstacles
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """What is shown from the side of what stands round some paths.
+class PathSurroundings:
+    """Zone round some paths, for obstacles in a view from the side.
 
     among    the hull of the paths on the ground
     beside   the same, grown
@@ -96,8 +96,8 @@ class Surroundings:
     heights: Heights
 
     @classmethod
-    def of(cls, paths: Sequence[FloatArray]) -> Surroundings:
-        """Return those of paths (N, 3), m."""
+    def of(cls, paths: Sequence[FloatArray]) -> PathSurroundings:
+        """Return the surroundings of paths (N, 3), m."""
         points = np.concatenate(paths)
         hull = shapely.convex_hull(shapely.MultiPoint(points[:, :2]))
         x0, y0, x1, y1 = hull.bounds
@@ -105,10 +105,10 @@ class Surroundings:
         return cls(hull, beside, Heights(float(points[:, 2].min()), float(points[:, 2].max())))
 
     def silhouettes(self, world: World, section: Section) -> list[Polygon]:
-        """Return outlines in a section's plane, m, of obstacles among the paths and beside them.
+        """Return outlines, m, in a section's plane, of obstacles among and beside the paths.
 
-        What was given as a prism, or cells, and is beside the paths at all of their heights is left out: walls of a
-        room would hide all and tell nothing.
+        Prisms and cells beside the paths that span all heights of the paths, such as walls of a room, are left out,
+        because they would hide everything.
         """
         solids = (solid for solid in world.ground.solids if solid.outline.intersects(self.beside))
         found = [solid_outline(solid, section.flattened) for solid in solids]
@@ -122,7 +122,7 @@ class Surroundings:
 
 
 def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: View) -> list[Patch]:
-    """Draw the obstacles of a map, of a base by the camera's heights; returns the legend entries of what there is."""
+    """Draw the obstacles of a map, shaded by camera height for a base, and return the legend entries."""
     world = problem.world
     if "base" in problem.model.provides:
         return draw_obstacles(axes, world, heights, view)
@@ -133,7 +133,7 @@ def draw_map_obstacles(axes: Axes, problem: Problem, heights: Heights, view: Vie
 
 
 def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[Patch]:
-    """Draw what is solid, light: it may be before the paths or behind them. Returns its legend entry."""
+    """Draw obstacles lightly, as they may be in front of the paths or behind them, and return the legend entry."""
     shown = shapely.box(view.x_min - 1.0, view.y_min - 1.0, view.x_max + 1.0, view.y_max + 1.0)
     outlines = [shapely.get_coordinates(shapely.intersection(shown, one)) for one in found if shown.intersects(one)]
     if not outlines:
@@ -143,7 +143,7 @@ def draw_silhouettes(axes: Axes, found: Sequence[Polygon], view: View) -> list[P
 
 
 def ends_of(found: Sequence[Polygon]) -> Heights:
-    """Return the lowest lower end and the highest upper end, m; infinite and reversed if there are none."""
+    """Return the lowest and highest end of outlines, m; reversed infinities without any."""
     ends = np.array([(one.bounds[1], one.bounds[3]) for one in found]).reshape(-1, 2)
     lows, highs = (side[np.abs(side) < ENDLESS] for side in ends.T)
     return Heights(float(lows.min(initial=np.inf)), float(highs.max(initial=-np.inf)))

@@ -1,9 +1,9 @@
-"""A page in one file: a bundled script with its data, that asks nothing of any network.
+"""Page in one file: a bundled script with its data, which needs no network.
 
-The browser is told to hold it to that: the policy of the page allows its own scripts, known by their hashes, and no
-other; no connection, no evaluation of text. Data lie in an element that is not run, and ``</`` in them is escaped: a
-name such as ``</script><b>`` stays a name. The bundle is held deflated, at a third of its size or so: a first script of
-a few lines inflates it and adds it to the page.
+A content security policy enforces this: it allows only the page's own scripts, by hash, no connections, and no
+evaluation of text. Data are in an element that is not executed, with ``</`` escaped, so that a name such as
+``</script><b>`` stays a name. The bundle is deflated to about a third of its size; a short first script inflates it and
+adds it to the page.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ENDINGS = (".html", ".htm")
 
 
 def page_file(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a page; raise OptionError for a name that is not a page's, as of the front's file."""
+    """Return the path of a page; OptionError unless its name ends in .html."""
     target = Path(path)
     if target.suffix.lower() not in ENDINGS:
         raise OptionError(f"pages are HTML files, so the name must end in .html, got {shown(target.name)}")
@@ -63,7 +63,7 @@ def page_file(path: str | os.PathLike[str]) -> Path:
 
 @cache
 def bundle(name: str) -> str:
-    """Return the script of a page, as web/build.mjs bundled it: "explorer.js", "ride.js", "study.js", "widget.js"."""
+    """Return the script of a page, bundled by web/build.mjs: "explorer.js", "ride.js", "study.js", "widget.js"."""
     return resources.files("hpop.view").joinpath("web", name).read_text(encoding="utf-8")
 
 
@@ -76,11 +76,10 @@ def single_page(
     frames: Iterable[str] = (),
     language: str = "en",
 ) -> str:
-    """Return the text of a page: the bundle called ``script`` with its payload.
+    """Return the text of a page: the bundle named ``script`` with its payload.
 
-    connect   what the page may connect to, and play, as a policy says it; nothing unless a server of ours serves it
-    frames    scripts of pages that stand in this one, as a policy names them: a page of which the text is in this one
-              is held to the policies of both
+    connect   policy for connections and media; nothing unless a server of hpop serves the page
+    frames    hashes of the scripts of embedded pages, which must satisfy both policies
     language  of its texts, as HTML writes it
     """
     code = bundle(script).encode()
@@ -104,10 +103,10 @@ def single_page(
 
 @lru_cache(maxsize=4)
 def _deflated(code: bytes) -> str:
-    """Return a script as a page holds it, kept, since a study has a page for each participant."""
+    """Return a script as a page holds it, cached, since a study has a page for each participant."""
     return base64.b64encode(zlib.compress(code, LEVEL)).decode()
 
 
 def _hash_of(script: bytes) -> str:
-    """Return a script as a policy names it."""
+    """Return the hash of a script, as written in a policy."""
     return f"'sha256-{base64.b64encode(hashlib.sha256(script).digest()).decode()}'"

@@ -1,4 +1,4 @@
-"""What all pictures share: colours, words for units, named trajectories, and the lines that trajectories draw.
+"""Shared style of all pictures: colours, words for units, named trajectories, and lines of trajectories.
 
 Colours of named trajectories are those of Okabe and Ito (2008, "Color universal design"), which remain
 distinct for colour-blind readers; line styles and markers repeat the distinction for print without colour.
@@ -46,13 +46,13 @@ QUIET = "#555555"
 START, GOAL = "#FFFFFF", "#F0E442"
 HALO = (withStroke(linewidth=2.5, foreground="white"),)
 SMALL, NORMAL, LARGE = 8.5, 9.5, 11.5  # points
-MOST_LINES = 2_000  # beyond, one line more is not seen among the others
+MOST_LINES = 2_000  # more lines would not be distinguishable
 P = ParamSpec("P")
 NAME_WIDTH = 15  # characters a line of a stacked name
 
 
 def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Draw a picture whose texts are shown as they are: a dollar in a name begins no formula."""
+    """Make a drawing function show texts literally, without parsing dollar signs as formulas."""
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
@@ -64,9 +64,9 @@ def plain(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 @dataclass(frozen=True)
 class Mark:
-    """A named trajectory of a front, drawn alike in every picture.
+    """Named trajectory of a front, drawn equally in every picture.
 
-    names   what it is: "knee", "least turns"
+    names   such as "knee", "least turns"
     row     row of the front
     colour  of its line and marker
     dashes  offset and on-off pattern, points
@@ -81,18 +81,18 @@ class Mark:
 
     @property
     def label(self) -> str:
-        """Its names: "knee, least turns"."""
+        """Return the names: "knee, least turns"."""
         return ", ".join(self.names)
 
     def legend(self, columns: Iterable[Quantity], width: int) -> str:
-        """Return names and costs, in lines of at most so many characters, broken only between names and costs."""
+        """Return names and costs, in lines of at most ``width`` characters, broken only between names and costs."""
         values = ", ".join(_unbroken(column.text(column.values[self.row])) for column in columns)
         return fill(", ".join(map(_unbroken, self.names)) + ": " + values, width, break_long_words=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """A column of a front, to be put on an axis.
+    """Column of a front, for an axis.
 
     values  (n,)  in the unit
     counts  whether the values are whole numbers by nature
@@ -105,16 +105,16 @@ class Quantity:
 
     @property
     def label(self) -> str:
-        """Name and unit: "length (m)", "turns (count)"."""
+        """Return name and unit: "length (m)", "turns (count)"."""
         return label(self.name, self.unit, self.counts)
 
     def text(self, value: float) -> str:
-        """Put a value in words: "length 12.3 m", "turns 4"."""
+        """Return a value in words: "length 12.3 m", "turns 4"."""
         return f"{self.name} {written(value, self.unit, self.counts)}"
 
 
 def label(name: str, unit: str, counts: bool) -> str:
-    """Return axis label of a quantity.
+    """Return the axis label of a quantity.
 
     >>> label("length", "m", False), label("turns", "1", True), label("obstruction", "1", False)
     ('length (m)', 'turns (count)', 'obstruction (share)')
@@ -123,7 +123,7 @@ def label(name: str, unit: str, counts: bool) -> str:
 
 
 def stacked(words: str) -> str:
-    r"""Return axis label with its unit on a line of its own, and a long name broken after underscores.
+    r"""Return an axis label with its unit on a separate line, and a long name broken after underscores.
 
     >>> stacked("length (m)"), stacked("landmark_blindness (s)")
     ('length\n(m)', 'landmark_\nblindness\n(s)')
@@ -133,7 +133,7 @@ def stacked(words: str) -> str:
 
 
 def written(value: float, unit: str, counts: bool) -> str:
-    """Write a value with its unit, to three figures.
+    """Write a value with its unit, to three digits.
 
     >>> written(16.0, "m", False), written(4.0, "1", True), written(1234.5, "s", False)
     ('16.0 m', '4', '1234 s')
@@ -143,9 +143,9 @@ def written(value: float, unit: str, counts: bool) -> str:
 
 
 def drawn_rows(front: Front) -> IntArray:
-    """Return rows (m,) whose lines are drawn: all of them, or of a large front so many, evenly over its order.
+    """Return the rows (m,) to draw as lines: all, or for a large front 2,000 evenly over its order.
 
-    Each point stays where points are drawn; and those that are marked are drawn besides.
+    Plots of points show all rows; marked rows are always drawn.
     """
     if len(front) <= MOST_LINES:
         return np.arange(len(front))
@@ -153,12 +153,12 @@ def drawn_rows(front: Front) -> IntArray:
 
 
 def how_many_drawn(front: Front) -> str:
-    """Return the title's words where not all lines are drawn: ", 2,000 of them drawn"."""
+    """Return the title's words if not all lines are drawn: ", 2,000 of them drawn"."""
     return f", {MOST_LINES:,} of them drawn" if len(front) > MOST_LINES else ""
 
 
 def quantities(front: Front) -> tuple[Quantity, ...]:
-    """List the criteria of a front, then what is reported beside them; a cost below half its quantum counts as 0."""
+    """Return the criteria of a front, then its reported values; a cost below half its quantum counts as 0."""
     costs = np.where(np.abs(front.costs) < 0.5 * np.array(front.quanta), 0.0, front.costs)
     whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
     return tuple(
@@ -192,7 +192,7 @@ def marks(
 
 
 def turns_in_place(trajectory: Trajectory) -> BoolArray:
-    """Tell which motions (n,) turn the body that maps show by more than a degree and do not move it."""
+    """Mark motions (n,) that turn the mapped body by more than a degree without moving it."""
     pose = mapped(trajectory.model, trajectory.states)
     still = np.hypot(np.diff(pose.x), np.diff(pose.y)) == 0.0
     turns: BoolArray = (np.abs(np.diff(pose.yaw)) > LEAST_TURN) & still
@@ -205,26 +205,26 @@ def mapped_body(model: Model) -> str:
 
 
 def mapped(model: Model, states: States) -> Pose:
-    """Return where that body is."""
+    """Return the pose of the mapped body."""
     return model.pose(mapped_body(model), states)
 
 
 def mapped_points(model: Model, states: States) -> FloatArray:
-    """Return places (M, 2), m, of that body."""
+    """Return the positions (M, 2), m, of the mapped body."""
     pose = mapped(model, states)
     return np.stack([pose.x, pose.y], axis=1)
 
 
 def whole_ticks(axis: Axis, counts: bool, most: int = 5) -> None:
-    """Set at most some ticks, on whole numbers for counts, each with its whole value: 2e-05."""
+    """Set at most ``most`` ticks, on whole numbers for counts, each with its full value, such as 2e-05."""
     axis.set_major_locator(MaxNLocator(nbins=most, integer=counts, min_n_ticks=1, steps=[1, 2, 5, 10]))
     axis.set_major_formatter(_WholeValue(useOffset=False))
 
 
 class _WholeValue(ScalarFormatter):
-    """Plain numbers; very small and large ones with their power of ten at each tick.
+    """Formatter of plain numbers; very small and large ones have their power of ten at each tick.
 
-    Offsets and powers at the end of an axis are easily overlooked, and stand where other words do.
+    Offsets and powers at the end of an axis are easily overlooked, and overlap other texts.
     """
 
     def __call__(self, x: float, pos: int | None = None) -> str:
@@ -238,21 +238,21 @@ def _unbroken(text: str) -> str:
     return text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
-CURVE_PIECES = 12  # a motion along which a line is not straight is drawn as so many straight pieces
-SWING_PIECES = 24  # the same of a camera's: an arm swings it round half a circle in one motion
-LEVEL = 1e-3  # m: a camera whose heights differ by less keeps its height
+CURVE_PIECES = 12  # straight pieces for a curved motion
+SWING_PIECES = 24  # straight pieces for a motion of a camera, which an arm may swing by half a circle
+LEVEL = 1e-3  # m: smaller differences of camera heights do not count
 IN_PLANE = frozenset({"x", "y"})
 
 
 class Heights(NamedTuple):
-    """From where to where a camera rises, m."""
+    """Range of camera heights, m."""
 
     low: float
     high: float
 
     @property
     def vary(self) -> bool:
-        """Whether they are more than one."""
+        """Return whether the range has more than one height."""
         return self.high - self.low > LEVEL
 
     def __str__(self) -> str:
@@ -260,24 +260,24 @@ class Heights(NamedTuple):
 
 
 def path_points(trajectory: Trajectory) -> FloatArray:
-    """Return points (N, 2), m, of the path on a map: ends of motions, and more where one is no straight line."""
+    """Return points (N, 2), m, of the path on a map: ends of motions, and more along curves."""
     model = trajectory.model
     pieces = _base_pieces if "base" in model.provides else _camera_pieces
     return mapped_points(model, _along(trajectory, pieces))
 
 
 def camera_path(trajectory: Trajectory) -> FloatArray:
-    """Return points (N, 3), m, of the camera's path: ends of motions, and more where one is no straight line."""
+    """Return points (N, 3), m, of the camera's path: ends of motions, and more along curves."""
     return positions(trajectory.model.pose("camera", _along(trajectory, _camera_pieces)))
 
 
 def positions(pose: Pose) -> FloatArray:
-    """Return where a body is (N, 3), m."""
+    """Return the positions (N, 3), m, of poses."""
     return np.stack(np.broadcast_arrays(pose.x, pose.y, pose.z), axis=1)
 
 
 def camera_heights(problem: Problem, trajectories: Iterable[Trajectory]) -> Heights:
-    """Return between which heights the camera is, at the start and along some trajectories."""
+    """Return the range of camera heights at the start and along some trajectories."""
     model = problem.model
     start = float(model.pose("camera", model.space.state(problem.start)).z[0])
     if not may_rise(model, model.space.state(problem.start)):
@@ -287,13 +287,13 @@ def camera_heights(problem: Problem, trajectories: Iterable[Trajectory]) -> Heig
 
 
 def may_rise(model: Model, state: States) -> bool:
-    """Return whether the camera can go up and down: a twist has the number 0.0, no column, for what is always zero."""
+    """Return whether the camera can go up and down; a twist has the number 0.0 for a component that is always zero."""
     rates = States(**{name: np.ones(1) for name in state.names})
     return not isinstance(model.twist("camera", state, rates).velocity[2], float)
 
 
 def _along(trajectory: Trajectory, pieces_of: Callable[[Law], int]) -> States:
-    """Return the states between motions, and more within those that are drawn in several pieces."""
+    """Return the states at the ends of motions, and within motions drawn in several pieces."""
     pieces = _pieces(trajectory, pieces_of)
     if not (pieces > 1).any():
         return trajectory.states

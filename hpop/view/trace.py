@@ -54,10 +54,9 @@ def draw_trace(
 ) -> Figure:
     """Draw each criterion of the problem, and the camera's planned and executed speeds, along one trajectory.
 
-    A sum is shown as its running total, a time-mean as the running mean over the mean of each piece, a worst
-    moment as the running worst over each piece's, a criterion with memory as its running value. Planned turns
-    in place are shaded, and where the robot stands still; the execution, from rest to rest, makes them a little earlier
-    or later.
+    A sum is shown as its running total, a time-mean as the running mean over the mean of each piece, a worst moment as
+    the running worst over each piece's, a criterion with memory as its running value. Planned turns in place and holds
+    are shaded; their executed times differ slightly.
 
     Parameters
     ----------
@@ -66,10 +65,10 @@ def draw_trace(
     trajectory : Trajectory
         A planned trajectory of the problem's model.
     name : str
-        What the title calls it.
+        Name in the title.
     ax : Axes, optional
-        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
-        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
+        Axes of a grid, such as those of `plt.subplots`, to be replaced by the picture; their figure is returned. Use
+        ``layout="constrained"``, so that texts have room. By default a new figure.
     """
     executed = trajectory.execution()
     rows = len(problem.criteria) + 2
@@ -115,11 +114,11 @@ def draw_trace(
 
 
 class CameraRates(NamedTuple):
-    """How fast a camera moves and turns at some moments (N,).
+    """Speed and rotation of a camera at times (N,).
 
     speed          m/s
     yaw_rate       rad/s  counter-clockwise
-    rotation_rate  rad/s  about whatever axis, without a sign
+    rotation_rate  rad/s  about any axis, unsigned
     """
 
     speed: FloatArray
@@ -128,12 +127,12 @@ class CameraRates(NamedTuple):
 
     @property
     def upright(self) -> bool:
-        """Whether it turns about the vertical alone."""
+        """Return whether the camera rotates about the vertical only."""
         return bool((np.abs(self.yaw_rate) == self.rotation_rate).all())
 
 
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
-    """Return how fast the camera moves and turns at times (N,), s."""
+    """Return speed and rotation of the camera at times (N,), s."""
     rates, _ = trajectory.rates(times)
     twist = trajectory.model.twist("camera", trajectory.at(times), rates)
     columns = (norm(twist.velocity), twist.rotation[2], norm(twist.rotation))
@@ -179,7 +178,7 @@ def _name_row(axes: Axes, name: str, unit: str, text: str, *, counts: bool = Fal
 
 
 def _align_names(figure: Figure | SubFigure, panels: Sequence[Axes]) -> None:
-    """Put the names of the panels in line: as `align_ylabels`, which measures the ticks of all panels for each."""
+    """Align the names of the panels, faster than `align_ylabels`."""
     ticks = [axes.yaxis.get_major_formatter().format_ticks(axes.yaxis.get_majorticklocs().tolist()) for axes in panels]
     room = GAP + DIGIT * max(len(text) for texts in ticks for text in texts)
     beside = ScaledTranslation(-room / 72.0, 0.0, figure.dpi_scale_trans)
@@ -188,13 +187,13 @@ def _align_names(figure: Figure | SubFigure, panels: Sequence[Axes]) -> None:
 
 
 def _shade(axes: Axes, trajectory: Trajectory, motions: BoolArray, colour: str, gid: str) -> None:
-    """Shade the time of some motions (n,)."""
+    """Shade the times of some motions (n,)."""
     for i in np.flatnonzero(motions):
         axes.axvspan(trajectory.times[i], trajectory.times[i + 1], color=colour, linewidth=0, zorder=0.5, gid=gid)
 
 
 def _moments(trajectory: Trajectory) -> FloatArray:
-    """Sample evenly, and on both sides of each motion's ends, where speeds jump."""
+    """Return even times, and times on both sides of motions' ends, where speeds jump."""
     ends = trajectory.times
     near = 1e-6 * max(trajectory.duration, 1.0)
     even = np.linspace(0.0, trajectory.duration, SAMPLES)
@@ -216,8 +215,8 @@ PLANE = ("x", "y", "yaw")
 LIMIT: dict[str, Any] = {"color": QUIET, "linestyle": (0, (4, 3)), "linewidth": 1.0}
 
 
-class Column(NamedTuple):
-    """One state as it is drawn: its name, its unit, and how many of these a unit of the space is."""
+class StateColumn(NamedTuple):
+    """State to draw: its name, its unit, the factor from the space's unit, and its limits."""
 
     name: str
     unit: str
@@ -225,8 +224,8 @@ class Column(NamedTuple):
     limits: tuple[float, ...]
 
     @classmethod
-    def of(cls, space: StateSpace, name: str) -> Column:
-        """Return angles in degrees; what turns without end has no limits, nor what may be anywhere."""
+    def of(cls, space: StateSpace, name: str) -> StateColumn:
+        """Return the column of a state, angles in degrees; endless or unbounded states have no limits."""
         place = space.names.index(name)
         unit = space.units[place]
         scale = 180.0 / np.pi if unit == "rad" else 1.0
@@ -236,7 +235,7 @@ class Column(NamedTuple):
 
 
 def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
-    """Return the states that change along trajectories and that maps do not show."""
+    """Return the states that change along trajectories but are not shown on maps."""
     names = [
         name
         for name in model.space.names
@@ -250,10 +249,10 @@ def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
 @checked_arguments
 @plain
 def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Axes | None = None) -> Figure:
-    """Draw the states along time as they are planned, one panel each, with dashed lines at their limits.
+    """Draw the planned states over time, one panel each, with dashed lines at their limits.
 
-    Angles are in degrees. Of a robot in the plane x and y, which the map shows, are left out; what never changes is
-    named in the title.
+    Angles are in degrees. For a robot in the plane x and y are left out, because the map shows them; constant states
+    are named in the title.
 
     Parameters
     ----------
@@ -262,8 +261,8 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Ax
     chosen : mapping from label to row, optional
         Trajectories to draw; by default the knee and the best of each criterion.
     ax : Axes, optional
-        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
-        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
+        Axes of a grid, such as those of `plt.subplots`, to be replaced by the picture; their figure is returned. Use
+        ``layout="constrained"``, so that texts have room. By default a new figure.
     """
     named = marks(front, chosen)
     trajectories = [front.trajectories[mark.row] for mark in named]
@@ -273,12 +272,12 @@ def draw_states(front: Front, *, chosen: Mapping[str, int] | None = None, ax: Ax
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     sampled = [_sampled(trajectory) for trajectory in trajectories]
     for axes, name in zip(panels, names, strict=True):
-        _draw_column(axes, Column.of(model.space, name), named, sampled)
+        _draw_column(axes, StateColumn.of(model.space, name), named, sampled)
     panels[0].set_xlim(0.0, max(trajectory.duration for trajectory in trajectories) or 1.0)
     panels[-1].set_xlabel("time (s)", fontsize=NORMAL)
     figure.suptitle(_title(model, names), fontsize=LARGE)
     handles = [Line2D([], [], label=mark.label, **_look_of(mark)) for mark in named]
-    if any(Column.of(model.space, name).limits for name in names):
+    if any(StateColumn.of(model.space, name).limits for name in names):
         handles.append(Line2D([], [], label="limit", **LIMIT))
     place: dict[str, Any] = {"loc": "outside lower center", "ncols": LEGEND_COLUMNS}
     figure.legend(handles=handles, fontsize=SMALL, frameon=False, handlelength=4.0, **place)
@@ -291,7 +290,7 @@ def _sampled(trajectory: Trajectory) -> tuple[FloatArray, States]:
 
 
 def _draw_column(
-    axes: Axes, column: Column, named: Sequence[Mark], sampled: Sequence[tuple[FloatArray, States]]
+    axes: Axes, column: StateColumn, named: Sequence[Mark], sampled: Sequence[tuple[FloatArray, States]]
 ) -> None:
     for layer, (mark, (times, states)) in enumerate(zip(named, sampled, strict=True)):
         values = column.scale * getattr(states, column.name)

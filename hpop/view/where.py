@@ -1,4 +1,4 @@
-"""Where along a trajectory each criterion is incurred: its rate, or what it counts, on the map."""
+"""Maps of the rate, or the counts, of each criterion along a trajectory."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ WIDTH, MAP_WIDTH = 4.6, 3.45  # inches of one map, with and without its axes and
 WORDS = 0.7  # inches above and below it
 DOT = 6.5  # points across, of a turn
 BEYOND = 5.5  # points by which a turn at an end is larger than the letter that covers its middle
-SPOT = 6  # digits, m, to which the places of turns agree that are made on one spot
-DIGITS = 10  # of the largest rate: what is beyond is rounding, and would move the ticks of 1 m a second
+SPOT = 6  # digits, m, to which turns at one place agree
+DIGITS = 10  # of the largest rate; further digits are rounding errors, which would shift ticks
 TITLE_WIDTH = 45  # characters a line of the title over one map
 RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1.0, 256)), name="rate")
 
@@ -61,12 +61,11 @@ RATE_COLOURS: Colormap = ListedColormap(colormaps["magma_r"](np.linspace(0.12, 1
 def draw_where(
     problem: Problem, trajectory: Trajectory, *, name: str = "the trajectory", ax: Axes | None = None
 ) -> Figure:
-    """Draw one small map a criterion, the trajectory coloured by the criterion's rate: dark is where it is incurred.
+    """Draw a small map for each criterion, with the trajectory coloured by the criterion's rate; dark is high.
 
-    A sum shows its cost a second, a time-mean and a worst moment their value on the spot, a criterion with memory how
-    fast it grows, a count how many there are in the motion, those of turns on one spot added up. Turns in place are
-    dots, those at start and goal rings round S and G; where the robot stands still is a clock in
-    the colour of what standing there costs.
+    A sum shows its cost per second, a time-mean and a worst moment their local value, a criterion with memory its
+    growth, a count its number per motion, summed over turns at one place. Turns in place are dots, at start and goal
+    rings round S and G; a hold is a clock in the colour of its cost.
 
     Parameters
     ----------
@@ -75,10 +74,10 @@ def draw_where(
     trajectory : Trajectory
         A planned trajectory of the problem's model.
     name : str
-        What the title calls it.
+        Name in the title.
     ax : Axes, optional
-        Where to draw, one of a grid such as `plt.subplots` makes: the picture takes its place, and its figure is
-        returned; by default a new figure that fits. Make yours with ``layout="constrained"``, and texts find room.
+        Axes of a grid, such as those of `plt.subplots`, to be replaced by the picture; their figure is returned. Use
+        ``layout="constrained"``, so that texts have room. By default a new figure.
     """
     trace = problem.trace(trajectory)
     view, ends = view_of(problem, [path_points(trajectory)]), path_points(trajectory)[[0, -1]].tolist()
@@ -127,8 +126,8 @@ def draw_where(
 def shown_along(trace: Trace, column: int) -> FloatArray:
     """Return the coloured value of each piece (n,): its rate, or the count of its motion.
 
-    What stays on one spot is drawn over each other: pieces of a motion on the spot show what it comes to on average, or
-    at worst, and of counts the turns on one spot how many there are on it.
+    Pieces at one place are drawn over each other. So pieces of a motion in place show its mean or worst value, and
+    counts show the total of turns at that place.
     """
     criterion, trajectory, owner = trace.criteria[column], trace.pieces.trajectory, trace.pieces.owner
     points = mapped_points(trajectory.model, trace.states)
@@ -181,7 +180,7 @@ def _draw_shown(figure: FigureBase, axes: Axes, trace: Trace, column: int, width
     of_motion = shown[np.cumsum(trace.pieces.counts) - 1] if len(trajectory) else shown
 
     def face(held: Held) -> Colour:
-        """Return how much standing there costs."""
+        """Return the colour of a hold's cost."""
         return RATE_COLOURS(float(norm(of_motion[list(held.motions)].max())))
 
     draw_holds(axes, trajectory, QUIET, width, face=face)
@@ -211,7 +210,7 @@ def _turn_entry(trajectory: Trajectory) -> list[Handle]:
 
 
 def shown_label(criterion: Criterion) -> str:
-    """Return words for what the colours show of a criterion.
+    """Return the label of the coloured value of a criterion.
 
     >>> from hpop.criteria import Clearance, Length, LookAt, Turns
     >>> shown_label(Length()), shown_label(Turns()), shown_label(Clearance())

@@ -14,7 +14,7 @@ import hpop
 from hpop.motions import States
 from hpop.view import save_ride
 from hpop.view.ride.panorama import Panorama
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from tests.browser.rides import front_of, horizon, problem_of, ready, room
 
 Open = Callable[..., Page]
@@ -75,7 +75,7 @@ def test_the_rig_is_where_the_executed_trajectory_has_the_camera(page: Page, fro
 def test_it_shows_the_same_things_as_pictures_all_round(
     page: Page, problem: hpop.Problem, front: hpop.Front, width: int, face: int, moments: list[float]
 ) -> None:
-    run, panorama = front.trajectories[1].execution(), Panorama(Scene.of(problem), width)
+    run, panorama = front.trajectories[1].execution(), Panorama(ViewScene.of(problem), width)
     for t in np.array(moments) * run.duration:
         state = run.at(t)
         ride_to(page, 0, t)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import hpop
 from hpop.export.glb import extruded, meshes_of
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from tests.export.given import FRAME, TABLE, problem
 
 
@@ -48,7 +48,7 @@ def test_a_prism_with_a_hole_is_closed_and_has_its_volume(sides, hole, seed):
 
 def test_a_world_is_as_large_as_its_meshes():
     found = {}
-    for mesh in meshes_of(Scene.of(problem())):
+    for mesh in meshes_of(ViewScene.of(problem())):
         found.setdefault(mesh.name.split(" ")[0], []).append(mesh)
     (wall,) = found["wall"]
     assert volume(wall.corners) == pytest.approx(3.0 * FRAME.area)
@@ -70,7 +70,7 @@ def test_cells_are_boxes_of_their_volume():
     world = hpop.World.from_cells(cells, 0.25, origin=(1.0, 2.0, 0.3), height=(0.0, 1.5))
     stays = (*_middle(np.argwhere(~cells)[0]), 0.3)
     asked = hpop.Problem(world, hpop.DifferentialDrive(radius=0.01), stays, stays, ["length"])
-    (mesh,) = [mesh for mesh in meshes_of(Scene.of(asked)) if mesh.name == "cells"]
+    (mesh,) = [mesh for mesh in meshes_of(ViewScene.of(asked)) if mesh.name == "cells"]
     assert volume(mesh.corners) == pytest.approx(1.5 * 0.25**2 * cells.sum())
 
 

@@ -1,7 +1,7 @@
-"""What arises along some trajectories of a front, as the explorer's traces have it: as many as there is room for.
+"""Rates of the criteria along some trajectories of a front, for the explorer's traces.
 
-The rows with a name come first, then others evenly over the front. Of a long trajectory neighbouring pieces are taken
-together: sums and means stay what they are, the worst moment stays the worst.
+Named rows come first, then others evenly over the front, up to a limit. Neighbouring pieces of a long trajectory are
+merged in a way that keeps sums, means and worst moments.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from hpop.problems.problem import Problem
 from hpop.view.explorer.corners import Packer, millimetres
 from hpop.view.style import label
 
-MOST_PIECES = 160  # of a trajectory: a screen tells hardly more apart
-STEPS = 2**14 - 1  # that the largest value of a criterion is told in, so that differences have 16 bits
-ADDS: dict[str, str] = {"time-mean": "mean", "max": "max"}  # what else adds up, with memory or without, is a sum
-TRACES, ONE_IN, MOST = 10, 400, 30  # rows that are traced: so many, one in so many more, and so many at most
-TICKS = 2**22  # that a duration is told in: rates of pieces of milliseconds are right, and differences have few bytes
+MOST_PIECES = 160  # of a trajectory, as many as a screen resolves
+STEPS = 2**14 - 1  # resolution of a criterion's largest value, so that differences have 16 bits
+ADDS: dict[str, str] = {"time-mean": "mean", "max": "max"}  # all others are sums
+TRACES, ONE_IN, MOST = 10, 400, 30  # rows to trace: least number, one per so many rows, most
+TICKS = 2**22  # resolution of a duration: exact for pieces of milliseconds, and small differences
 THOUSANDTHS = 1000.0  # rad
 
 
@@ -36,7 +36,7 @@ def traced_rows(front: Front, named: Sequence[int]) -> list[int]:
 
 
 def columns_of(problem: Problem, front: Front) -> list[Criterion | None]:
-    """The criterion of each column of a front, criteria and what is reported; None of what is no longer known."""
+    """Return the criterion of each column of a front, also of reported ones; None if it is no longer registered."""
     known = {criterion.name: criterion for criterion in criteria_of(front)} | claimable(problem)
     return [known.get(name) for name in front.names + front.reported_names]
 
@@ -49,7 +49,7 @@ def traces(
     packer: Packer,
     origin: tuple[float, float],
 ) -> Iterator[dict[str, Any]]:
-    """Return the packed rates along the trajectories of some rows; none for a trajectory that stays."""
+    """Yield the packed rates along the trajectories of some rows, except trajectories without motion."""
     criteria = [criterion for criterion in columns if criterion is not None]
     for row in rows:
         if len(front.trajectories[row]):
@@ -75,14 +75,14 @@ def _packed(found: Trace, packer: Packer, origin: tuple[float, float]) -> dict[s
 
 
 def told_ends(pieces: int, most: int) -> IntArray:
-    """Return which of the ends (n+1,) of pieces are told: all, or so many evenly."""
+    """Return the indices of the ends (n+1,) of pieces to include: all, or ``most`` of them evenly."""
     return np.unique(np.linspace(0, pieces, min(pieces, most) + 1).round().astype(np.int64))
 
 
 def taken_together(found: Trace, column: int, ends: IntArray) -> FloatArray:
-    """The rate of a criterion in pieces taken together between some ends (m+1,): the worst of a maximum, else the mean.
+    """Return the rate (m,) of a criterion in merged pieces between ends (m+1,).
 
-    Returns (m,).
+    It is the greatest rate for a maximum, else the mean.
     """
     rate, lasts = found.rate[:, column], found.pieces.durations
     if found.criteria[column].aggregate == "max":
@@ -92,9 +92,9 @@ def taken_together(found: Trace, column: int, ends: IntArray) -> FloatArray:
 
 
 def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray]:
-    """Return a criterion in pieces between ends (m+1,), as whole numbers (m,) of a step.
+    """Return a criterion in pieces between ends (m+1,), as a step and whole multiples (m,) of it.
 
-    Of a sum, and with memory, by how much it grows in each; of a mean and a worst moment what it is in each.
+    Sums, and criteria with memory, are given as growth per piece; means and worst moments as values.
     """
     if found.criteria[column].aggregate not in ADDS:
         reached = np.concatenate([[0.0], found.running[:, column]])[ends]
@@ -106,7 +106,7 @@ def _along(found: Trace, column: int, ends: IntArray) -> tuple[float, FloatArray
 
 
 def words(criterion: Criterion) -> str:
-    """Return the name of a rate: cost a second, or the value at the time.
+    """Return the label of a rate: cost per second, or the value at the time.
 
     >>> from hpop.criteria import Clearance, Length, Turns
     >>> words(Length()), words(Turns()), words(Clearance())
@@ -118,6 +118,6 @@ def words(criterion: Criterion) -> str:
 
 
 def _step(values: FloatArray) -> float:
-    """Return the step of which the largest of some values (N,) has as many as there are."""
+    """Return the step size at which the largest of some values (N,) has `STEPS` steps."""
     largest = float(np.abs(values).max(initial=0.0))
     return largest / STEPS if largest > 0.0 else 1.0

@@ -1,4 +1,4 @@
-"""The corners of a front's camera paths, seen from above, packed into little text.
+"""Corners of a front's camera paths, seen from above, packed into compact text.
 
 Trajectories of a front share most of their motions, so the camera's path is computed once for each motion, and a
 trajectory is a list of corners. Straight stretches between corners are left out.
@@ -26,22 +26,22 @@ from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.style import positions
 
-PIECES = 24  # a motion along which the camera's path bends is drawn as so many straight pieces at most,
-FEWER = (1, 2, 3, 4, 6, 8, 12)  # or as so many, where the path is
-BENDS = 2e-3  # m: nowhere farther from them
-PROBES, EXACT = 4, 1e-9  # m: a path that is straight so exactly at the ends of so many pieces is straight
-STRAIGHT = 1e-7  # rad: a place where a path bends by less is no corner
+PIECES = 24  # most straight pieces for a motion with a curved camera path
+FEWER = (1, 2, 3, 4, 6, 8, 12)  # smaller numbers of pieces, if the path is then
+BENDS = 2e-3  # m: nowhere farther from the pieces
+PROBES, EXACT = 4, 1e-9  # m: number and tolerance of the points that test a path for straightness
+STRAIGHT = 1e-7  # rad: smaller bends are no corners
 MILLIMETRES = 1000.0
 FARTHEST = 2**31 - 1  # mm
 
 
-class Corners(NamedTuple):
-    """The corners of n paths.
+class PathCorners(NamedTuple):
+    """Corners of n paths.
 
-    places   (P, 2) mm from the origin, each distinct place once, in the order in which paths come there
-    corners  (C,)   places that the paths go through, one path after another
+    places   (P, 2) mm from the origin, distinct, in order of first use
+    corners  (C,)   indices of the places along the paths, path by path
     counts   (n,)   corners of each path, at least one
-    heights         m, the lowest and the highest of the cameras
+    heights         m, least and greatest camera height
     """
 
     places: IntArray
@@ -51,16 +51,16 @@ class Corners(NamedTuple):
 
 
 def millimetres(points: FloatArray, origin: tuple[float, float]) -> IntArray:
-    """Return points (N, 2), m, as whole millimetres from an origin; what is 2,000 km away is put there."""
+    """Convert points (N, 2), m, to whole millimetres from an origin, clipped at 2,000 km."""
     whole: IntArray = np.rint((points - np.array(origin)) * MILLIMETRES).clip(-FARTHEST, FARTHEST).astype(np.int64)
     return whole
 
 
-def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> Corners:
+def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> PathCorners:
     """Return the corners of the paths of some trajectories of one model, or of none."""
     if not len(trajectories):
         nothing = np.zeros(0, dtype=np.int64)
-        return Corners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))
+        return PathCorners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))
     table = MotionTable.of(trajectories)
     points, through, owner = _passed(table)
     heights = float(points[:, 2].min()), float(points[:, 2].max())
@@ -74,11 +74,11 @@ def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> 
     rank = np.empty(order.size, dtype=np.int64)
     rank[order] = np.arange(order.size)
     counts = np.bincount(owner, minlength=len(trajectories))
-    return Corners(grid[through[first[order]]], rank[place.reshape(-1)], counts, heights)
+    return PathCorners(grid[through[first[order]]], rank[place.reshape(-1)], counts, heights)
 
 
 def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
-    """Points (G, 3), m, and which of them all trajectories pass one after another (T,), with whose each is (T,)."""
+    """Return points (G, 3), m, the indices (T,) of the points along all trajectories, and their trajectories (T,)."""
     ends = positions(table.model.pose("camera", table.states))
     known, counts = [ends], np.zeros(len(table), dtype=np.int64)
     begins: IntArray = np.zeros(len(table), dtype=np.int64)
@@ -95,7 +95,7 @@ def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
             counts[motions] = pieces - 1
             known.append(within.reshape(-1, 3))
             size += known[-1].shape[0]
-    each = counts[table.motions] + 1  # points of a motion: what lies within, and its end
+    each = counts[table.motions] + 1  # points of a motion: inner ones, and its end
     lengths = np.bincount(table.owner, each, minlength=table.counts.size).astype(np.int64) + 1
     firsts = np.cumsum(lengths) - lengths
     through = np.empty(int(lengths.sum()), dtype=np.int64)
@@ -109,7 +109,7 @@ def _passed(table: MotionTable) -> tuple[FloatArray, IntArray, IntArray]:
 
 
 def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> FloatArray:
-    """Return where the camera is (M, pieces + 1, 3), m, along motions, evenly by the share done."""
+    """Return camera positions (M, pieces + 1, 3), m, along motions, at equal shares."""
     found = []
     for piece in range(pieces + 1):
         share = np.full(start.size, piece / pieces)
@@ -122,7 +122,7 @@ def _line(model: Model, law: Law, start: States, end: States, pieces: int) -> Fl
 
 
 def _off(line: FloatArray, pieces: int) -> FloatArray:
-    """Return how far, seen from above, lines (M, N + 1, 3) are from so many straight pieces of them: (M, N), m."""
+    """Return distances (M, N), m, seen from above, of lines (M, N + 1, 3) from ``pieces`` straight pieces of them."""
     plane, count = line[..., :2], line.shape[1] - 1
     step = count // pieces
     knots = plane[:, ::step]
@@ -134,9 +134,9 @@ def _off(line: FloatArray, pieces: int) -> FloatArray:
 
 
 def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
-    """Yield lines (M, PIECES + 1, 3) that bend: in how many pieces some are drawn, which, and the points between these.
+    """Yield curved lines (M, PIECES + 1, 3) by number of pieces: the number, their indices, and their inner points.
 
-    They are the fewest that the line does not leave.
+    The number is the smallest within tolerance.
     """
     left = np.arange(len(line))
     for pieces in (*FEWER, PIECES):
@@ -151,14 +151,14 @@ def _kept(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray
 
 
 def _moves(grid: IntArray, owner: IntArray) -> BoolArray:
-    """Return which points (T,) of paths are another place than the one before, or the first of their path."""
+    """Mark points (T,) of paths that differ from the previous point, or are the first of their path."""
     kept = np.ones(owner.size, dtype=bool)
     kept[1:] = (owner[1:] != owner[:-1]) | (grid[1:] != grid[:-1]).any(axis=1)
     return kept
 
 
 def _turns(points: FloatArray, owner: IntArray) -> BoolArray:
-    """Return which points (T,) of paths are ends, or places where the path bends or turns back."""
+    """Mark points (T,) of paths that are ends, or where the path bends or turns back."""
     kept = np.ones(owner.size, dtype=bool)
     before, after = points[1:-1] - points[:-2], points[2:] - points[1:-1]
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
@@ -175,26 +175,26 @@ LEVEL = 9  # of 9; a tenth of a second for a front of thousands
 
 
 class Packer:
-    """Collects columns of numbers; each is described by where it is in the stream."""
+    """Collector of columns of numbers; each column is described by its position in the stream."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
         self._size = 0
 
     def integers(self, values: ArrayLike, *, order: int = 0) -> Part:
-        """Return whole numbers (N,) within 32 bits, differenced so many times."""
+        """Add whole numbers (N,) within 32 bits, differenced ``order`` times."""
         return self._added("int32", _differences(values, order), order)
 
     def short(self, values: ArrayLike) -> Part:
-        """Return whole numbers (N,) within 16 bits."""
+        """Add whole numbers (N,) within 16 bits."""
         return self._added("int16", values, 0)
 
     def floats(self, values: ArrayLike) -> Part:
-        """Return floats (N,), bit for bit."""
+        """Add floats (N,), bit for bit."""
         return self._added("float64", values, 0)
 
     def text(self) -> str:
-        """Return all that was packed."""
+        """Return everything packed, as text."""
         return base64.b64encode(zlib.compress(b"".join(self._parts), LEVEL)).decode()
 
     def _added(self, kind: Kind, values: ArrayLike, order: int) -> Part:
@@ -207,7 +207,7 @@ class Packer:
 
 
 def _differences(values: ArrayLike, order: int) -> NDArray[np.int32]:
-    """Return differences from each to the next, the first from 0, taken so many times; modulo 2**32."""
+    """Return successive differences, beginning with the first value, taken ``order`` times, modulo 2**32."""
     found = np.asarray(values, dtype=np.int64)
     for _ in range(order):
         found = np.diff(found, prepend=0)

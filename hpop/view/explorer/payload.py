@@ -4,8 +4,8 @@ Costs are the floats of front.json, bit for bit. Lengths are whole millimetres f
 trajectories takes 2 MB at most.
 
 Outlines of all areas are in one table of rings; an area is a range of rings, outlines counter-clockwise and holes
-clockwise: filled by the nonzero rule, several areas cover their union. Cells of a raster are outlined too; on a map
-with too many cells, neighbouring cells are merged, which a note says.
+clockwise: filled by the nonzero rule, several areas cover their union. Cells of a raster are outlined too; if a map has
+too many cells, neighbouring cells are merged, with a note.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ from hpop.world.content.content import Person, Zone
 from hpop.world.files import by_names
 from hpop.world.geometry.shapes import Raster
 
-MOST_CELLS = 2000  # of a raster along its longer side that are told apart: more than a screen does
+MOST_CELLS = 2000  # most cells along the longer side of a raster
 MOST_CORNERS = 60_000  # of the outlines of a raster: some 100 kB
 
 
 class _Rings:
-    """The table of rings."""
+    """Table of rings."""
 
     def __init__(self) -> None:
         self._rings: list[FloatArray] = []
 
     def area(self, *geometries: BaseGeometry) -> dict[str, int]:
-        """Return the polygons of some geometries, as a stretch of the table."""
+        """Add the polygons of some geometries, and return their range in the table."""
         first = len(self._rings)
         for part in shapely.orient_polygons(shapely.get_parts(shapely.get_parts(list(geometries)))):
             if part.geom_type == "Polygon" and not part.is_empty:
@@ -58,14 +58,14 @@ class _Rings:
         return {"first": first, "count": len(self._rings) - first}
 
     def packed(self, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-        """Return the table, and how many corners each ring has."""
+        """Return the table, with the number of corners of each ring."""
         points = np.concatenate([np.zeros((0, 2)), *self._rings])
         x, y = (packer.integers(column, order=1) for column in millimetres(points, origin).T)
         return {"x": x, "y": y, "counts": packer.integers([len(ring) for ring in self._rings])}
 
 
 def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
-    """Return the rectangle of all there is to draw: where the robot may be, and points (N, 2), m."""
+    """Return the rectangle of everything to draw: the extent, and points (N, 2), m."""
     places = np.concatenate([np.array(world.bounds).reshape(2, 2), *points])
     places = places[np.isfinite(places).all(axis=1)]
     return View(*places.min(axis=0).tolist(), *places.max(axis=0).tolist())
@@ -74,7 +74,7 @@ def bounds_of(world: World, points: Sequence[FloatArray]) -> View:
 def described(
     problem: Problem, front: Front, paths: FloatArray, heights: Heights, packer: Packer, origin: tuple[float, float]
 ) -> tuple[dict[str, Any], list[str]]:
-    """Return a world as the page's payload has it, and notes on what the map leaves out.
+    """Return the world for the page's payload, and notes on parts that the map leaves out.
 
     paths  (P, 2) m, corners of the trajectories' paths
     """
@@ -117,7 +117,7 @@ def described(
 
 
 def _person(person: Person) -> Mapping[str, Any]:
-    """Return a person where and as they first are there; of several futures the likeliest."""
+    """Return a person at the begin; of several futures the likeliest."""
     first = person.likeliest
     now = np.float64(first.begin)
     (x, y), velocity = first.at(now), first.velocity_at(now)
@@ -142,7 +142,7 @@ def _zone(zone: Zone, rings: _Rings) -> Mapping[str, Any]:
 
 
 def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
-    """Return outlines, m, of the occupied cells, and how many by how many were taken together for them to be few."""
+    """Return outlines, m, of the occupied cells, and the side, in cells, of merged blocks."""
     side = -(-max(raster.cells.shape) // MOST_CELLS)
     while True:
         cells = raster.cells
@@ -151,7 +151,7 @@ def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
         coarse = replace(raster, cells=cells, resolution=side * raster.resolution)
         try:
             found = coarse.solid()
-        except MapError:  # more corners than are outlined at all
+        except MapError:  # too many corners
             found = None
         if found is not None and shapely.get_num_coordinates(found) <= MOST_CORNERS:
             return found, side
@@ -163,7 +163,7 @@ def _open_ended(heights: tuple[float, float]) -> list[float | None]:
 
 
 def _caption(problem: Problem, heights: Heights) -> str:
-    """Return in words what the map shows, and what it leaves out."""
+    """Describe what the map shows and leaves out."""
     if not heights.vary:
         return "Seen from above: paths of the camera"
     carried = "" if "base" in problem.model.provides else "; the arm itself is not drawn"
@@ -183,11 +183,11 @@ def payload(
     saved: str | None = None,
     preference: Preferring | None = None,
 ) -> dict[str, Any]:
-    """Return all that the page shows of a front.
+    """Return the data of the page for a front.
 
-    title       else what is traded
-    saved       the file of the front, as Python code that the page writes shall name it
-    preference  of a person, whose best trajectory is marked
+    title       default: the traded costs
+    saved       file of the front, for the Python code that the page offers
+    preference  of a person; the best trajectory for that person is marked
     """
     packer = Packer()
     origin = math.floor(problem.world.bounds[0]), math.floor(problem.world.bounds[1])
@@ -228,7 +228,7 @@ def payload(
 
 
 def _title(front: Front) -> str:
-    """Return the title: the costs that are traded, if any."""
+    """Return a title with the traded costs, if any."""
     if not len(front):
         return "No path from start to goal" if front.status == Status.NO_PATH else "No path found"
     *several, last = front.names
@@ -242,7 +242,7 @@ def _about(criterion: Criterion) -> str:
 
 
 def _columns(front: Front, criteria: Sequence[Criterion | None], packer: Packer) -> list[dict[str, Any]]:
-    """Return the criteria, then what is reported."""
+    """Return the columns of criteria, then those of reported values."""
     quanta = [*front.quanta.tolist(), *[0.0] * len(front.reported_names)]
     groups = [*front.groups, *[""] * len(front.reported_names)]
     table, evaluated = np.hstack([front.costs, front.reported]), front.evaluated

@@ -31,10 +31,10 @@ def save_explorer(
     saved: str | os.PathLike[str] | None = None,
     preference: Preferring | None = None,
 ) -> Path:
-    """Write a page to choose a trajectory from: axes, map, table and traces, linked; returns its path.
+    """Write a page to choose a trajectory from, with linked axes, map, table and traces, and return its path.
 
-    One file, which any current browser opens from the disk, and which asks nothing of any network. The folder is made
-    if it is missing; a page that is there is replaced.
+    The page is one file, which any current browser opens from the disk without a network. The folder is created if
+    missing; an existing page is replaced.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def save_explorer(
     path : path
         The file, such as "front.html".
     title : str, optional
-        What the page is called; by default which costs are traded.
+        Title of the page; by default the traded costs.
     saved : path, optional
         The file that holds the front, for the Python code that the page writes of a choice: as it is given, but a whole
         path, which tells a user's name, as the page's folder sees it.
@@ -84,8 +84,8 @@ HEIGHT = 900  # pixels
 def widget(problem: Problem, front: Front, *, title: str | None = None, height: int = HEIGHT) -> Any:
     """Return a widget of the explorer, as the last value of a cell; needs the extra ``notebook``.
 
-    While it is shown ``selected`` (rows), ``hovered`` (a row or None) and ``pinned`` (rows, A first) follow what is
-    done in the page, and ``chosen`` is the front of the selected rows. ``observe`` calls a function when one changes.
+    While it is shown, ``selected`` (rows), ``hovered`` (a row or None) and ``pinned`` (rows, A first) follow the page,
+    and ``chosen`` is the front of the selected rows. ``observe`` registers a function for changes.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def widget(problem: Problem, front: Front, *, title: str | None = None, height: 
     front : Front
         Its trajectories.
     title : str, optional
-        What the page is called; by default which costs are traded.
+        Title of the page; by default the traded costs.
     height : int
         Of the page, pixels.
 
@@ -110,7 +110,7 @@ def widget(problem: Problem, front: Front, *, title: str | None = None, height: 
 
 @cache
 def _explorer() -> type[Any]:
-    """Return the widget's class, whose base is of the extra."""
+    """Return the widget's class; its base class is in the extra."""
     base: Any = library("anywidget", "hpop.view.widget", "notebook").AnyWidget
     traitlets = library("traitlets", "hpop.view.widget", "notebook")
 

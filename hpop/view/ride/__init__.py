@@ -1,1 +1,1 @@
-"""What the viewer would see along a trajectory: the scene, pictures all round, video, and a page to ride in."""
+"""Viewer's view along a trajectory: the scene, panoramas, video, and a page to ride along."""

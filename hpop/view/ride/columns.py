@@ -1,8 +1,8 @@
-"""Kernels that draw a picture all round, column by column: of upright things one ray a column tells all.
+"""Kernels that draw a panorama column by column: for upright things one ray per column suffices.
 
 A ray in the plane meets edges at distances t. Going outwards, each stretch of floor, each top and each front covers an
-interval of rows that follows from its height and distance; what is nearer has been drawn. A row that is covered in part
-takes so much of the colour: edges that are not upright are smooth without further rays.
+interval of rows, given by its height and distance; nearer things have been drawn already. A row that is partly covered
+takes a share of the colour, so that edges are smooth without further rays.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from hpop.view.ride.rows import (
 
 @lean
 def _meets_part(part, dx, dy, view):
-    """Return distance, m, at which a ray comes to a part of a person; FAR where it does not, or begins within."""
+    """Return the distance, m, at which a ray enters a part of a person; FAR if it misses it or begins inside."""
     x, y = part[0] - view.x, part[1] - view.y
     aside = dx * y - dy * x
     reach = part[5] * part[5] - aside * aside
@@ -43,7 +43,7 @@ def _meets_part(part, dx, dy, view):
 
 @lean
 def _meets_plate(plate, dx, dy, view):
-    """Return distance, m, at which a ray comes to a plate; FAR where it does not."""
+    """Return the distance, m, at which a ray meets a plate; FAR if it misses it."""
     x, y = plate[0] - view.x, plate[1] - view.y
     against = dx * plate[3] + dy * plate[4]
     if abs(against) < FLATTEST:
@@ -55,7 +55,7 @@ def _meets_plate(plate, dx, dy, view):
 
 @lean
 def _insert(what, t, order, away, count):
-    """Put what is met at a distance t in order, ties by number: the same whatever the order of coming."""
+    """Insert a thing met at distance t in order of distance, ties by number."""
     k = count
     while k > 0 and (away[k - 1] > t or (away[k - 1] == t and order[k - 1] > what)):
         away[k], order[k] = away[k - 1], order[k - 1]
@@ -117,7 +117,7 @@ def _stretch(t0, t1, opened, count, things, dx, dy, sheet, view, tile):
 
 @lean
 def _ray(count, open_count, dx, dy, room, things, view, tile):
-    """Draw along a ray, from near to far, what it meets in that order."""
+    """Draw everything that a ray meets, from near to far."""
     sheet, is_in, opened, order, away = room.sheet, room.is_in, room.opened, room.order, room.away
     edges = len(things.edges)
     lowest = len(view.slopes) - 1  # row that is not drawn yet
@@ -151,14 +151,14 @@ def _ray(count, open_count, dx, dy, room, things, view, tile):
         while lowest >= 0 and sheet.left[lowest] <= LEAST_LEFT:
             lowest -= 1
         if lowest + 1 <= row_of(max(things.highest - view.z, 0.0) / t1, view):
-            break  # all that is farther lies lower in the picture than what is left
+            break  # the rows of all farther things are drawn
 
 
 @lean
 def draw(begin, end, met, things, view, tile, room, colours, numbers):
-    """Draw columns of a picture: colours (H, C, 3), and if ``view.hard`` the numbers (H, C) of what is seen.
+    """Draw columns of a panorama: colours (H, C, 3), and if ``view.hard`` the numbers (H, C) of the visible things.
 
-    Colours are rounded to whole numbers, halves up. ``met`` is what `rays.crossings` tells; ``room`` is used up.
+    Colours are rounded to whole numbers, halves up. ``met`` is the result of `crossings`; ``room`` is overwritten.
     """
     last, edge = met.last, met.edge
     rows, rays = len(view.slopes), len(view.directions)
@@ -222,13 +222,14 @@ HALF_TURN = 3.1
 
 @lean
 def crossings(edges, x, y, directions, last, distance, edge, before):
-    """Meetings of rays from (x, y), m, with edges (E, 4), m; directions (N, 2) are counter-clockwise, evenly apart.
+    """Find meetings of rays from (x, y), m, with edges (E, 4), m.
 
-    Fills of each ray its last meeting (N,), or -1; and of each meeting its distance, m, its edge, and the meeting of
-    the same ray before it, or -1. Returns how many meetings there are: where these are more than there is room for,
-    only so many are told. An edge is met where its ends are on either side of the ray, one end on the ray being counted
-    as on its left: so a ray leaves a ring as often as it enters it, whichever corners it passes. Angles only say which
-    rays are asked.
+    Directions (N, 2) are counter-clockwise, evenly apart.
+
+    Writes for each ray its last meeting (N,), or -1; and for each meeting its distance, m, its edge, and the ray's
+    previous meeting, or -1. Returns the number of meetings; those beyond the arrays' size are not written. An edge is
+    met if its ends are on different sides of the ray, where an end on the ray counts as left: so a ray leaves a ring as
+    often as it enters it, even at corners. Angles only select the candidate rays.
     """
     count, room, found = len(directions), len(distance), 0
     to_ray = count / (2.0 * math.pi)
@@ -262,7 +263,7 @@ def crossings(edges, x, y, directions, last, distance, edge, before):
 
 @lean
 def longest(last, before):
-    """Return the most meetings of one ray."""
+    """Return the largest number of meetings of one ray."""
     most = 0
     for ray in range(len(last)):
         count, k = 0, last[ray]
@@ -273,7 +274,7 @@ def longest(last, before):
 
 
 def boxes(cells: BoolArray) -> IntArray:
-    """Rectangles (B, 4) that cover each True cell (H, W) once and no other: column and row, first and beyond the last.
+    """Cover the True cells (H, W) with disjoint rectangles (B, 4): first column and row, and those after the last.
 
     >>> boxes(np.array([[True, True, False], [True, True, True]])).tolist()
     [[0, 0, 2, 2], [2, 1, 3, 2]]
@@ -283,7 +284,7 @@ def boxes(cells: BoolArray) -> IntArray:
 
 @kernel
 def _boxes(cells):
-    """Cover cells greedily: from the first one left along its row, then row by row; ``cells`` is used up."""
+    """Cover cells greedily: from the first cell along its row, then row by row; ``cells`` is overwritten."""
     rows, columns = cells.shape
     found = np.empty((64, 4), np.int64)
     count = 0

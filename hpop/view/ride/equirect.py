@@ -28,7 +28,7 @@ from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, QueryError
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 
 if TYPE_CHECKING:
     from hpop.view.ride.panorama import Panorama, Picture
@@ -49,7 +49,7 @@ XMP = """<?xpacket begin="\N{ZERO WIDTH NO-BREAK SPACE}" id="W5M0MpCehiHzreSzNTc
 
 
 class CameraPose(NamedTuple):
-    """Where a camera is and how it is turned.
+    """Position and axes of a camera.
 
     position  (3,)    m
     axes      (3, 3)  ahead, left and up in the columns
@@ -60,32 +60,32 @@ class CameraPose(NamedTuple):
 
     @property
     def is_level(self) -> bool:
-        """Whether it is neither tilted nor rolled."""
+        """Return whether the camera is neither tilted nor rolled."""
         return bool(self.axes[2, 2] >= 1.0 - LEVEL and abs(self.axes[2, 0]) <= LEVEL)
 
     @property
     def yaw(self) -> float:
-        """Heading, rad."""
+        """Return the heading, rad."""
         return math.atan2(self.axes[1, 0], self.axes[0, 0])
 
 
 @checked_arguments
 def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int = WIDTH) -> Picture:
-    """Render a viewer's panorama at a time, as an array (width/2, width, 3) of uint8, sRGB.
+    """Render a panorama from the camera at a time, as an array (width/2, width, 3) of uint8, sRGB.
 
-    The camera is where the executed trajectory has it (:meth:`Trajectory.execution`); people are where they are
-    predicted to be. Equirectangular: the middle of the picture, between columns width/2 - 1 and width/2, is ahead, its
-    left part to the left; the upper edge is overhead. The same arguments give the same bytes.
+    The camera follows the executed trajectory (:meth:`Trajectory.execution`); people are at their predicted positions.
+    Equirectangular: the middle of the picture, between columns width/2 - 1 and width/2, is ahead, its left part to the
+    left; the upper edge is overhead. The same arguments give the same bytes.
 
-    Obstacles are drawn as upright prisms, those without an upper end 3 m high; see :class:`hpop.view.ride.scene.Scene`,
-    whose ``notes`` say what is drawn otherwise than it is. A camera that is tilted or rolled sees a turned picture.
+    Obstacles are drawn as upright prisms, 3 m high if unlimited; the ``notes`` of
+    :class:`hpop.view.ride.scene.ViewScene` list inexact shapes. The picture of a tilted or rolled camera is rotated.
 
     Parameters
     ----------
     t : s, from 0 to the end of the executed trajectory
     width : pixels, a multiple of 4
 
-    Raises OptionError for a time or a width that cannot be.
+    Raises OptionError for an invalid time or width.
     """
     run = executed(trajectory)
     _check_time(t, run)
@@ -96,9 +96,9 @@ def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int
 def save_360(
     problem: Problem, trajectory: Trajectory, t: float, path: str | os.PathLike[str], *, width: int = WIDTH
 ) -> Path:
-    """Write what `render_360` draws as a PNG that viewers know to be all round (GPano); its path.
+    """Write the panorama of `render_360` as a PNG with metadata for panorama viewers (GPano), and return its path.
 
-    Raises OutputError where it cannot be written; nothing is then half-written.
+    Raises OutputError if it cannot be written; no partial file remains.
     """
     picture = render_360(problem, trajectory, t, width=width)
     target = Path(path)
@@ -112,7 +112,7 @@ def save_360(
 
 
 def png(picture: Picture) -> bytes:
-    """Return a picture all round as PNG, with the metadata by which viewers know it."""
+    """Return a panorama as PNG, with metadata for panorama viewers."""
     height, width = picture.shape[:2]
     told, buffer = PngInfo(), BytesIO()
     told.add_itxt("XML:com.adobe.xmp", XMP.format(width=width, height=height))
@@ -128,7 +128,7 @@ def executed(trajectory: Trajectory) -> Trajectory:
 
 
 def checked_width(width: int) -> int:
-    """Return a width, or OptionError."""
+    """Return a valid width; OptionError otherwise."""
     width = whole("width", width, LEAST_WIDTH, MOST_WIDTH, "pixels of a picture all round,")
     if width % 4:
         raise OptionError(f"width must be a multiple of 4, got {width}; {width - width % 4} is one")
@@ -137,10 +137,10 @@ def checked_width(width: int) -> int:
 
 @lru_cache(maxsize=2)
 def panorama(problem: Problem, width: int) -> Panorama:
-    """Return the renderer of a problem's world; those of the last two worlds are kept."""
+    """Return the renderer of a problem's world; the last two are cached."""
     from hpop.view.ride.panorama import Panorama  # with kernels: half a second that pictures of the plane do not need
 
-    return Panorama(Scene.of(problem), width)
+    return Panorama(ViewScene.of(problem), width)
 
 
 def draw_at(drawn: Panorama, run: Trajectory, t: float) -> Picture:
@@ -152,7 +152,7 @@ def draw_at(drawn: Panorama, run: Trajectory, t: float) -> Picture:
 
 
 def camera_at(run: Trajectory, t: float) -> CameraPose:
-    """Return the camera's pose at a time of an executed trajectory; a time is evaluated alone, for equal results."""
+    """Return the camera's pose at a time of an executed trajectory, evaluated alone, for reproducible results."""
     pose = run.model.pose("camera", run.at(np.array([t])))
 
     def column(vector: tuple[FloatArray | float, ...]) -> list[float]:
@@ -173,7 +173,7 @@ SAMPLE_ENTRY = b"avc1"
 
 
 def mark_spherical(file: BinaryIO) -> None:
-    """Put the boxes into an open MP4 file whose moov comes last; ValueError where it does not."""
+    """Add the boxes of a spherical video to an open MP4 file; ValueError unless its last box is moov."""
     start, moov = _last_box(file)
     if moov[4:8] != b"moov":
         raise ValueError(f"expected an MP4 file whose last box is moov, got {moov[4:8]!r}")
@@ -183,7 +183,7 @@ def mark_spherical(file: BinaryIO) -> None:
 
 
 def _last_box(file: BinaryIO) -> tuple[int, bytes]:
-    """Return where the last box of a file begins, and the box."""
+    """Return the offset of the last box of a file, and the box."""
     end, start = file.seek(0, 2), 0
     while True:
         file.seek(start)
@@ -197,7 +197,7 @@ def _last_box(file: BinaryIO) -> tuple[int, bytes]:
 
 
 def _with_added(box: bytes, path: tuple[bytes, ...], added: bytes) -> bytes:
-    """Return a box with more at the end of the sample entry to which a path of boxes leads."""
+    """Return a box with content appended to the sample entry that a path of boxes leads to."""
     head = DESCRIPTIONS if box[4:8] == b"stsd" else 8
     kind = path[0] if path else SAMPLE_ENTRY
     parts = [box[:head]]
@@ -226,7 +226,7 @@ def _full_box(name: bytes, content: bytes) -> bytes:
 
 
 def _stereo() -> bytes:
-    """Return one picture for both eyes."""
+    """Return the box for a monoscopic video."""
     return _full_box(b"st3d", bytes(1))
 
 

@@ -1,7 +1,7 @@
-"""The ride: one page that shows what a viewer sees along a trajectory, and compares trajectories.
+"""Ride: a page that shows the viewer's view along trajectories, and compares them.
 
-It needs no network and no programme but a browser. Its view is drawn by three.js, which is in the page. The page holds
-poses of the camera and of the robot's links twenty times a second, and convex bodies as triangles.
+It needs only a browser, and no network. Its view is drawn by three.js, which is in the page. The page holds poses of
+the camera and of the robot's links twenty times per second, and convex bodies as triangles.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from hpop.problems.problem import Problem
 from hpop.trajectories.poses import on_one_side, poses, quaternions_of
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.along import columns_of, taken_together, told_ends, words
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from hpop.view.ride.surfaces import Colour
 from hpop.view.single_page import page_file, single_page
 from hpop.view.style import quantities, written
@@ -45,7 +45,7 @@ DIGITS = 4
 """Of coordinates, m: tenths of millimetres."""
 
 
-class Body(NamedTuple):
+class BodyMesh(NamedTuple):
     """Triangles of a convex body.
 
     points     (V, 3)  m
@@ -65,8 +65,8 @@ class Body(NamedTuple):
         }
 
 
-def body_of(shape: Shape, pose: FloatArray | None = None) -> Body:
-    """Return the triangles of a shape, placed by a pose (4, 4), where one is given.
+def body_of(shape: Shape, pose: FloatArray | None = None) -> BodyMesh:
+    """Return the triangles of a shape, transformed by a pose (4, 4) if given.
 
     >>> from hpop.world.geometry.solids import Box
     >>> len(body_of(Box((1.0, 2.0, 3.0))).triangles)
@@ -82,11 +82,11 @@ def body_of(shape: Shape, pose: FloatArray | None = None) -> Body:
     a, b, c = (points[triangles[:, k]] for k in range(3))
     inwards = np.einsum("ti,ti->t", np.cross(b - a, c - a), hull.equations[:, :3]) < 0.0
     triangles[inwards] = triangles[inwards][:, ::-1]
-    return Body(points, triangles)
+    return BodyMesh(points, triangles)
 
 
-def tilted_solids(scene: Scene) -> list[dict[str, Any]]:
-    """Return as JSON the solids of a scene whose prisms are only their upright hulls."""
+def tilted_solids(scene: ViewScene) -> list[dict[str, Any]]:
+    """Return as JSON the solids of a scene that are drawn as larger upright prisms."""
     return [
         body_of(prism.solid.shape, prism.solid.pose).description(prism.number, prism.colour)
         for prism in scene.prisms
@@ -101,7 +101,7 @@ def links_of(model: Model, states: States) -> list[dict[str, Any]]:
 
 
 def link_poses(model: Model, states: States) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield where each link is in each of N states: positions (N, 3), m, and quaternions (N, 4), x, y, z, w."""
+    """Yield the positions (N, 3), m, and quaternions (N, 4), x, y, z, w, of each link in N states."""
     for _, matrices in model.bodies(states):
         links = np.broadcast_to(matrices, (states.size, 4, 4))
         yield links[:, :3, 3], on_one_side(quaternions_of(links[:, :3, :3]))
@@ -147,7 +147,7 @@ def track(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -> dict[str, Any] | None:
-    """Return how criteria arise while the trajectory is executed, as JSON; None where it stays at its start."""
+    """Return the rates of criteria during the execution as JSON; None for a trajectory without motion."""
     run = trajectory.execution()
     if not len(run) or not criteria:
         return None
@@ -161,7 +161,7 @@ def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def packed(values: FloatArray, scale: float) -> dict[str, Any]:
-    """Return columns of numbers (N, C) in whole steps, each differenced twice: of even motion most are 0.
+    """Return columns of numbers (N, C) in whole steps, differenced twice, which gives mostly zeros for even motion.
 
     >>> packed(np.array([[1.0], [2.0], [3.0]]), 0.5)
     {'scale': 0.5, 'columns': [[2, 0, 0]]}
@@ -186,19 +186,19 @@ def save_ride(
     rows: Sequence[int | str] = ("knee",),
     blind: bool = False,
 ) -> Path:
-    """Write a page that rides along trajectories of a front; its path.
+    """Write a page that rides along trajectories of a front, and return its path.
 
-    The page shows what the camera sees as the trajectory is executed, from rest to rest, with people where they are
-    predicted to be; a map; and how the criteria arise. Trajectories are called A, B, ... in the order of ``rows``.
+    The page shows the camera's view along the executed trajectory, from rest to rest, with people at their predicted
+    positions; a map; and the rates of the criteria. Trajectories are named A, B, ... in the order of ``rows``.
 
     Parameters
     ----------
-    path : of the page, one file that needs no other; its folder is made if it is missing
+    path : of the page, a self-contained file; its folder is created if missing
     rows : up to eight, by number or by name: "knee", "least turns", or "turns" for the least of a criterion
-    blind : leave numbers, criteria and names of trajectories out of the page, for choices by what is seen
+    blind : leave numbers, criteria and names of trajectories out, for choices by the view alone
 
-    Raises OptionError for rows that cannot be or a name that does not end in .html, UnknownName for names of none,
-    OutputError where the page cannot be written; nothing is then half-written.
+    Raises OptionError for invalid rows or a name that does not end in .html, UnknownName for unknown names, OutputError
+    if the page cannot be written; no partial file remains.
     """
     target = page_file(path)
     text = ride_page(problem, front, rows=rows, blind=blind)
@@ -223,7 +223,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
     chosen = named_rows(front, rows)
     if not 1 <= len(chosen) <= len(NAMES):
         raise OptionError(f"a ride is along 1 to {len(NAMES)} trajectories of a front, got {len(chosen)}")
-    scene = Scene.of(problem)
+    scene = ViewScene.of(problem)
     fov = problem.model.field_of_view
     columns = [] if blind else columns_of(problem, front)[: len(front.names)]
     told: dict[str, Criterion] = {c.name: c for c in columns if c is not None}
@@ -248,7 +248,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
 def _track(
     problem: Problem, front: Front, name: str, row: NamedRow, told: dict[str, Criterion], *, blind: bool
 ) -> dict[str, Any]:
-    """Return one trajectory; on a blind page nothing of it but how it moves."""
+    """Return the data of one trajectory; on a blind page only its motion."""
     trajectory = row.point.trajectory
     columns = {column.name: column for column in quantities(front)}
     shown = [columns[printable(c)] for c in told]
@@ -262,11 +262,11 @@ def _track(
 
 
 def licence() -> str:
-    """Return the licence of three.js, whose parts are in the page."""
+    """Return the licence of three.js, which is part of the page."""
     return resources.files("hpop.view").joinpath("web", "three_license.txt").read_text(encoding="utf-8")
 
 
 def _label(front: Front, row: NamedRow) -> str:
-    """Return the number of a row and what it is: "row 70: knee, least turns"."""
+    """Return the number and names of a row: "row 70: knee, least turns"."""
     names = [name for name, point in front.named().items() if point.index == row.number]
     return f"row {row.number}" + (f": {printable(', '.join(names))}" if names else "")

@@ -1,4 +1,4 @@
-"""Pictures all round from any place in a scene: equirectangular, level, the same bytes in any run."""
+"""Panoramas from any place in a scene: equirectangular, level, with reproducible bytes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.view.ride import surfaces, tiles
 from hpop.view.ride.columns import crossings, draw, longest
 from hpop.view.ride.rows import CYLINDER, ELLIPSOID, EXTENT, THING, WALL, ZONE, turned
-from hpop.view.ride.scene import Scene
-from hpop.view.ride.tiles import Look, Met, Room, Things, View
+from hpop.view.ride.scene import ViewScene
+from hpop.view.ride.tiles import CameraView, DrawingBuffers, RayMeetings, SurfaceLook, Things
 
 Picture = NDArray[np.uint8]
 """(H, W, 3), sRGB; row 0 looks up, the middle of a row ahead, its left part to the left."""
@@ -30,17 +30,17 @@ RAYS = 2
 
 @dataclass(frozen=True, eq=False)
 class Panorama:
-    """Draws a scene all round, in pictures of a width.
+    """Renderer of a scene's panoramas of a width.
 
     scene
     width  columns, even; there are half as many rows
 
-    Columns are evenly apart in bearing and rows in elevation: column c looks to the bearing (W/2 - c - 1/2) 2 pi / W
-    from ahead, counter-clockwise positive, and row r to the elevation (H/2 - r - 1/2) pi / H. A camera that is turned
-    by a whole number of columns sees the same bytes, shifted.
+    Columns are evenly spaced in bearing and rows in elevation: column c has the bearing (W/2 - c - 1/2) 2 pi / W from
+    ahead, counter-clockwise positive, and row r the elevation (H/2 - r - 1/2) pi / H. A camera rotated by a whole
+    number of columns gives shifted, otherwise equal bytes.
     """
 
-    scene: Scene
+    scene: ViewScene
     width: int
 
     def draw(self, position: FloatArray, yaw: float, t: float) -> Picture:
@@ -48,13 +48,13 @@ class Panorama:
         return self._drawn(position, yaw, t, per_column=RAYS, hard=False)[0]
 
     def numbers(self, position: FloatArray, yaw: float, t: float) -> NDArray[np.int32]:
-        """Return which thing of the scene the middle of each pixel (H, W) sees, by its number; 0 for floor and sky."""
+        """Return the number of the thing visible at the middle of each pixel (H, W); 0 for floor and sky."""
         return self._drawn(position, yaw, t, per_column=1, hard=True)[1]
 
     def draw_turned(self, position: FloatArray, axes: FloatArray, t: float) -> Picture:
         """Render the panorama of a tilted camera with axes (3, 3), ahead, left and up in its columns.
 
-        A level picture of twice the size is looked up pixel by pixel, so that hardly any sharpness is lost.
+        It samples a level picture of twice the size, so that little sharpness is lost.
         """
         fine = Panorama(self.scene, 2 * self.width)
         fine.__dict__.update(_standing=self._standing, _pictures=self._pictures)
@@ -70,10 +70,10 @@ class Panorama:
         rays, rows = per_column * self.width, self.width // 2
         x, y, z = (float(value) for value in position)
         whole, part = divmod(round(yaw / (2.0 * math.pi) * self.width * FINE), FINE)
-        # Ray k looks to (k + offset) 2 pi / rays. The first ray of the picture lies half a ray from its left end.
+        # Ray k has the bearing (k + offset) 2 pi / rays. The first ray is half a ray from the left end.
         offset = per_column * part / FINE - 0.5
         directions = _unit(np.arange(rays) + offset, rays)
-        view = View(
+        view = CameraView(
             x,
             y,
             z,
@@ -84,11 +84,11 @@ class Panorama:
             _slopes(rows),
             _sky(rows),
             hard,
-            Look.of_surfaces(),
+            SurfaceLook.of_surfaces(),
         )
         things = self._things(x, y, t)
         met, most = _meetings(things.edges, x, y, directions)
-        room = Room.of(rows, len(things.items), most + len(things.parts) + len(things.plates))
+        room = DrawingBuffers.of(rows, len(things.items), most + len(things.parts) + len(things.plates))
         colours = np.empty((rows, self.width, 3), np.uint8)
         numbers = np.zeros((rows, self.width) if hard else (0, 0), np.int32)
         draw(0, self.width, met, things, view, tiles.texture(), room, colours, numbers)
@@ -96,7 +96,7 @@ class Panorama:
 
     @cached_property
     def _standing(self) -> tuple[FloatArray, IntArray, FloatArray]:
-        """Edges (E, 4), the item of each, and items (I, 7): prisms, boxes of cells, the floor and its zones."""
+        """Return edges (E, 4), the item of each, and items (I, 7): prisms, boxes of cells, the floor and its zones."""
         edges: list[FloatArray] = []
         counts: list[int] = []
         items: list[tuple[float, ...]] = []
@@ -128,7 +128,7 @@ class Panorama:
         return tiles.plates(self.scene.plates)
 
     def _things(self, x: float, y: float, t: float) -> Things:
-        """Return the things at a time; plates without a facing are turned to the camera."""
+        """Return the things at a time, with plates without a facing turned to the camera."""
         parts: list[tuple[float, ...]] = []
         for figure in self.scene.figures:
             person, now = figure.person.likeliest, np.float64(t)
@@ -159,11 +159,11 @@ class Panorama:
         return Things(edges, item_of, items, *tables, bitmaps, places, float(highest))
 
 
-def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> tuple[Met, int]:
-    """Return which rays meet which edges, and how often one ray does at most."""
+def _meetings(edges: FloatArray, x: float, y: float, directions: FloatArray) -> tuple[RayMeetings, int]:
+    """Return the meetings of rays with edges, and the largest number of one ray."""
     room, last = 8 * len(directions) + 64, np.empty(len(directions), np.int64)
     while True:
-        met = Met(last, np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64))
+        met = RayMeetings(last, np.empty(room), np.empty(room, np.int64), np.empty(room, np.int64))
         found = crossings(edges, x, y, directions, *met)
         if found <= room:
             break
@@ -176,7 +176,7 @@ def _rows_of(rows: list[tuple[float, ...]], columns: int) -> FloatArray:
 
 
 def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
-    """Return unit vectors (N, 2) at so many steps of which ``count`` are a whole turn, rounded."""
+    """Return rounded unit vectors (N, 2) at multiples of a step; ``count`` steps are a full turn."""
     angles = steps * (2.0 * math.pi / count)
     vectors: FloatArray = np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1) / STEP) * STEP
     return vectors
@@ -184,7 +184,7 @@ def _unit(steps: NDArray[np.floating[Any]], count: int) -> FloatArray:
 
 @cache
 def _slopes(rows: int) -> FloatArray:
-    """Return tangents (H,) of the elevations of the middles of rows, rounded as shares of their size."""
+    """Return the tangents (H,) of the elevations of rows' middles, rounded relative to their size."""
     elevations = (rows / 2 - np.arange(rows) - 0.5) * (math.pi / rows)
     mantissa, exponent = np.frexp(np.tan(elevations))
     slopes: FloatArray = np.ldexp(np.round(mantissa / STEP) * STEP, exponent)

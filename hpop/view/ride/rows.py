@@ -1,7 +1,7 @@
-"""Kernels that draw what a ray in the plane passes and meets, as rows of one column: planes, fronts, people, plates.
+"""Kernels that draw the things along a ray in the plane as rows of one column: planes, fronts, people, plates.
 
-But for where rays are looked for, whose result is exact all the same, there are only sums, products, quotients and
-square roots in here and in `columns`, which every machine rounds alike.
+Except in the search for candidate rays, which does not affect results, this module and `columns` use only sums,
+products, quotients and square roots, which all machines round equally.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STRETCHED = 3.0
 
 @lean
 def arctangent(x):
-    """Return the arctangent within 1e-9, from products and quotients alone."""
+    """Return the arctangent within 1e-9, from products and quotients only."""
     away = abs(x)
     turned = 0.0
     if away > 2.414213562373095:
@@ -46,13 +46,13 @@ def arctangent(x):
 
 @lean
 def row_of(slope, view):
-    """Return where a slope lies in the picture, in rows from its top."""
+    """Return the position of a slope in the picture, in rows from its top."""
     return 0.5 * len(view.slopes) - arctangent(slope) / view.pixel
 
 
 @lean
 def _lines(x, width, look):
-    """Share of an interval round x that lies on the lines of the grid."""
+    """Return the share of an interval round x that is on lines of the grid."""
     line, pitch = look.line, look.pitch
     low, high = (x + 0.5 * (line - width)) / pitch, (x + 0.5 * (line + width)) / pitch
     whole_low, whole_high = math.floor(low), math.floor(high)
@@ -63,7 +63,7 @@ def _lines(x, width, look):
 
 @lean
 def _texture(u, v, width, tile):
-    """Return the texture at (u, v), m, as pixels of a width show it; bilinear."""
+    """Return the texture at (u, v), m, averaged over pixels of a width; bilinear."""
     level = 0
     while level < len(tile.widths) - 1 and tile.widths[level] < width:
         level += 1
@@ -83,7 +83,7 @@ def _texture(u, v, width, tile):
 
 @lean
 def _take(row, top, bottom, number, sheet, view):
-    """Take the share of a row between two heights in the picture that is not drawn yet, for the thing of a number."""
+    """Return the share of a row between two heights that is not yet drawn, and mark it as drawn for a thing."""
     left = sheet.left[row]
     if view.hard:
         share = 1.0 if left > 0.0 and top <= row + 0.5 < bottom else 0.0
@@ -98,7 +98,7 @@ def _take(row, top, bottom, number, sheet, view):
 
 @lean
 def _add(row, share, red, green, blue, t, sheet, look):
-    """Add a colour, seen through the haze of a distance t, m."""
+    """Add a colour, with the haze of a distance t, m."""
     haze = t / (t + look.haze)
     sheet.summed[row, 0] += share * (red + haze * (look.haze_colour[0] - red))
     sheet.summed[row, 1] += share * (green + haze * (look.haze_colour[1] - green))
@@ -107,7 +107,7 @@ def _add(row, share, red, green, blue, t, sheet, look):
 
 @lean
 def _rows(top, bottom, view):
-    """Return the rows that an interval touches: first, and beyond the last."""
+    """Return the first row that an interval touches, and the row after the last."""
     return max(math.floor(top), 0), min(math.ceil(bottom), len(view.slopes))
 
 
@@ -218,7 +218,7 @@ def draw_part(t, part, dx, dy, sheet, view):
 
 @lean
 def draw_plate(t, p, dx, dy, sheet, view, things):
-    """Draw what a ray sees of a plate: its picture, or from behind its back."""
+    """Draw the part of a plate that a ray meets: its picture, or its back."""
     look = view.look
     plate, places = things.plates[p], things.places
     low = plate[2] - 0.5 * plate[6] - view.z
@@ -256,7 +256,7 @@ def draw_plate(t, p, dx, dy, sheet, view, things):
 
 @lean
 def _angle(x, y):
-    """Return angle of a vector, rad, as `math.atan2` gives it."""
+    """Return the angle of a vector, rad, as `math.atan2` does."""
     if abs(y) > abs(x):
         return math.copysign(0.5 * PI, y) - arctangent(x / y)
     if x == 0.0:

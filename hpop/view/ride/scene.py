@@ -1,7 +1,7 @@
-"""What there is to see in a problem's world, for whoever draws it: the pictures all round, and the page.
+"""Visible things in a problem's world, for panoramas and for the page.
 
-Metres, x right, y up in the plane, z height (REP-103), floor at z = 0. Obstacles are upright prisms; what is not
-upright is drawn as the prism round it, which `Scene.notes` says, and its own shape is in the description.
+Metres, x right, y up in the plane, z height (REP-103), floor at z = 0. Obstacles are upright prisms; other shapes are
+drawn as their enclosing prisms, with a note in `ViewScene.notes`, and their true shape in the description.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ BEFORE = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Prism:
-    """An upright prism.
+    """Upright prism.
 
     rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
     low, high       m  finite
-    number  what it is in pictures of numbers, from 1; prisms of one obstacle share it
+    number          in pictures of numbers, from 1; shared by the prisms of one obstacle
     colour
     is_wall         has a skirting
     name
-    solid   what it is the prism round, where that is not upright
+    solid           the enclosed solid, if it is not upright
     """
 
     rings: tuple[FloatArray, ...]
@@ -83,7 +83,7 @@ class Cells:
     """Occupied cells of a raster, merged to boxes.
 
     boxes   (B, 4)  columns and rows, first and beyond the last: x0, y0, x1, y1 in cells
-    raster          places them
+    raster          gives their positions
     low, high       m
     number, colour  as of a prism
     """
@@ -97,7 +97,7 @@ class Cells:
 
     @property
     def corners(self) -> FloatArray:
-        """Corners (B, 4, 2), m, of the boxes, counter-clockwise."""
+        """Return the corners (B, 4, 2), m, of the boxes, counter-clockwise."""
         x0, y0, x1, y1 = self.boxes.T.astype(np.float64)
         x, y = self.raster.to_world(np.stack([x0, x1, x1, x0], axis=1), np.stack([y0, y0, y1, y1], axis=1))
         return np.stack([x, y], axis=2)
@@ -115,8 +115,8 @@ class Cells:
 
 
 @dataclass(frozen=True)
-class Part:
-    """A part of a person, round the vertical through its middle: a cylinder, or an ellipsoid.
+class BodyPart:
+    """Part of a person, symmetric about a vertical axis: a cylinder or an ellipsoid.
 
     shape    "cylinder" or "ellipsoid"
     radius   m
@@ -134,11 +134,11 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Figure:
-    """A person as drawn: legs, trunk and head, along the way of the likeliest future."""
+    """Person as drawn: legs, trunk and head, along the path of the likeliest future."""
 
     person: Person
     number: int
-    parts: tuple[Part, ...]
+    parts: tuple[BodyPart, ...]
 
     def description(self) -> dict[str, Any]:
         """Return the JSON description."""
@@ -160,7 +160,7 @@ class Figure:
 
 @dataclass(frozen=True, eq=False)
 class Plate:
-    """A landmark as drawn: an upright plate with its name, round its place; without a facing it turns to the camera."""
+    """Landmark as drawn: an upright plate with its name; without a facing it turns to the camera."""
 
     landmark: Landmark
     width: float
@@ -186,7 +186,7 @@ class Plate:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """A zone on the floor, as polygons; rings as of a prism."""
+    """Zone on the floor, as polygons; rings as of a prism."""
 
     zone: Zone
     polygons: tuple[tuple[FloatArray, ...], ...]
@@ -203,17 +203,17 @@ class Area:
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
-    """What is drawn of a world.
+class ViewScene:
+    """Things drawn of a world.
 
-    prisms   obstacles, in their order, and the wall round a map beyond which all is obstacle
+    prisms   obstacles, in order, and the wall round a map if everything beyond is obstacle
     cells    of a raster, or None
     figures  people
     plates   landmarks
     areas    zones
     floor    the extent, as polygons of rings
     storey   m  height of walls without an upper end
-    notes    what is not drawn as it is
+    notes    on inexact shapes
     """
 
     prisms: tuple[Prism, ...]
@@ -226,7 +226,7 @@ class Scene:
     notes: tuple[str, ...]
 
     @classmethod
-    def of(cls, problem: Problem) -> Scene:
+    def of(cls, problem: Problem) -> ViewScene:
         """Return the scene of a problem's world, for its camera at its start."""
         world = problem.world
         camera = problem.model.pose("camera", problem.model.space.state(problem.start))
@@ -255,7 +255,7 @@ class Scene:
         )
 
     def description(self) -> dict[str, Any]:
-        """Return JSON-able description, for a page that draws the same; no number in it is NaN or infinite.
+        """Return a JSON-able description, for a page that draws an equal scene; no number is NaN or infinite.
 
         Texts come from files: they are names, never markup.
         """
@@ -274,7 +274,7 @@ class Scene:
 
 
 def _prisms(world: World, storey: float) -> Iterator[Prism]:
-    """Yield one for each obstacle, in their order; numbered later."""
+    """Yield a prism for each obstacle, in order, without numbers."""
     for obstacle in world.obstacles:
         low, high = _ends(obstacle.heights, storey)
         is_wall = _looks_like_a_wall(obstacle, high)
@@ -285,7 +285,7 @@ def _prisms(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _border(world: World, storey: float) -> Iterator[Prism]:
-    """Yield a wall round the extent where all beyond it is obstacle to the camera."""
+    """Yield a wall round the extent, if everything beyond it is obstacle."""
     if world.outside_is_obstacle:
         low, high = _ends((-math.inf, math.inf) if world.raster is None else world.raster.heights, storey)
         frame = shapely.buffer(world.extent, BORDER, join_style="mitre").difference(world.extent)
@@ -294,19 +294,19 @@ def _border(world: World, storey: float) -> Iterator[Prism]:
 
 
 def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
-    """Return finite heights, m: what has no lower end stands on the floor, what has no upper one is a storey high."""
+    """Return finite heights, m: an unlimited obstacle stands on the floor, and is a storey high."""
     low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
     high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
     return low, high
 
 
 def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
-    """Return whether it is called one, or has no name and is as high as one."""
+    """Return whether an obstacle is named a wall, or has no name and a wall's height."""
     return "wall" in obstacle.name.lower() if obstacle.name else high >= WALL_FROM
 
 
 def _colour_of(name: str) -> Colour:
-    """Return the same for the same name, in any run; the legs of a table that are numbered are alike."""
+    """Return a colour that depends only on the name, without numbers, so that numbered parts look alike."""
     name = name.strip(" _-0123456789") or name
     return surfaces.THINGS[zlib.crc32(name.encode("utf-8", "replace")) % len(surfaces.THINGS)]
 
@@ -316,12 +316,12 @@ SHIRTS: tuple[Colour, ...] = ((176, 84, 72), (72, 120, 152), (108, 142, 84), (20
 
 
 def _figure(person: Person, number: int) -> Figure:
-    """Return a figure 1.73 m tall, whose trunk has the radius that robots keep away from."""
+    """Return a figure 1.73 m tall; its trunk has the radius that robots keep away from."""
     shirt = SHIRTS[number % len(SHIRTS)]
     parts = (
-        Part("cylinder", 0.55 * person.radius, 0.0, 0.92, TROUSERS, TROUSERS),
-        Part("ellipsoid", person.radius, 0.74, 1.50, shirt, shirt),
-        Part("ellipsoid", 0.10, 1.46, 1.73, SKIN, HAIR),
+        BodyPart("cylinder", 0.55 * person.radius, 0.0, 0.92, TROUSERS, TROUSERS),
+        BodyPart("ellipsoid", person.radius, 0.74, 1.50, shirt, shirt),
+        BodyPart("ellipsoid", 0.10, 1.46, 1.73, SKIN, HAIR),
     )
     return Figure(person, number, parts)
 
@@ -334,14 +334,14 @@ def _plate(mark: Landmark, number: int) -> Plate:
 
 
 def _hung(mark: Landmark) -> Landmark:
-    """Return a landmark where its plate is drawn."""
+    """Return a landmark at the position of its plate."""
     if mark.facing is None:
         return mark
     return replace(mark, x=mark.x + BEFORE * math.cos(mark.facing), y=mark.y + BEFORE * math.sin(mark.facing))
 
 
 def _zones(world: World) -> Iterator[Zone]:
-    """Yield zones, and what is closed to the robot by a file of its own."""
+    """Yield the zones, and the keep-out areas of the world."""
     yield from world.content.zones
     for part in shapely.get_parts(world.keep_out):
         if not part.is_empty:
@@ -354,7 +354,7 @@ def _polygons(geometry: BaseGeometry) -> tuple[tuple[FloatArray, ...], ...]:
 
 
 def _rings(polygon: Any) -> tuple[FloatArray, ...]:
-    """Return corners of a polygon, rings not closed: counter-clockwise the outer one, clockwise the holes."""
+    """Return the open rings of a polygon: the outer one counter-clockwise, holes clockwise."""
     turned = shapely.orient_polygons(polygon)
     return tuple(shapely.get_coordinates(ring)[:-1, :2] for ring in (turned.exterior, *turned.interiors))
 

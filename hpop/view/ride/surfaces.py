@@ -1,11 +1,10 @@
-"""How surfaces look: colours, light, and a texture that lets motion be seen without shimmering.
+"""Appearance of surfaces: colours, light, and a texture that shows motion without shimmering.
 
-The texture is a sum of waves, each a cosine with whole numbers of periods on a square tile, so that it repeats without
-a seam and holds no detail finer than its shortest wave. Whoever draws can leave out the waves that a pixel would not
-resolve, so nothing flickers at a distance, where noise with a value of its own in each pixel would. Over it lies a grid
-of thin lines every half metre.
+The texture is a sum of cosine waves with whole numbers of periods on a square tile, so that it repeats without a seam
+and has no detail finer than its shortest wave. Waves that a pixel cannot resolve are left out, so nothing flickers at a
+distance, unlike pixel noise. Over it is a grid of thin lines every half metre.
 
-All factors are applied to sRGB values as they are stored: a colour times a factor is what is shown.
+All factors apply to stored sRGB values.
 """
 
 from __future__ import annotations
@@ -61,10 +60,10 @@ HAZE = 400.0
 
 
 def waves() -> FloatArray:
-    """Return the waves (WAVES, 4): whole numbers i, j of periods along both sides of the tile, amplitude, phase (rad).
+    """Return the waves (WAVES, 4): numbers of periods i, j along the tile's sides, amplitude, phase (rad).
 
     The texture at (u, v), m, is the sum of ``a cos(2 pi (i u + j v) / PERIOD + phase)``; its mean square is 1.
-    Directions follow the golden angle and wavelengths a geometric series, so that no direction is seen in it.
+    Directions follow the golden angle and wavelengths a geometric series, so that no direction stands out.
     """
     k = np.arange(WAVES)
     number = PERIOD / (LONGEST * (SHORTEST / LONGEST) ** (k / (WAVES - 1)))
@@ -76,7 +75,7 @@ def waves() -> FloatArray:
 
 
 def description() -> dict[str, Any]:
-    """Return all of this, JSON-able, for whoever draws the same scene elsewhere."""
+    """Return all settings as JSON-able values, for other renderers of the scene."""
     return {
         "period": PERIOD,
         "waves": [[int(i), int(j), float(a), float(phase)] for i, j, a, phase in waves()],

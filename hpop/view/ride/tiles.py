@@ -23,12 +23,12 @@ Rgb = tuple[float, float, float]
 
 
 class Tile(NamedTuple):
-    """The texture at levels of ever wider pixels.
+    """Texture at several levels of pixel width.
 
     values  all levels, one after the other
-    starts  (L,)  where each begins
+    starts  (L,)  first index of each level
     sizes   (L,)  its side, a power of two
-    widths  (L,)  m  of the pixels for which it was made
+    widths  (L,)  m  width of a pixel at each level
     period  m  side of the tile
     """
 
@@ -40,17 +40,17 @@ class Tile(NamedTuple):
 
 
 class Things(NamedTuple):
-    """All that is drawn.
+    """Everything that is drawn.
 
-    edges    (E, 4)  m  x0, y0, x1, y1: round what is solid counter-clockwise
+    edges    (E, 4)  m  x0, y0, x1, y1, counter-clockwise round solids
     item_of  (E,)
     items    (I, 7)  kind, low, high, red, green, blue, number
     parts    (P, 16)  of people: x, y, cos and sin of the heading, shape, radius, low, high, colours of front and back,
              number, and 0
     plates   (L, 8)  x, y, z of the middle, normal x, y, width, height, number
     bitmaps  values of all plates' pictures, level by level
-    places   (L, B, 3)  of each plate and level: where it begins, its width and height in pixels
-    highest  m  of all that stands
+    places   (L, B, 3)  first index, width and height in pixels of each plate and level
+    highest  m  greatest height of a thing
     """
 
     edges: FloatArray
@@ -63,8 +63,11 @@ class Things(NamedTuple):
     highest: float
 
 
-class Met(NamedTuple):
-    """What `rays.crossings` tells: the last meeting of each ray; and distance, edge and meeting before, of each."""
+class RayMeetings(NamedTuple):
+    """Result of `columns.crossings`: the last meeting of each ray.
+
+    And distance, edge and previous meeting of each meeting.
+    """
 
     last: IntArray
     distance: FloatArray
@@ -72,8 +75,8 @@ class Met(NamedTuple):
     before: IntArray
 
 
-class Look(NamedTuple):
-    """How surfaces look, see `surfaces`: colours (3,), and factors on them."""
+class SurfaceLook(NamedTuple):
+    """Appearance of surfaces, see `surfaces`: colours (3,), and factors on them."""
 
     floor: Rgb
     outside: Rgb
@@ -94,8 +97,8 @@ class Look(NamedTuple):
     haze_colour: Rgb
 
     @classmethod
-    def of_surfaces(cls) -> Look:
-        """Return the look of all pictures, an argument of kernels: cached kernels would keep imported values."""
+    def of_surfaces(cls) -> SurfaceLook:
+        """Return the look as an argument of kernels, because cached kernels would keep imported values."""
         contrast, grid = surfaces.CONTRAST, surfaces.GRID
         return cls(
             floor=_rgb(surfaces.FLOOR),
@@ -123,17 +126,17 @@ def _rgb(colour: surfaces.Colour) -> Rgb:
     return float(red), float(green), float(blue)
 
 
-class View(NamedTuple):
-    """From where, and on which picture.
+class CameraView(NamedTuple):
+    """Camera of a panorama, with the geometry of the picture.
 
     x, y, z     m
     pixel       rad  from one row or column to the next
     directions  (N, 2)  unit vectors of all rays, counter-clockwise
-    shift       the ray that the left end of the picture would be
+    shift       index of the ray at the left end of the picture
     per_column  rays of a column
     slopes      (H,)  of the middles of rows, upwards
     sky         (H, 3)
-    hard        whether each pixel shows what its middle sees, and nothing else of it
+    hard        whether each pixel shows only the thing at its middle
     look
     """
 
@@ -147,15 +150,15 @@ class View(NamedTuple):
     slopes: FloatArray
     sky: FloatArray
     hard: bool
-    look: Look
+    look: SurfaceLook
 
 
-class Sheet(NamedTuple):
-    """The column that is being drawn.
+class ColumnBuffer(NamedTuple):
+    """Column that is being drawn.
 
     summed   (H, 3)  colours so far
-    left     (H,)    share of each row of the present ray that is not drawn
-    numbers  (H,)    what was drawn there
+    left     (H,)    share of each row of the present ray that is not yet drawn
+    numbers  (H,)    number of the thing drawn there
     """
 
     summed: FloatArray
@@ -163,26 +166,26 @@ class Sheet(NamedTuple):
     numbers: NDArray[np.int32]
 
 
-class Room(NamedTuple):
-    """Where a column is drawn.
+class DrawingBuffers(NamedTuple):
+    """Arrays for drawing a column.
 
     sheet
-    is_in   (I,)  whether the ray is within each item: nowhere, before and after
-    opened  (I,)  those within which it is, as many as are told
+    is_in   (I,)  whether the ray is inside each item; all False before and after
+    opened  (I,)  items that contain the ray, up to a count
     order   edges, parts and plates that a ray meets, from near to far
-    away    m  how far each is
+    away    m  distance of each
     """
 
-    sheet: Sheet
+    sheet: ColumnBuffer
     is_in: BoolArray
     opened: IntArray
     order: IntArray
     away: FloatArray
 
     @classmethod
-    def of(cls, rows: int, items: int, meetings: int) -> Room:
-        """Return room for pictures of so many rows, items, and meetings of a ray."""
-        sheet = Sheet(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
+    def of(cls, rows: int, items: int, meetings: int) -> DrawingBuffers:
+        """Return arrays for numbers of rows, items, and meetings of a ray."""
+        sheet = ColumnBuffer(np.empty((rows, 3)), np.empty(rows), np.empty(rows, np.int32))
         opened, order = np.empty(items, np.int64), np.empty(meetings, np.int64)
         return cls(sheet, np.zeros(items, np.bool_), opened, order, np.empty(meetings))
 
@@ -204,10 +207,10 @@ INK, FRAME, GOLD = (46, 44, 40), (92, 78, 62), (168, 134, 72)
 
 @cache
 def texture() -> Tile:
-    """Return the texture, each level as pixels of its width show it.
+    """Return the texture at each level of pixel width.
 
-    A pixel sees a mean weighted by a bell curve whose standard deviation is half its width; of each wave it leaves
-    exp(-(pi f w)² / 2), f being its frequency and w the width.
+    A pixel averages with a normal weight of standard deviation half its width w, which damps a wave of frequency f by
+    exp(-(pi f w)² / 2).
     """
     i, j, amplitude, phase = waves().T
     widths, levels = [], []
@@ -229,7 +232,7 @@ def texture() -> Tile:
 
 
 def plates(drawn: tuple[Plate, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-    """Pictures on plates, each at ever half as many pixels: values, and where each begins, its width and height."""
+    """Return the pictures of plates at successively halved sizes: values, and first index, width and height of each."""
     values, places, start = [np.zeros(0, np.uint8)], [], 0
     for plate in drawn:
         picture, levels = _picture(plate), []
@@ -244,7 +247,7 @@ def plates(drawn: tuple[Plate, ...]) -> tuple[NDArray[np.uint8], NDArray[np.int6
 
 
 def _picture(plate: Plate) -> Image.Image:
-    """The name; a painting without one hangs in a frame, and what has no name and no front is marked by a star."""
+    """Draw a plate: its name; a painting in a frame without a name; or a star without name and front."""
     image = Image.new("RGB", PLATE_PIXELS, plate.colour)
     pen = ImageDraw.Draw(image)
     width, height = PLATE_PIXELS
@@ -263,7 +266,7 @@ def _picture(plate: Plate) -> Image.Image:
 
 
 def _write(pen: ImageDraw.ImageDraw, text: str) -> None:
-    """Write a name as large as it fits, in a few lines at most."""
+    """Write a name as large as possible, in at most a few lines."""
     width, height = PLATE_PIXELS
     font_file = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans-Bold.ttf"
     for size in range(80, 14, -4):

@@ -1,4 +1,4 @@
-"""Videos all round: what the viewer of a trajectory sees, frame by frame, as MP4 or as PNG frames."""
+"""360 degree videos: the viewer's view along a trajectory, frame by frame, as MP4 or as PNG frames."""
 
 from __future__ import annotations
 
@@ -52,15 +52,15 @@ AXES = (
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A video to be made.
+    """Video to be made.
 
     problem
     planned  the trajectory
-    run      what the robot does of it
+    run      the executed trajectory
     rate     frames a second
     width    pixels
     workers  threads that draw
-    told     which trajectory of which front it is, JSON-able
+    told     description of the trajectory and its front, JSON-able
     """
 
     problem: Problem
@@ -92,24 +92,24 @@ class Clip:
 
     @property
     def count(self) -> int:
-        """How many frames there are, to the end of the executed trajectory."""
+        """Return the number of frames, to the end of the executed trajectory."""
         return int(self.run.duration * self.rate + 1e-9) + 1
 
     @property
     def times(self) -> list[float]:
-        """When each frame is seen, s: k / fps."""
+        """Return the times of the frames, s: k / fps."""
         return [k * self.rate.denominator / self.rate.numerator for k in range(self.count)]
 
     def frames(self) -> Iterator[Picture]:
-        """Yield frames in order, drawn side by side; a few at a time, however long the video is."""
+        """Yield frames in order, drawn in parallel, a few at a time."""
         drawn = panorama(self.problem, self.width)
         first, *others = self.times
-        yield draw_at(drawn, self.run, first)  # kernels are compiled here, where Ctrl-C is obeyed meanwhile
+        yield draw_at(drawn, self.run, first)  # compiles kernels, interruptible by Ctrl-C
         waiting: deque[Future[Picture]] = deque()
         with ThreadPoolExecutor(self.workers, "hpop-frame") as pool:
             try:
                 for t in others:
-                    with interrupts_held():  # for some frames: a lock of futures would be lost
+                    with interrupts_held():  # an interrupt would leave a lock of futures held
                         waiting.append(pool.submit(draw_at, drawn, self.run, t))
                         done = waiting.popleft().result() if len(waiting) > AHEAD * self.workers else None
                     if done is not None:
@@ -123,7 +123,7 @@ class Clip:
                     frame.cancel()
 
     def described(self, file: str) -> dict[str, Any]:
-        """Return the description beside the video: what was seen, and when."""
+        """Return the description beside the video: the trajectory, the axes, and the times."""
         heights = [camera_at(self.run, t).position[2] for t in (0.0, 0.5 * self.run.duration, self.run.duration)]
         return {
             "schema": "hpop-360",
@@ -157,10 +157,10 @@ def save_video(
     workers: int | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> Path:
-    """Write a video all round of a trajectory as it is executed; players know it to be so. Its path.
+    """Write a 360 degree video along the executed trajectory, with metadata for players, and return its path.
 
-    Frame k is, before it is encoded (H.264, in MP4), what `render_360` draws at k / fps, byte by byte. Beside it lies
-    ``NAME.mp4.json`` with axes, times of frames, row and costs of the trajectory, and what the front was.
+    Before encoding (H.264, in MP4), frame k equals the picture of `render_360` at k / fps. ``NAME.mp4.json`` beside it
+    has axes, times of frames, row and costs of the trajectory, and a description of the front.
 
     Parameters
     ----------
@@ -171,8 +171,8 @@ def save_video(
     workers : threads that draw; one for each core by default. The frames are the same with any
     progress : True shows a line on the terminal; a function is called with each frame
 
-    Raises OutputError where PyAV, the extra ``hpop[video]``, is missing, or the disk has too little room; nothing is
-    then written, and nothing stays after an interruption.
+    Raises OutputError if PyAV, the extra ``hpop[video]``, is missing, or the disk has too little room. After an error
+    or interruption no file remains.
     """
     clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
     av = _encoder()
@@ -206,9 +206,9 @@ def save_frames(
     workers: int | None = None,
     progress: ProgressCallback | bool | None = None,
 ) -> Path:
-    """Write the frames of a video, as `save_video` has them, as ``frame_00000.png``, ...: no other package is needed.
+    """Write the frames of `save_video` as ``frame_00000.png``, ..., without further packages.
 
-    The folder must be new or empty: it appears when all frames are there, with ``frames.json`` beside them. Its path.
+    The folder must be new or empty, and appears once all frames are written, with ``frames.json``. Returns its path.
     """
     clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
     target = Path(folder)
@@ -231,7 +231,7 @@ def save_frames(
 
 
 def _chosen(problem: Problem, of: Front | Trajectory, row: int | str | None) -> tuple[Trajectory, dict[str, Any]]:
-    """Return the trajectory, and what is told of it."""
+    """Return the trajectory, and its JSON-able description."""
     if not isinstance(of, Front):
         executed(of)
         if row is not None:
@@ -255,7 +255,7 @@ def _chosen(problem: Problem, of: Front | Trajectory, row: int | str | None) -> 
 
 
 def _encoder() -> Any:
-    """Return PyAV, or an error that says how to get it, or do without."""
+    """Return PyAV, or raise an error that tells how to install it or do without."""
     try:
         import av
     except ImportError as error:
@@ -288,7 +288,7 @@ def _tell(tell: ProgressCallback | None, done: int, count: int) -> None:
 
 @contextmanager
 def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
-    """Make a folder on a disk that has room for a clip; after any error those that were made are gone again."""
+    """Create a folder on a disk with enough room for a clip; after an error, created folders are removed."""
     made = [one for one in (folder, *folder.absolute().parents) if not one.exists()]
     needed = clip.count * clip.width * clip.width // 2 * per_pixel
     free = shutil.disk_usage(next(one for one in (folder, *folder.absolute().parents) if one.exists())).free
@@ -308,7 +308,7 @@ def _folder(folder: Path, clip: Clip, per_pixel: float) -> Iterator[None]:
 
 
 def _json(told: dict[str, Any]) -> bytes:
-    """Return an object as JSON, a line for each key: it has thousands of times."""
+    """Return an object as JSON with a line for each key, since it has thousands of times."""
     lines = (f" {json.dumps(key)}: {json.dumps(value, allow_nan=False)}" for key, value in told.items())
     return ("{\n" + ",\n".join(lines) + "\n}\n").encode()
 
@@ -318,7 +318,7 @@ def _written(target: Path) -> Iterator[None]:
     """Turn errors of writing into one message, and remove a partial file."""
     try:
         yield
-    except OutputError:  # which is whole
+    except OutputError:  # already complete
         raise
     except OSError as error:
         raise OutputError(f"cannot write {target}: {error.strerror or error}; nothing was written") from None

@@ -15,7 +15,7 @@ from hpop.errors import OptionError, OutputError, QueryError
 from hpop.view import render_360, save_360
 from hpop.view.ride.panorama import Panorama
 from hpop.view.ride.rows import arctangent
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from hpop.world import Track
 from hpop.world.content.content import Landmark, Person
 from tests.view.ride.oracle import angles, seen
@@ -41,7 +41,7 @@ def problem_of(world: hpop.World) -> hpop.Problem:
 
 
 def drawn(world: hpop.World, width: int) -> Panorama:
-    return Panorama(Scene.of(problem_of(world)), width)
+    return Panorama(ViewScene.of(problem_of(world)), width)
 
 
 @pytest.fixture(scope="module")

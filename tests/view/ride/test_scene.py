@@ -12,7 +12,7 @@ from hypothesis.extra.numpy import array_shapes, arrays
 import hpop
 from hpop.view.ride import surfaces
 from hpop.view.ride.columns import boxes
-from hpop.view.ride.scene import Scene
+from hpop.view.ride.scene import ViewScene
 from hpop.world import Box, Solid, pose_at
 from hpop.world.content.content import Landmark, Person, Zone
 
@@ -24,7 +24,7 @@ def problem_of(world: hpop.World, height: float = 1.2) -> hpop.Problem:
 
 
 @pytest.fixture(scope="module")
-def scene() -> Scene:
+def scene() -> ViewScene:
     world = hpop.World.from_polygons(
         [shapely.box(4, 0, 4.2, 5), (ROUND, (0.0, 0.8))], extent=shapely.box(0, 0, 9, 6)
     ).with_content(
@@ -32,7 +32,7 @@ def scene() -> Scene:
         landmarks=[Landmark(3, 5, facing=-math.pi / 2, name="owl"), Landmark(6.5, 3, z=0.5)],
         zones=[Zone("speed", shapely.box(0, 0, 2, 2), limit=0.3)],
     )
-    return Scene.of(problem_of(world))
+    return ViewScene.of(problem_of(world))
 
 
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=12)))
@@ -57,7 +57,7 @@ def test_rings_run_round_what_is_solid_on_their_left(scene):
 def test_what_has_no_end_is_a_storey_high_and_that_is_said(scene):
     assert [(prism.low, prism.high) for prism in scene.prisms] == [(0.0, 3.0), (0.0, 0.8)]
     assert any("3 m high" in note for note in scene.notes)
-    assert Scene.of(problem_of(hpop.World.from_polygons([shapely.box(4, 0, 5, 1)]), 3.2)).storey == 4.0
+    assert ViewScene.of(problem_of(hpop.World.from_polygons([shapely.box(4, 0, 5, 1)]), 3.2)).storey == 4.0
 
 
 def test_each_thing_has_a_number_of_its_own(scene):
@@ -92,7 +92,7 @@ def test_cells_lie_where_the_raster_has_them():
     occupied = np.zeros((6, 8), bool)
     occupied[2:4, 1:5] = occupied[5, 7] = True
     world = hpop.World.from_cells(occupied, 0.5, origin=(1.0, -2.0, 0.3))
-    scene = Scene.of(problem_of(world))
+    scene = ViewScene.of(problem_of(world))
     drawn = shapely.union_all([shapely.Polygon(box) for box in scene.cells.corners])
     assert drawn.symmetric_difference(world.ground.raster_solid()).area < 1e-12
     assert all(shapely.LinearRing(box).is_ccw for box in scene.cells.corners)
@@ -105,7 +105,7 @@ def test_cells_lie_where_the_raster_has_them():
 def test_a_solid_that_leans_is_described_as_it_is_and_said_to_be_drawn_as_a_prism():
     leans = Solid(Box((1.0, 0.2, 2.0)), pose_at((4, 4, 1), rpy=(0.3, 0, 0)), "ladder")
     stands = Solid(Box((1.0, 1.0, 1.0)), pose_at((6, 4, 0.5)), "crate")
-    scene = Scene.of(problem_of(hpop.World.from_solids([leans, stands])))
+    scene = ViewScene.of(problem_of(hpop.World.from_solids([leans, stands])))
     assert [prism.solid is None for prism in scene.prisms] == [False, True]
     assert scene.prisms[0].description()["solid"]["name"] == "ladder"
     assert any("ladder" in note and "crate" not in note for note in scene.notes)
