@@ -194,3 +194,20 @@ def test_what_is_copied_chooses_the_same_again(page: Page, front: hpop.Front) ->
         python.replace("import hpop", "").replace('hpop.Front.load("out/front.json")', "given"), {"given": front}, here
     )
     assert here["chosen"].costs.tolist() == chosen.costs.tolist()
+
+
+def test_words_are_explained_until_they_are_closed_for_good(
+    front: hpop.Front, opened: Watched, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    path = explored.written(seeded.problem(K), front, tmp_path_factory.mktemp("first") / "front.html")
+    page = opened(path)
+    hint = page.get_by_role("complementary", name="what the words on this page mean")
+    assert {"knee", "certificate"} <= set(hint.locator("dt").all_inner_texts())
+    assert "proven" in (page.locator(".about summary").get_attribute("title") or "")
+    page.get_by_role("button", name="Got it").click()
+    assert not hint.is_visible()
+    page.reload()
+    page.wait_for_function("() => window.hpop !== undefined")
+    assert not hint.is_visible()
+    page.keyboard.press("?")
+    assert page.get_by_role("dialog").locator("dt", has_text="knee").is_visible()
