@@ -11,8 +11,8 @@ from hpop.study.statistics.choices import Multinomial, Share, Strengths, bradley
 from hpop.study.statistics.pairs import Pair, wilcoxon
 from hpop.study.statistics.power import Power, power
 from hpop.study.statistics.scores import (
+    Comparison,
     Described,
-    DunnComparison,
     Independent,
     Related,
     adjusted,
@@ -24,8 +24,8 @@ from hpop.study.statistics.scores import (
 )
 
 __all__ = [
+    "Comparison",
     "Described",
-    "DunnComparison",
     "Independent",
     "Multinomial",
     "Pair",

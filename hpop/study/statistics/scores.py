@@ -164,7 +164,7 @@ class Independent:
 
 
 @dataclass(frozen=True)
-class DunnComparison:
+class Comparison:
     """Dunn's comparison of two groups.
 
     first, second  numbers of the groups
@@ -201,7 +201,7 @@ def kruskal(groups: Sequence[Any]) -> Independent:
 
 
 @checked_arguments
-def dunn(groups: Sequence[Any]) -> list[DunnComparison]:
+def dunn(groups: Sequence[Any]) -> list[Comparison]:
     """Return Dunn's comparisons of every two groups by their mean ranks among all scores, with ties.
 
     Dunn 1964, Technometrics 6, 241-252. Implemented here because libraries return p without z. For groups of equal size
@@ -217,7 +217,7 @@ def dunn(groups: Sequence[Any]) -> list[DunnComparison]:
     for first, second in combinations(range(len(kept)), 2):
         spread = np.sqrt(variance * (1 / len(kept[first]) + 1 / len(kept[second])))
         z = float((ranks[second].mean() - ranks[first].mean()) / spread) if spread else 0.0
-        found.append(DunnComparison(first, second, z, float(2 * stats.norm.sf(abs(z)))))
+        found.append(Comparison(first, second, z, float(2 * stats.norm.sf(abs(z)))))
     return found
 
 
