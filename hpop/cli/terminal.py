@@ -117,7 +117,7 @@ def user_errors(command: F) -> F:
         except MemoryError:
             code, text = HpopError.exit_code, "out of memory; take a larger step, fewer criteria, or set max_memory"
         except Exception as error:  # from the user's own code; without such code it is a bug and is shown
-            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_place(error)):
+            if not ((kwargs.get("imports") or kwargs.get("plugin")) and own_location(error)):
                 raise
             code, text = OwnCodeError.exit_code, own_failure("code of your own", error)
         echo(f"error: {text}", err=True)
