@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hpop import study as study
     from hpop import testing as testing
     from hpop import view as view
+    from hpop.batches.running import batch as batch
     from hpop.criteria.base import Criterion as Criterion
     from hpop.criteria.base import criterion as criterion
     from hpop.drive.script import follow as follow

@@ -21,6 +21,7 @@ from hpop import __version__, examples
 from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import listing, results
+from hpop.cli.batching import batch
 from hpop.cli.beside import LivePage, PicturesBeside
 from hpop.cli.driving import drive
 from hpop.cli.exporting import export, ros
@@ -191,6 +192,7 @@ def demo(context: click.Context, name: str, out: Path | None) -> None:
 
 
 main.add_command(show)
+main.add_command(batch)
 main.add_command(pick)
 main.add_command(prefer)
 main.add_command(ride)

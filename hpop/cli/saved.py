@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hpop.cli import results
+from hpop.cli.batching import is_batch, print_summary
 from hpop.cli.results import PAGE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, open_page, preference_option, user_errors, verbose_option
 from hpop.errors import OutputError
@@ -75,11 +76,18 @@ def show(
     verbose: bool,
     imports: tuple[str, ...],
 ) -> None:
-    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions."""
+    """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions.
+
+    Of a FOLDER that `hpop batch` wrote, print the summary.
+    """
+    from hpop.batches.results import Results
     from hpop.cli import picking, report, user_code
     from hpop.problems.verify import lost_trajectories, verify
 
     user_code.register(imports)
+    if is_batch(folder):
+        print_summary(Results(folder))
+        return
     path, front = loaded(folder)
     preference = picking.loaded_preference(person)
     problem = problem_of(path, front)

@@ -180,7 +180,7 @@ class Sweep(Generic[S, T, R]):
 
         def send(indices: range, worker: str | None = None) -> None:
             with interrupts_held():
-                future = self._submit([tasks[i] for i in indices], with_shared=worker is not None)
+                future = self.submit([tasks[i] for i in indices], with_shared=worker is not None)
                 if future is None:
                     lost.extend(indices)
                     return
@@ -226,8 +226,11 @@ class Sweep(Generic[S, T, R]):
     def _pickled_shared(self) -> bytes:
         return pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
 
-    def _submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
-        """Submit tasks to the executor; return None if it takes no more."""
+    def submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
+        """Submit tasks to the executor and return their future; None if it takes no more.
+
+        The future gives the worker's name and the results; None in place of the results where the shared data have not arrived.
+        """
         if self.executor is None:
             return None
         try:
@@ -394,3 +397,37 @@ def dask(address: str) -> Iterator[Executor]:
         ) from None
     with client:
         yield _Cluster(client)
+
+
+class _RayCluster(Executor):
+    """The workers of a Ray cluster, each with one processor."""
+
+    def __init__(self, library: Any) -> None:
+        self._library = library
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        future: Future[T] = self._library.remote(fn).remote(*arguments, **named).future()
+        return future
+
+
+@contextmanager
+def ray(address: str) -> Iterator[Executor]:
+    """Connect to a Ray cluster, such as ``host:6379`` or ``auto``, with hpop installed on its machines.
+
+    Raises OptionError where Ray is not installed, or no cluster answers.
+    """
+    try:
+        library: Any = import_module("ray")
+    except ImportError as error:
+        raise OptionError(f"a Ray cluster needs the extra hpop[ray] ({error}); pip install 'hpop[ray]'") from None
+    try:
+        library.init(address=address, log_to_driver=False, logging_level="ERROR")
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise OptionError(
+            f"no Ray cluster answers at {address!r} ({error}); start one with `ray start --head`, which says its "
+            "address"
+        ) from None
+    try:
+        yield _RayCluster(library)
+    finally:
+        library.shutdown()

@@ -37,6 +37,7 @@ Every choice is one name with its parameters; paths are relative to the scenario
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -110,7 +111,14 @@ def load_scenario(path: str | Path) -> Scenario:
     OptionError, QueryError); faults of the file's form, or of several kinds, as ScenarioError. Then follow MapError for
     the world, and LimitError if reading it passes the limits of all planners.
     """
-    document = Document(Path(path))
+    return read_scenario(Document(Path(path)), {})
+
+
+def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
+    """Check and build the scenario of a document; see :func:`load_scenario`.
+
+    ``worlds`` keeps each world that was read by the text of its section: scenarios with equal sections share it.
+    """
     given, faults = document.values, Faults(document)
     faults.no_map()
     reader = _plugin_reader(given.get("world"))
@@ -155,11 +163,14 @@ def load_scenario(path: str | Path) -> Scenario:
     folder, spending = document.path.parent, common_spending(chosen)
     given_as = reader or next(name for name, value in file.world if value is not None)
     with faults.collected(("world", given_as)), _reading(spending):
-        bare = (
-            _bare_world(file.world, folder, cast(list[Solid], solids))
-            if reader is None or to_read is None
-            else read_world(reader, folder / to_read.path, **to_read.model_extra)
-        )
+        section = json.dumps(given.get("world"), sort_keys=True)
+        if section not in worlds:
+            worlds[section] = (
+                _bare_world(file.world, folder, cast(list[Solid], solids))
+                if reader is None or to_read is None
+                else read_world(reader, folder / to_read.path, **to_read.model_extra)
+            )
+        bare = worlds[section]
         world = _with_notes(_furnished(bare, file.world, folder, content), tuple(faults.notes))
     read_seconds = spending.seconds()
     faults.raise_all()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
 
+from hpop.base.arrays import copied
 from hpop.base.files import read_regular
 from hpop.base.text import printable, shown
 from hpop.errors import ScenarioError
@@ -54,6 +56,16 @@ class Document:
                 None,
                 f"expected keys with values, such as `goal: [9, 2]`, got {_got(self.values)}",
             )
+
+    def with_values(self, values: dict[str, Any], sources: Mapping[Place, Place] | None = None) -> Document:
+        """Return the document with other values; ``sources`` say which lines the values of some places come from."""
+        lines = dict(self._lines)
+        for place, source in (sources or {}).items():
+            lines = {key: line for key, line in lines.items() if key[: len(place)] != place}
+            for depth in range(1, len(place)):
+                lines.setdefault(place[:depth], self.line(source))
+            lines[place] = self.line(source)
+        return copied(self, values=values, _lines=lines)
 
     def where(self, place: Place) -> str:
         """Return file, line and dotted key of a position, or of its nearest parent in the file."""

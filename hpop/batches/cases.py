@@ -1,0 +1,325 @@
+"""Cases of a batch, each a problem with its planners: from a specification file, or from problems in Python."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import itertools
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import yaml
+
+from hpop.base.lazy import library
+from hpop.base.text import shown
+from hpop.errors import HpopError, OptionError, QueryError, ScenarioError
+from hpop.planners.base import Planner, PlannerSpec, make_planner
+from hpop.problems.front import question_of
+from hpop.problems.problem import Problem
+from hpop.scenario import Scenario, read_scenario
+from hpop.scenario.yaml_lines import Document, Place
+from hpop.world import World
+
+VARY, TABLE = "vary", "table"
+MOST_CASES = 200_000
+LETTERS = 16  # hexadecimal digits of an identifier
+ENDS = ("start", "goal")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One problem with the planners that solve it together.
+
+    number   place in the batch, from 0
+    id       digest of the problem and its planners: known again when the batch is resumed
+    problem  digest of the problem alone, shared by the cases that compare planners on it
+    world    digest of all but ends and planners: cases that have it in common are solved one after the other
+    planner  label, such as ``lattice(step=0.5)``
+    values   what varies, by dotted key; a name under ``name``
+    """
+
+    number: int
+    id: str
+    problem: str
+    world: str
+    planner: str
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Cases(Protocol):
+    """The cases of a batch, and how to build the problem of each."""
+
+    def __len__(self) -> int:
+        """Return the number of cases."""
+        ...
+
+    def __iter__(self) -> Iterator[Case]:
+        """Yield the cases in their order."""
+        ...
+
+    def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
+        """Return the problem and the planners of a case; raises HpopError where they make no sense."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Specification:
+    """A scenario file with keys that vary: every combination of their values is a case.
+
+    ::
+
+        world: {geojson: {path: museum.geojson}}
+        criteria: [exposure, turns, length]
+        table: pairs.csv                       # columns such as start.x and goal.x: a row varies several keys
+        vary:
+          planner: [lattice, {roadmap: {samples: 500}}]
+          world.geojson.path: maps/*.geojson   # a pattern of files, from the folder of the file
+          model.differential_drive.radius: [0.2, 0.3]
+    """
+
+    document: Document
+    axes: tuple[tuple[Mapping[str, Any], ...], ...]
+    _worlds: dict[str, World] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Specification:
+        """Read a specification; raises ScenarioError for keys and values that make none."""
+        document = Document(Path(path))
+        values = dict(document.values)
+        vary, table = values.pop(VARY, {}), values.pop(TABLE, None)
+        folder = document.path.parent
+        if not isinstance(vary, dict) or not (vary or table):
+            raise ScenarioError(
+                f"{document.where((VARY,))}: expected keys with lists of values, such as `planner: [lattice, "
+                f"roadmap]`, or a table of starts and goals; got {shown(vary)}. `hpop plan` plans a single scenario"
+            )
+        axes = [
+            tuple({str(key): value} for value in _values(document, str(key), given, folder))
+            for key, given in vary.items()
+        ]
+        if table is not None:
+            axes.insert(0, _rows(document, table, folder))
+        specification = cls(document.with_values(values), tuple(axes))
+        if len(specification) > MOST_CASES:
+            raise ScenarioError(f"{path}: {len(specification):,} combinations, more than {MOST_CASES:,}; vary less")
+        specification.check()
+        return specification
+
+    def __len__(self) -> int:
+        return math.prod(map(len, self.axes))
+
+    def __iter__(self) -> Iterator[Case]:
+        for number, chosen in enumerate(itertools.product(*self.axes)):
+            values = {key: value for part in chosen for key, value in part.items()}
+            given = self._scenario(values)
+            planner = given.get("planner")
+            question = {key: value for key, value in given.items() if key != "planner"}
+            world = {key: value for key, value in question.items() if key not in ENDS}
+            yield Case(number, digest(given), digest(question), digest(world), label(planner), values)
+
+    def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
+        """Return the problem and the planners of a case; raises HpopError where they make no sense."""
+        scenario = self._built(case.values)
+        return scenario.problem, scenario.planners
+
+    def check(self) -> None:
+        """Build the scenario with each value that varies once, so that a wrong one is told before anything is planned.
+
+        Starts and goals that cannot be are told later, in the row of their case.
+        """
+        first = {key: value for axis in self.axes for key, value in axis[0].items()}
+        for axis in self.axes:
+            of_table = len(axis[0]) > 1
+            for part in axis[:1] if of_table else axis:
+                try:
+                    self._built({**first, **part})
+                except QueryError:
+                    if not any(key.split(".")[0] in ENDS for key in first):
+                        raise
+
+    def _built(self, values: Mapping[str, Any]) -> Scenario:
+        sources = {_place(key): (VARY, key) if (VARY, key) in self.document else (TABLE,) for key in values}
+        return read_scenario(self.document.with_values(self._scenario(values), sources), self._worlds)
+
+    def _scenario(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the scenario's mapping with values in the places of their dotted keys."""
+        scenario: dict[str, Any] = json.loads(self._text)
+        for key in ENDS:
+            if any(name.startswith(f"{key}.") for name in values):
+                scenario[key] = {}
+        for key, value in values.items():
+            _set(self.document, scenario, key.split("."), value)
+        return scenario
+
+    @cached_property
+    def _text(self) -> str:
+        return json.dumps(self.document.values)
+
+
+def _place(key: str) -> Place:
+    """Return the place in the scenario of a dotted key."""
+    return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
+
+
+def _set(document: Document, into: Any, keys: Sequence[str], value: Any) -> None:
+    """Set the value under a path of keys; a name such as ``lattice`` becomes ``{lattice: {}}`` on the way."""
+    here, place = into, ".".join(keys)
+    for key, following in itertools.pairwise(keys):
+        index: Any = int(key) if isinstance(here, list) and key.isdecimal() else key
+        try:
+            inner = here.get(index) if isinstance(here, dict) else here[index]
+        except (LookupError, TypeError):
+            raise ScenarioError(f"{document.where((VARY,))}: {place}: there is no {key!r} to vary in") from None
+        if inner is None or inner == following:
+            inner = {} if inner is None else {following: {}}
+        if not isinstance(inner, dict | list):
+            raise ScenarioError(
+                f"{document.where((VARY,))}: {place} varies a part of {key!r}, which is {shown(inner)}; write it as "
+                f"{{{following}: ...}}, or vary {key!r} as a whole"
+            )
+        here[index] = inner
+        here = inner
+    last: Any = int(keys[-1]) if isinstance(here, list) and keys[-1].isdecimal() else keys[-1]
+    try:
+        here[last] = value
+    except (LookupError, TypeError):
+        raise ScenarioError(f"{document.where((VARY,))}: {place}: there is no {keys[-1]!r} to vary") from None
+
+
+def _values(document: Document, key: str, given: Any, folder: Path) -> Sequence[Any]:
+    """Return the values of a key that varies: a list, or the files of a pattern."""
+    if isinstance(given, str) and glob.has_magic(given):
+        files = sorted(glob.glob(given, root_dir=folder, recursive=True))
+        if not files:
+            raise ScenarioError(f"{document.where((VARY, key))}: no file matches {given!r} in {folder}")
+        return files
+    if not isinstance(given, list) or not given:
+        raise ScenarioError(
+            f"{document.where((VARY, key))}: expected a list of values, or a pattern of files such as "
+            f"maps/*.geojson; got {shown(given)}"
+        )
+    return given
+
+
+def _rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[str, Any], ...]:
+    """Return the rows of a table (.csv or .parquet), each with values by dotted key; an empty cell varies nothing."""
+    where = document.where((TABLE,))
+    if not isinstance(given, str) or not given.endswith((".csv", ".parquet")):
+        raise ScenarioError(f"{where}: expected a .csv or .parquet file, got {shown(given)}")
+    try:
+        if given.endswith(".csv"):
+            rows = _csv_rows(folder / given)
+        else:
+            rows = library("pyarrow.parquet", "a Parquet table").read_table(folder / given).to_pylist()
+    except OSError as error:
+        raise ScenarioError(f"{where}: cannot read {given}: {error.strerror or error}") from None
+    except (ValueError, yaml.YAMLError) as error:
+        raise ScenarioError(f"{where}: {given}: {error}") from None
+    cells = tuple({key: value for key, value in row.items() if value is not None} for row in rows)
+    if not cells:
+        raise ScenarioError(f"{where}: {given} has no rows")
+    return cells
+
+
+def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    import csv
+
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        reader = csv.reader(file)
+        header = [name.strip() for name in next(reader, [])]
+        if not header or not all(header) or len(set(header)) < len(header):
+            raise ValueError("its first line must have a name for each column, each once, such as start.x")
+        rows = []
+        for cells in reader:
+            if len(cells) != len(header):
+                raise ValueError(f"line {reader.line_num} has {len(cells)} cells for {len(header)} columns")
+            rows.append({name: yaml.safe_load(cell) for name, cell in zip(header, cells, strict=True)})
+        return rows
+
+
+@dataclass(frozen=True, eq=False)
+class OfProblems:
+    """Problems of Python, each solved by each of several planners."""
+
+    problems: Sequence[tuple[str, Problem]]
+    planners: Sequence[tuple[str, Planner]]
+
+    @classmethod
+    def of(
+        cls,
+        problems: Iterable[Problem] | Mapping[str, Problem],
+        planners: PlannerSpec | Sequence[PlannerSpec] | Mapping[str, PlannerSpec],
+    ) -> OfProblems:
+        """Return problems and planners with their names."""
+        named = problems.items() if isinstance(problems, Mapping) else (("", problem) for problem in problems)
+        found = [(str(name), problem) for name, problem in named]
+        wrong = next((problem for _, problem in found if not isinstance(problem, Problem)), None)
+        if wrong is not None or not found:
+            raise OptionError(f"problems are hpop.Problem objects, at least one; got {shown(wrong or found)}")
+        if isinstance(planners, Mapping) and not _is_spec(planners):
+            return cls(found, [(str(name), make_planner(spec)) for name, spec in planners.items()])
+        single = isinstance(planners, str | Mapping) or not isinstance(planners, Sequence)
+        specs: Sequence[Any] = [planners] if single else planners  # type: ignore[assignment]
+        return cls(found, [(label(spec), make_planner(spec)) for spec in specs])
+
+    def __len__(self) -> int:
+        return len(self.problems) * len(self.planners)
+
+    def __iter__(self) -> Iterator[Case]:
+        for row, (name, problem) in enumerate(self.problems):
+            described = question_of(problem.describe())
+            question = digest(described)
+            world = digest({key: value for key, value in described.items() if key not in ENDS})
+            for column, (label, planner) in enumerate(self.planners):
+                number = row * len(self.planners) + column
+                yield Case(number, digest([question, repr(planner)]), question, world, label, {"name": name})
+
+    def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
+        """Return the problem and the planner of a case."""
+        row, column = divmod(case.number, len(self.planners))
+        return self.problems[row][1], (self.planners[column][1],)
+
+
+def _is_spec(planners: Mapping[str, Any]) -> bool:
+    """Return whether a mapping is one planner with its options, not planners by label."""
+    try:
+        make_planner(planners)
+    except HpopError:
+        return False
+    return True
+
+
+def digest(value: Any) -> str:
+    """Return the identifier of a value of JSON."""
+    text = json.dumps(value, sort_keys=True, default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
+
+
+def label(planner: Any) -> str:
+    """Return the label of a planner, or of several that plan together.
+
+    >>> label({"lattice": {"step": 0.5}}), label(["lattice", "roadmap"]), label(None)
+    ('lattice(step=0.5)', 'lattice + roadmap', 'lattice')
+    """
+    if planner is None:
+        return "lattice"
+    if isinstance(planner, str):
+        return planner
+    if isinstance(planner, list | tuple):
+        return " + ".join(map(label, planner))
+    if isinstance(planner, Mapping) and len(planner) == 1:
+        ((name, options),) = planner.items()
+        if not options:
+            return str(name)
+        return f"{name}({', '.join(f'{key}={value}' for key, value in options.items())})"
+    given = {
+        f.name: value
+        for f in (fields(planner) if hasattr(planner, "__dataclass_fields__") else ())
+        if f.init and (value := getattr(planner, f.name)) != f.default
+    }
+    return label({getattr(planner, "name", type(planner).__name__): given})

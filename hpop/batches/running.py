@@ -1,0 +1,369 @@
+"""Runs the cases of a batch here, in processes, or on Dask or Ray; writes each result as it comes.
+
+A world goes once to each worker. A worker that dies costs the case that killed it, which gets a row with the error;
+cases that merely were at work then are solved again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import resource
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+
+from hpop.base.options import MOST_WORKERS, whole
+from hpop.batches.cases import Case, Cases, OfProblems, Specification
+from hpop.batches.results import Results, Writer
+from hpop.criteria.base import Criterion
+from hpop.errors import HpopError, OptionError, OutputError
+from hpop.motions import Model
+from hpop.planners.base import Planner, PlannerSpec
+from hpop.problems.front import Front
+from hpop.problems.problem import Problem
+from hpop.runtime.interrupts import interrupts_held
+from hpop.runtime.status import Status
+from hpop.runtime.sweep import Sweep, processes
+from hpop.world import World
+
+SLOTS = 32  # cases handed at once to an executor that does not say how many workers it has
+POLL = 0.1  # s between two looks at Ctrl-C
+LOST = "the workers are out of reach; what is finished is saved, and running it again goes on from there"
+DIED = "the worker that solved it died: it was killed, ran out of memory or crashed"
+VERSIONS = "; ".join([f"hpop {version('hpop')}", f"numpy {version('numpy')}", f"python {platform.python_version()}"])
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What the cases of one world, robot and list of criteria have in common; goes once to each worker."""
+
+    world: World
+    model: Model
+    criteria: tuple[Criterion, ...]
+    quanta: Mapping[str, float]
+    horizon: float | None
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a case adds to what it shares: the ends of its problem, and its planners."""
+
+    start: tuple[float, ...]
+    goal: Any
+    planners: tuple[Planner, ...]
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a batch is: cases done of all, failures among them, and seconds since it began and until its end."""
+
+    done: int
+    count: int
+    failed: int
+    seconds: float
+    left: float
+
+
+def solve(shared: Shared, task: Task) -> list[dict[str, Any]]:
+    """Solve a case: return its rows, one a trajectory, or one that says why there is none.
+
+    An error of the problem, the planner or the user's own code becomes the ``error`` of the row. Empty after Ctrl-C.
+    """
+    wall, processor = time.perf_counter(), time.process_time()
+    front: Front | None = None
+    error = None
+    try:
+        problem = Problem(
+            shared.world,
+            shared.model,
+            task.start,
+            task.goal,
+            shared.criteria,
+            quanta=shared.quanta,
+            horizon=shared.horizon,
+        )
+        for front in problem.fronts(task.planners):
+            if Status.INTERRUPTED in front.status:
+                return []
+    except Exception as failure:  # a row tells it; the batch goes on
+        error = f"{type(failure).__name__}: {failure}"
+    common = {
+        "status": "error" if error is not None or front is None else front.status,
+        "error": error,
+        "seconds": time.perf_counter() - wall,
+        "processor_seconds": time.process_time() - processor,
+        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "seed": next((seed for p in task.planners if isinstance(seed := getattr(p, "seed", None), int)), None),
+        "versions": VERSIONS,
+    }
+    if front is None or error is not None:
+        return [common]
+    runs = [run for run in front.runs if isinstance(run, Mapping)]
+    common |= {
+        "certificate": front.certificate,
+        "points": len(front),
+        "labels": sum(int(run.get("labels_generated", 0)) for run in runs),
+        "units": dict(zip(front.names, front.units, strict=True)),
+    }
+    if not len(front):
+        return [common]
+    return [
+        {
+            **common,
+            "row": point.index,
+            "costs": {**point.costs, **point.reported},
+            "provenance": json.dumps(point.provenance, default=str),
+            "trajectory": json.dumps(point.trajectory.describe()),
+        }
+        for point in front
+    ]
+
+
+def batch(
+    problems: str | Path | Iterable[Problem] | Mapping[str, Problem],
+    planners: PlannerSpec | Sequence[PlannerSpec] | Mapping[str, PlannerSpec] = "lattice",
+    *,
+    out: str | Path,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[Progress], None] | None = None,
+) -> Results:
+    """Solve many problems, and keep their results in one Parquet data set.
+
+    Each result is written as it comes: after Ctrl-C, kill -9 or a power cut, call it again with the same ``out``, and
+    it goes on with the cases that have no row yet. A case that fails is a row with its error.
+
+    Parameters
+    ----------
+    problems : of Python, by name or not; or the path of a specification (a scenario with ``vary`` or ``table``), whose
+        own planners count
+    planners : each solves each problem by itself; a list, or by label
+    out : folder of the results; created if need be
+    workers : processes on this machine
+    executor : workers elsewhere, such as :func:`hpop.runtime.sweep.dask` gives
+    progress : called after each case
+
+    Raises OptionError where both or wrong workers are given, ScenarioError for a wrong specification, ImportError
+    without the extra hpop[tables].
+
+    >>> import hpop, shapely, tempfile
+    >>> world = hpop.World.from_polygons([shapely.box(3, 0, 4, 3)], extent=shapely.box(0, 0, 8, 6))
+    >>> robot = hpop.DifferentialDrive(radius=0.3)
+    >>> problems = [hpop.Problem(world, robot, (1, 1, 0), (7, y, None), ["turns", "length"]) for y in (1, 5)]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     results = hpop.batch(problems, {"lattice": {"step": 1.0}}, out=folder)
+    ...     results.table(["case", "row", "cost_turns"]).to_pydict()
+    {'case': [0, 0, 1, 1], 'row': [0, 1, 0, 1], 'cost_turns': [2.0, 3.0, 1.0, 2.0]}
+    """
+    if workers is not None and executor is not None:
+        raise OptionError("give workers or an executor, not both")
+    if isinstance(problems, str | Path):
+        cases: Cases = Specification.load(problems)
+    else:
+        cases = OfProblems.of(problems, planners)
+    run(cases, Path(out), workers=workers, executor=executor, progress=progress)
+    return Results(out)
+
+
+def run(
+    cases: Cases,
+    out: Path,
+    *,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    again: bool = False,
+) -> None:
+    """Solve the cases that have no row in a folder yet; with ``again`` those too whose row is an error."""
+    listed = list({case.id: case for case in cases}.values())  # a case that is given twice is solved once
+    with Writer(out, again=again) as writer:
+        order = {world: place for place, world in enumerate(dict.fromkeys(case.world for case in listed))}
+        open_cases = sorted((case for case in listed if case.id not in writer.done), key=lambda case: order[case.world])
+        begin, failed, done = time.monotonic(), 0, 0
+
+        def tell() -> None:
+            seconds = time.monotonic() - begin
+            left = seconds / done * (len(open_cases) - done) if done else math.nan
+            if progress is not None:
+                progress(Progress(len(listed) - len(open_cases) + done, len(listed), failed, seconds, left))
+
+        tell()
+        with Workers(workers, executor) as pool:
+            for case, rows in pool.solved(_jobs(cases, open_cases)):
+                writer.write(case, rows)
+                done += 1
+                failed += rows[0]["error"] is not None
+                tell()
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """A case at work: what it shares with others, and what it adds; or its row, where no problem can be built."""
+
+    case: Case
+    shared: Shared | None = None
+    task: Task | None = None
+    row: Mapping[str, Any] | None = None
+
+
+def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
+    """Yield the jobs of cases; those of one world share it."""
+    known: tuple[str, Shared] | None = None
+    for case in listed:
+        try:
+            problem, planners = cases.build(case)
+        except HpopError as error:
+            yield Job(case, row=_failed(f"{type(error).__name__}: {error}"))
+            continue
+        world = problem.world
+        if known is not None and known[0] == case.world:
+            common = known[1].world
+            shared = known[1]
+            if world.ground is not common.ground or world.content != common.content:
+                shared = replace(shared, world=world)  # a person who touches the robot at its start is another one
+        else:
+            shared = Shared(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
+            known = case.world, shared
+        yield Job(case, shared, Task(problem.start, problem.goal, planners))
+
+
+def _failed(error: str) -> dict[str, Any]:
+    return {"status": "error", "error": error, "versions": VERSIONS}
+
+
+Rows = list[dict[str, Any]]
+
+
+class Workers:
+    """The workers of a batch: processes of this machine, an executor, or this process."""
+
+    def __init__(self, workers: int | None, executor: Executor | None) -> None:
+        self._count = 1 if workers is None else whole("workers", workers, 1, MOST_WORKERS, "a number of processes")
+        self._executor = executor
+        self._slots = SLOTS if executor is not None else self._count
+        self._owned = False
+        self._ended: SimpleQueue[Future[Any]] = SimpleQueue()
+        self._pending: dict[Future[Any], Job] = {}
+        self._sweep: tuple[Shared, Sweep[Shared, Task, Rows]] | None = None
+        self._sweeps = ExitStack()
+
+    def __enter__(self) -> Workers:
+        if self._executor is None and self._count > 1:
+            self._executor, self._owned = processes(self._count), True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        with interrupts_held():
+            for future in self._pending:
+                future.cancel()
+            self._sweeps.close()
+            if self._owned and self._executor is not None:
+                self._executor.shutdown(wait=True, cancel_futures=True)
+
+    def solved(self, jobs: Iterator[Job]) -> Iterator[tuple[Case, Rows]]:
+        """Yield each case with its rows as it is finished; raises KeyboardInterrupt after Ctrl-C."""
+        if self._executor is None:
+            for job in jobs:
+                rows = [dict(job.row)] if job.row is not None else solve(job.shared, job.task)
+                if not rows:
+                    raise KeyboardInterrupt
+                yield job.case, rows
+            return
+        while True:
+            while len(self._pending) < self._slots and (job := next(jobs, None)) is not None:
+                if job.row is not None:
+                    yield job.case, [dict(job.row)]
+                else:
+                    self._send(job)
+            if not self._pending:
+                return
+            yield from self._collected()
+
+    def _collected(self) -> Iterator[tuple[Case, Rows]]:
+        """Yield what has ended since; where a process of the pool died, solve each case at work alone."""
+        try:
+            future = self._ended.get(timeout=POLL)
+        except Empty:
+            return
+        job = self._pending.pop(future, None)
+        if job is None:
+            return
+        try:
+            rows = self._rows(future, job)
+        except BrokenExecutor as error:
+            if not self._owned:
+                raise OutputError(f"{LOST} ({error})") from None
+            at_work = [job, *self._pending.values()]
+            self._pending.clear()
+            for each in at_work:
+                yield each.case, self._alone(each)
+            return
+        if rows is not None:
+            yield job.case, rows
+
+    def _alone(self, job: Job) -> Rows:
+        """Solve a case in a pool where nothing else is at work, so that its death is its own."""
+        self._renew()
+        while True:
+            self._send(job)
+            (future,) = self._pending
+            while not future.done():
+                with suppress(Empty):
+                    self._ended.get(timeout=POLL)
+            self._pending.clear()
+            try:
+                rows = self._rows(future, job)
+            except BrokenExecutor:
+                self._renew()
+                return [_failed(DIED)]
+            if rows is not None:
+                return rows
+            self._pending.clear()
+
+    def _renew(self) -> None:
+        with interrupts_held():
+            assert self._executor is not None
+            self._executor.shutdown(wait=True, cancel_futures=True)
+            self._sweeps.close()
+            self._sweep = None
+            self._ended = SimpleQueue()
+            self._executor = processes(self._count)
+
+    def _rows(self, future: Future[Any], job: Job) -> Rows | None:
+        """Return the rows of a case; None where its worker lacked what cases share, which is sent now."""
+        try:
+            with interrupts_held():
+                _, results = future.result()
+        except BrokenExecutor:
+            raise
+        except CancelledError as error:
+            raise OutputError(f"{LOST} ({type(error).__name__})") from None
+        except Exception as error:  # of the executor: a worker of Dask that died again and again, ...
+            return [_failed(f"the worker failed: {type(error).__name__}: {error}")]
+        if results is None:
+            self._send(job, with_shared=True)
+            return None
+        rows: Rows = results[0]
+        return rows
+
+    def _send(self, job: Job, *, with_shared: bool = False) -> None:
+        """Hand a case to the executor."""
+        assert job.shared is not None
+        assert job.task is not None
+        if self._sweep is None or self._sweep[0] is not job.shared:
+            sweep = self._sweeps.enter_context(Sweep(solve, job.shared, self._executor))
+            self._sweep = job.shared, sweep
+        with interrupts_held():
+            future = self._sweep[1].submit([job.task], with_shared=with_shared)
+            if future is None:
+                raise OutputError(f"{LOST} ({'; '.join(self._sweep[1].notes)})")
+            self._pending[future] = job
+            future.add_done_callback(self._ended.put)

@@ -1,0 +1,113 @@
+"""``hpop batch``: many problems by several planners, with one Parquet data set of results, and their summary."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+
+import click
+
+from hpop.base.options import MOST_WORKERS
+from hpop.base.text import argument
+from hpop.cli import results
+from hpop.cli.terminal import INTERRUPTED, echo, imports_option, user_errors
+from hpop.errors import OutputError
+from hpop.runtime import status
+
+# Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
+
+FIGURE = "summary.png"
+FAILED = 1
+
+
+@click.command()
+@click.argument("spec", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Folder of the results; out/SPEC by default.")
+@click.option("--workers", type=click.IntRange(1, MOST_WORKERS), help="Processes on this machine; 1 by default.")
+@click.option("--dask", metavar="ADDRESS", help="Dask scheduler, such as tcp://host:8786.")
+@click.option("--ray", metavar="ADDRESS", help="Ray cluster, such as host:6379, or auto for one on this machine.")
+@click.option("--again", is_flag=True, help="Also solve again the cases that ended with an error.")
+@imports_option
+@user_errors
+def batch(
+    spec: Path,
+    out: Path | None,
+    workers: int | None,
+    dask: str | None,
+    ray: str | None,
+    again: bool,
+    imports: tuple[str, ...],
+) -> None:
+    """Solve every combination of a SPEC, a scenario file with keys that vary, and summarise the results.
+
+    Results are kept as they come: run the same command again after Ctrl-C or a crash, and it goes on.
+    """
+    from hpop.batches.cases import Specification
+    from hpop.batches.results import Results
+    from hpop.batches.running import Progress, run
+    from hpop.batches.summary import left_text
+    from hpop.cli import user_code
+    from hpop.runtime import sweep
+
+    if sum(given is not None for given in (workers, dask, ray)) > 1:
+        raise click.UsageError("give one of --workers, --dask and --ray")
+    user_code.register(imports)
+    out = out or Path("out", spec.stem)
+    results.check_writable(out)
+    cases = Specification.load(spec)
+    last: Progress | None = None
+    with ExitStack() as stack:
+        stack.enter_context(results.held(out))
+        executor = None
+        if dask is not None:
+            executor = stack.enter_context(sweep.dask(dask))
+        elif ray is not None:
+            executor = stack.enter_context(sweep.ray(ray))
+        bar = stack.enter_context(status.progress_bar())
+
+        def tell(progress: Progress) -> None:
+            nonlocal last
+            if last is None and progress.done:
+                echo(f"going on: {out} has {progress.done:,} of {progress.count:,} cases")
+            last = progress
+            failures = f", {progress.failed:,} with an error" if progress.failed else ""
+            detail = f"{progress.done:,} of {progress.count:,} cases{failures}{left_text(progress.left)}"
+            bar(status.Progress("solved", detail=detail))
+
+        try:
+            run(cases, out, workers=workers, executor=executor, progress=tell, again=again)
+        except KeyboardInterrupt:
+            done = f"{last.done:,} of {last.count:,} cases are" if last is not None else "what was finished is"
+            echo(f"interrupted: {done} saved in {out}; the same command goes on", err=True)
+            sys.exit(INTERRUPTED)
+    errors = print_summary(Results(out))
+    if errors:
+        echo(
+            f"note: {errors:,} of {len(cases):,} cases ended with an error, told in the column `error`; "
+            f"`hpop batch {argument(spec)} --out {argument(out)} --again` solves them again",
+            err=True,
+        )
+
+
+def is_batch(folder: Path) -> bool:
+    """Return whether a folder holds the results of a batch, and no front."""
+    return (folder / "results").is_dir() and not (folder / results.SAVED).exists()
+
+
+def print_summary(found: object) -> int:
+    """Print the summary of a batch, draw its figure beside the results, and return the number of errors."""
+    from hpop.batches.results import FOLDER, Results
+    from hpop.batches.summary import summaries, summary_lines
+    from hpop.view.batch import draw_batch
+
+    assert isinstance(found, Results)
+    of = summaries(found)
+    if not of:
+        raise OutputError(f"{found.folder} holds no rows yet; run `hpop batch` again to go on")
+    for line in summary_lines(of):
+        echo(line)
+    with results.output_errors(f"cannot write to {found.folder}", "choose another --out"):
+        draw_batch(of, found.folder / FIGURE)
+    echo(f"written to {found.folder}: {FOLDER}/*.parquet, {FIGURE}")
+    return sum(each.counts.get("error", 0) for each in of)
