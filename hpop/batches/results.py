@@ -1,4 +1,4 @@
-"""Results of a batch: a folder with one Parquet data set, a row a trajectory, and a journal of what is not in it yet.
+"""Results of a batch: a folder with one Parquet data set, a row a trajectory, and a journal of the newest rows.
 
 The journal gets a line a case, on the disk before the next case counts as done; from time to time, and at the end, its
 lines become a Parquet file of their own. So a batch that is killed loses at most the cases at work.

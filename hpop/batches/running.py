@@ -42,8 +42,8 @@ VERSIONS = "; ".join([f"hpop {version('hpop')}", f"numpy {version('numpy')}", f"
 
 
 @dataclass(frozen=True)
-class Shared:
-    """What the cases of one world, robot and list of criteria have in common; goes once to each worker."""
+class Setting:
+    """World, robot and criteria that several cases have in common; sent once to each worker."""
 
     world: World
     model: Model
@@ -53,8 +53,8 @@ class Shared:
 
 
 @dataclass(frozen=True)
-class Task:
-    """What a case adds to what it shares: the ends of its problem, and its planners."""
+class CaseTask:
+    """Start, goal and planners of a case: the parts that its setting lacks."""
 
     start: tuple[float, ...]
     goal: Any
@@ -62,8 +62,13 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Progress:
-    """How far a batch is: cases done of all, failures among them, and seconds since it began and until its end."""
+class BatchProgress:
+    """Progress of a batch.
+
+    done, count    cases that have rows, of all
+    failed         cases that ended with an error since the batch began
+    seconds, left  s  since the batch began, and until its end by estimate: nan as long as nothing is known
+    """
 
     done: int
     count: int
@@ -72,7 +77,7 @@ class Progress:
     left: float
 
 
-def solve(shared: Shared, task: Task) -> list[dict[str, Any]]:
+def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
     """Solve a case: return its rows, one a trajectory, or one that says why there is none.
 
     An error of the problem, the planner or the user's own code becomes the ``error`` of the row. Empty after Ctrl-C.
@@ -134,7 +139,7 @@ def batch(
     out: str | Path,
     workers: int | None = None,
     executor: Executor | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[BatchProgress], None] | None = None,
 ) -> Results:
     """Solve many problems, and keep their results in one Parquet data set.
 
@@ -179,10 +184,10 @@ def run(
     *,
     workers: int | None = None,
     executor: Executor | None = None,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[BatchProgress], None] | None = None,
     again: bool = False,
 ) -> None:
-    """Solve the cases that have no row in a folder yet; with ``again`` those too whose row is an error."""
+    """Solve the cases without a row in a folder; with ``again``, also those that ended with an error."""
     listed = list({case.id: case for case in cases}.values())  # a case that is given twice is solved once
     with Writer(out, again=again) as writer:
         order = {world: place for place, world in enumerate(dict.fromkeys(case.world for case in listed))}
@@ -193,7 +198,7 @@ def run(
             seconds = time.monotonic() - begin
             left = seconds / done * (len(open_cases) - done) if done else math.nan
             if progress is not None:
-                progress(Progress(len(listed) - len(open_cases) + done, len(listed), failed, seconds, left))
+                progress(BatchProgress(len(listed) - len(open_cases) + done, len(listed), failed, seconds, left))
 
         tell()
         with Workers(workers, executor) as pool:
@@ -209,14 +214,14 @@ class Job:
     """A case at work: what it shares with others, and what it adds; or its row, where no problem can be built."""
 
     case: Case
-    shared: Shared | None = None
-    task: Task | None = None
+    shared: Setting | None = None
+    task: CaseTask | None = None
     row: Mapping[str, Any] | None = None
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
     """Yield the jobs of cases; those of one world share it."""
-    known: tuple[str, Shared] | None = None
+    known: tuple[str, Setting] | None = None
     for case in listed:
         try:
             problem, planners = cases.build(case)
@@ -230,9 +235,9 @@ def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
             if world.ground is not common.ground or world.content != common.content:
                 shared = replace(shared, world=world)  # a person who touches the robot at its start is another one
         else:
-            shared = Shared(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
+            shared = Setting(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
             known = case.world, shared
-        yield Job(case, shared, Task(problem.start, problem.goal, planners))
+        yield Job(case, shared, CaseTask(problem.start, problem.goal, planners))
 
 
 def _failed(error: str) -> dict[str, Any]:
@@ -252,7 +257,7 @@ class Workers:
         self._owned = False
         self._ended: SimpleQueue[Future[Any]] = SimpleQueue()
         self._pending: dict[Future[Any], Job] = {}
-        self._sweep: tuple[Shared, Sweep[Shared, Task, Rows]] | None = None
+        self._sweep: tuple[Setting, Sweep[Setting, CaseTask, Rows]] | None = None
         self._sweeps = ExitStack()
 
     def __enter__(self) -> Workers:

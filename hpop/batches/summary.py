@@ -18,7 +18,7 @@ from hpop.runtime.status import Status
 
 @dataclass(frozen=True, eq=False)
 class PlannerSummary:
-    """What one planner did with its cases.
+    """Numbers of one planner: its cases, times, front sizes and hypervolumes.
 
     planner  its label
     counts   cases by status: "complete", "no path", "error", a limit, ...
@@ -41,7 +41,7 @@ class PlannerSummary:
 
 
 @dataclass(eq=False)
-class _Solved:
+class _ProblemFronts:
     """The fronts of one problem: rows of costs by planner, of the same criteria."""
 
     names: tuple[str, ...] = ()
@@ -54,7 +54,7 @@ def summaries(results: Results) -> list[PlannerSummary]:
     counts: dict[str, dict[str, int]] = {}
     seconds: dict[str, list[float]] = defaultdict(list)
     points: dict[str, list[float]] = defaultdict(list)
-    problems: dict[str, _Solved] = defaultdict(_Solved)
+    problems: dict[str, _ProblemFronts] = defaultdict(_ProblemFronts)
     for table in results.tables():
         names = [name for name in table.column_names if name.startswith(COST)]
         columns = {name: table[name].to_pylist() for name in (*_NEEDED, *names)}

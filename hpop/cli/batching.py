@@ -45,7 +45,7 @@ def batch(
     """
     from hpop.batches.cases import Specification
     from hpop.batches.results import Results
-    from hpop.batches.running import Progress, run
+    from hpop.batches.running import BatchProgress, run
     from hpop.batches.summary import left_text
     from hpop.cli import user_code
     from hpop.runtime import sweep
@@ -56,7 +56,7 @@ def batch(
     out = out or Path("out", spec.stem)
     results.check_writable(out)
     cases = Specification.load(spec)
-    last: Progress | None = None
+    last: BatchProgress | None = None
     with ExitStack() as stack:
         stack.enter_context(results.held(out))
         executor = None
@@ -66,7 +66,7 @@ def batch(
             executor = stack.enter_context(sweep.ray(ray))
         bar = stack.enter_context(status.progress_bar())
 
-        def tell(progress: Progress) -> None:
+        def tell(progress: BatchProgress) -> None:
             nonlocal last
             if last is None and progress.done:
                 echo(f"going on: {out} has {progress.done:,} of {progress.count:,} cases")
