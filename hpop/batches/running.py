@@ -148,9 +148,8 @@ def batch(
 
     Parameters
     ----------
-    problems : of Python, by name or not; or the path of a specification (a scenario with ``vary`` or ``table``), whose
-        own planners count
-    planners : each solves each problem by itself; a list, or by label
+    problems : a list, or by name; or the path of a specification, a scenario with ``vary`` or ``table``
+    planners : each solves each problem by itself; a list, or by label. A specification names its own
     out : folder of the results; created if need be
     workers : processes on this machine
     executor : workers elsewhere, such as :func:`hpop.runtime.sweep.dask` gives
