@@ -7,8 +7,8 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.batches.summary import summaries, summary_lines
-from hpop.view.batch import draw_batch
+from hpop.batches import summaries, summary_lines
+from hpop.view import draw_batch
 
 PLANNERS = {
     "lattice, 1 m": {"lattice": {"step": 1.0, "anchor": "world"}},

@@ -21,6 +21,7 @@ hpop.criteria.base.Criterion
 hpop.criteria.comfort.svc
 hpop.criteria.convex.ConvexCost
 hpop.criteria.others.metrics.zone_fractions
+hpop.batch
 hpop.drive.Change
 hpop.drive.Commit
 hpop.drive.Event
@@ -198,6 +199,7 @@ hpop.testing.check_model
 hpop.testing.check_planner
 hpop.trajectory.Trajectory
 hpop.verify
+hpop.view.draw_batch
 hpop.view.draw_drive
 hpop.view.draw_encounters
 hpop.view.draw_front
@@ -252,6 +254,9 @@ hpop.base.registry.formats
 hpop.base.registry.readers
 hpop.problems.front.Point
 hpop.problems.named_rows.NamedRow
+hpop.batches.Results
+hpop.batches.summaries
+hpop.batches.summary_lines
 hpop.problems.verify
 hpop.problems.verify.verify
 hpop.runtime.status.Progress

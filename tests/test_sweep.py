@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import OptionError
+from hpop.runtime import clusters
 from hpop.runtime import sweep as module
 from hpop.runtime.status import Progress
 from hpop.runtime.sweep import Sweep, dask, processes
@@ -392,7 +393,7 @@ def test_results_that_a_scheduler_takes_with_it_are_made_here(cluster: Any, monk
 
 def test_a_scheduler_that_does_not_answer_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(module, "CONNECT", 0.2)
+    monkeypatch.setattr(clusters, "CONNECT", 0.2)
     with (
         pytest.raises(OptionError, match=r"no Dask scheduler answers at 'tcp://127.0.0.1:9'"),
         dask("tcp://127.0.0.1:9"),

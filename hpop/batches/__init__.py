@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from hpop.batches.results import Results
 from hpop.batches.running import batch
+from hpop.batches.summary import PlannerSummary, summaries, summary_lines
 
-__all__ = ["Results", "batch"]
+__all__ = ["PlannerSummary", "Results", "batch", "summaries", "summary_lines"]

@@ -98,7 +98,7 @@ class Specification:
                 f"{document.where((VARY,))}: expected keys with lists of values, such as `planner: [lattice, "
                 f"roadmap]`, or a table of starts and goals; got {shown(vary)}. `hpop plan` plans a single scenario"
             )
-        axes = [
+        axes: list[tuple[Mapping[str, Any], ...]] = [
             tuple({str(key): value} for value in _values(document, str(key), given, folder))
             for key, given in vary.items()
         ]
@@ -262,7 +262,8 @@ class OfProblems:
         if wrong is not None or not found:
             raise OptionError(f"problems are hpop.Problem objects, at least one; got {shown(wrong or found)}")
         if isinstance(planners, Mapping) and not _is_spec(planners):
-            return cls(found, [(str(name), make_planner(spec)) for name, spec in planners.items()])
+            by_label: Mapping[str, Any] = planners
+            return cls(found, [(str(name), make_planner(spec)) for name, spec in by_label.items()])
         single = isinstance(planners, str | Mapping) or not isinstance(planners, Sequence)
         specs: Sequence[Any] = [planners] if single else planners  # type: ignore[assignment]
         return cls(found, [(label(spec), make_planner(spec)) for spec in specs])

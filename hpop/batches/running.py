@@ -16,6 +16,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from itertools import chain, islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -100,7 +101,7 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
                 return []
     except Exception as failure:  # a row tells it; the batch goes on
         error = f"{type(failure).__name__}: {failure}"
-    common = {
+    common: dict[str, Any] = {
         "status": "error" if error is not None or front is None else front.status,
         "error": error,
         "seconds": time.perf_counter() - wall,
@@ -164,8 +165,8 @@ def batch(
     >>> problems = [hpop.Problem(world, robot, (1, 1, 0), (7, y, None), ["turns", "length"]) for y in (1, 5)]
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     results = hpop.batch(problems, {"lattice": {"step": 1.0}}, out=folder)
-    ...     results.table(["case", "row", "cost_turns"]).to_pydict()
-    {'case': [0, 0, 1, 1], 'row': [0, 1, 0, 1], 'cost_turns': [2.0, 3.0, 1.0, 2.0]}
+    ...     results.table(["case", "row"]).to_pydict()
+    {'case': [0, 0, 0, 1, 1], 'row': [0, 1, 2, 0, 1]}
     """
     if workers is not None and executor is not None:
         raise OptionError("give workers or an executor, not both")
@@ -216,6 +217,13 @@ class Job:
     shared: Setting | None = None
     task: CaseTask | None = None
     row: Mapping[str, Any] | None = None
+
+    @property
+    def parts(self) -> tuple[Setting, CaseTask]:
+        """Return what solving the case takes."""
+        assert self.shared is not None
+        assert self.task is not None
+        return self.shared, self.task
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
@@ -276,19 +284,23 @@ class Workers:
         """Yield each case with its rows as it is finished; raises KeyboardInterrupt after Ctrl-C."""
         if self._executor is None:
             for job in jobs:
-                rows = [dict(job.row)] if job.row is not None else solve(job.shared, job.task)
+                rows = [dict(job.row)] if job.row is not None else solve(*job.parts)
                 if not rows:
                     raise KeyboardInterrupt
                 yield job.case, rows
             return
         while True:
-            while len(self._pending) < self._slots and (job := next(jobs, None)) is not None:
+            for job in islice(jobs, self._slots - len(self._pending)):
                 if job.row is not None:
                     yield job.case, [dict(job.row)]
                 else:
                     self._send(job)
             if not self._pending:
-                return
+                following = next(jobs, None)
+                if following is None:
+                    return
+                jobs = chain([following], jobs)
+                continue
             yield from self._collected()
 
     def _collected(self) -> Iterator[tuple[Case, Rows]]:
@@ -360,13 +372,12 @@ class Workers:
 
     def _send(self, job: Job, *, with_shared: bool = False) -> None:
         """Hand a case to the executor."""
-        assert job.shared is not None
-        assert job.task is not None
-        if self._sweep is None or self._sweep[0] is not job.shared:
-            sweep = self._sweeps.enter_context(Sweep(solve, job.shared, self._executor))
-            self._sweep = job.shared, sweep
+        shared, task = job.parts
+        if self._sweep is None or self._sweep[0] is not shared:
+            sweep = self._sweeps.enter_context(Sweep(solve, shared, self._executor))
+            self._sweep = shared, sweep
         with interrupts_held():
-            future = self._sweep[1].submit([job.task], with_shared=with_shared)
+            future = self._sweep[1].submit([task], with_shared=with_shared)
             if future is None:
                 raise OutputError(f"{LOST} ({'; '.join(self._sweep[1].notes)})")
             self._pending[future] = job

@@ -102,8 +102,8 @@ def summary_lines(found: Sequence[PlannerSummary]) -> list[str]:
 
     >>> numbers = np.array([1.0, 2.0]), np.array([3.0, 9.0]), np.array([1.0, 0.5])
     >>> print(*summary_lines([PlannerSummary("lattice", {"complete": 2, "error": 1}, *numbers)]), sep="\n")
-    planner   cases    solved  no path  errors  seconds (median, 90 %)   points (median)   hypervolume (mean share)
-    lattice       3         2        0       1              1.5     1.9               6.0                     75.0 %
+    planner  cases    solved  no path  errors  seconds (median, 90 %)   points (median)   hypervolume (mean share)
+    lattice      3         2        0       1              1.5     1.9               6.0                     75.0 %
     """
     width = max(len("planner"), *(len(each.planner) for each in found))
     lines = [

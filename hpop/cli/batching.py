@@ -99,7 +99,7 @@ def print_summary(found: object) -> int:
     """Print the summary of a batch, draw its figure beside the results, and return the number of errors."""
     from hpop.batches.results import FOLDER, Results
     from hpop.batches.summary import summaries, summary_lines
-    from hpop.view.batch import draw_batch
+    from hpop.view import draw_batch
 
     assert isinstance(found, Results)
     of = summaries(found)

@@ -1,8 +1,8 @@
 """Sweeps: many small jobs over shared data, on any ``concurrent.futures.Executor`` or none.
 
-Serial, process pools and Dask (:func:`dask`) give the same results. Shared data are shipped once: workers on this
-machine map one file into their memory; a worker elsewhere requests the data and gets them with a job, while further
-jobs for it wait. A worker that dies loses only its current jobs, which are then done in this process.
+Serial, process pools and clusters (:func:`dask`, :func:`ray`) give the same results. Shared data are shipped once:
+workers on this machine map one file into their memory; a worker elsewhere requests the data and gets them with a job,
+while further jobs for it wait. A worker that dies loses only its current jobs, which are then done in this process.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import platform
 import signal
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, InvalidStateError, ProcessPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cached_property, partial
-from importlib import import_module
 from itertools import count
 from mmap import ACCESS_COPY, mmap
 from pathlib import Path
@@ -29,6 +28,8 @@ from uuid import uuid4
 
 from hpop.base.options import MOST_WORKERS, whole
 from hpop.errors import OptionError
+from hpop.runtime.clusters import dask as dask
+from hpop.runtime.clusters import ray as ray
 from hpop.runtime.interrupts import ENDING, interrupts_held
 from hpop.runtime.status import Status
 
@@ -38,7 +39,6 @@ R = TypeVar("R")
 
 POLL = 0.1  # s between two checks whether to stop
 SHARE = 8  # a message has at most 1/SHARE of the unsent tasks, so that workers end together
-CONNECT = 10  # s to wait for a scheduler
 ALIGNED = 64  # bytes: arrays begin at multiples, for compiled code
 
 _held: dict[str, Any] = {}  # in a worker: shared data of its current sweep, by key
@@ -229,7 +229,7 @@ class Sweep(Generic[S, T, R]):
     def submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
         """Submit tasks to the executor and return their future; None if it takes no more.
 
-        The future gives the worker's name and the results; None in place of the results where the shared data have not arrived.
+        The future gives the worker's name and the results, or None where the shared data have not arrived there.
         """
         if self.executor is None:
             return None
@@ -344,90 +344,3 @@ def _end_with(planning: Any) -> None:
     """End a worker with the planning process, even if that is killed; it would wait for tasks for ever."""
     planning.join()
     os._exit(1)
-
-
-class _Cluster(Executor):
-    """Executor over the workers of a Dask client.
-
-    Dask's own executor leaves a job open for ever if the scheduler dies while its result is on the way.
-    """
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-
-    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        remote = self._client.submit(fn, *arguments, **named, pure=False)
-        local: Future[T] = Future()
-        local.add_done_callback(lambda ended: remote.cancel() if ended.cancelled() else None)
-        self._client.loop.add_callback(_answer, remote, local)
-        return local
-
-
-async def _answer(remote: Any, local: Future[Any]) -> None:
-    """Copy the outcome of a Dask job to its future."""
-    try:
-        result = await remote
-    except Exception as error:
-        if local.set_running_or_notify_cancel():
-            local.set_exception(error)
-    else:
-        if local.set_running_or_notify_cancel():
-            local.set_result(result)
-
-
-@contextmanager
-def dask(address: str) -> Iterator[Executor]:
-    """Connect to the workers of a Dask scheduler, such as ``tcp://host:8786``, with hpop installed.
-
-    Raises OptionError if the extra hpop[dask] is not installed, or no scheduler answers.
-    """
-    try:
-        distributed: Any = import_module("distributed")
-    except ImportError as error:
-        raise OptionError(
-            f"a Dask cluster needs the extra hpop[dask] ({error}); pip install 'hpop[dask]', or use workers of this "
-            "machine"
-        ) from None
-    try:
-        client = distributed.Client(address, timeout=CONNECT)
-    except (OSError, ValueError) as error:
-        raise OptionError(
-            f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler`, which says its "
-            "address"
-        ) from None
-    with client:
-        yield _Cluster(client)
-
-
-class _RayCluster(Executor):
-    """The workers of a Ray cluster, each with one processor."""
-
-    def __init__(self, library: Any) -> None:
-        self._library = library
-
-    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        future: Future[T] = self._library.remote(fn).remote(*arguments, **named).future()
-        return future
-
-
-@contextmanager
-def ray(address: str) -> Iterator[Executor]:
-    """Connect to a Ray cluster, such as ``host:6379`` or ``auto``, with hpop installed on its machines.
-
-    Raises OptionError where Ray is not installed, or no cluster answers.
-    """
-    try:
-        library: Any = import_module("ray")
-    except ImportError as error:
-        raise OptionError(f"a Ray cluster needs the extra hpop[ray] ({error}); pip install 'hpop[ray]'") from None
-    try:
-        library.init(address=address, log_to_driver=False, logging_level="ERROR")
-    except (ConnectionError, ValueError, RuntimeError) as error:
-        raise OptionError(
-            f"no Ray cluster answers at {address!r} ({error}); start one with `ray start --head`, which says its "
-            "address"
-        ) from None
-    try:
-        yield _RayCluster(library)
-    finally:
-        library.shutdown()

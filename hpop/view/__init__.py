@@ -15,6 +15,7 @@ matplotlib_folder.provide()
 matplotlib_folder.forget_current_folder()
 
 from hpop.view import save
+from hpop.view.batch import draw_batch
 from hpop.view.explorer.save import save_explorer, widget
 from hpop.view.front_plot import draw_front, draw_preference
 from hpop.view.map import draw_map
@@ -30,6 +31,7 @@ from hpop.view.where import draw_where
 save.provide()
 
 __all__ = [
+    "draw_batch",
     "draw_drive",
     "draw_encounters",
     "draw_front",

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
 from hpop.base.files import replacing
-from hpop.batches.summary import PlannerSummary
 from hpop.errors import OptionError
+
+if TYPE_CHECKING:
+    from hpop.batches.summary import PlannerSummary
 
 PANELS = (
     ("seconds", "planning time, s", "log"),

@@ -12,7 +12,7 @@ from hpop.batches.cases import Case
 from hpop.batches.results import JOURNAL, Writer
 from hpop.batches.summary import summaries, summary_lines
 from hpop.errors import OptionError, OutputError
-from hpop.view.batch import draw_batch
+from hpop.view import draw_batch
 
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 4, 3)], extent=shapely.box(0, 0, 8, 6))
 ROBOT = hpop.DifferentialDrive(radius=0.3)

@@ -126,7 +126,7 @@ vary: {goal.x: [5, 6, 7], goal.y: [1, 2, 3, 4, 5], goal.yaw: [any], planner.latt
 
 
 def kept(folder):
-    """Identifiers of the cases whose rows are on the disk, each once."""
+    """Return the identifiers of the cases with rows on the disk, each once."""
     found = [row["id"] for row in Results(folder).table(["id", "row"]).to_pylist() if row["row"] in (0, None)]
     assert len(set(found)) == len(found)
     return set(found)

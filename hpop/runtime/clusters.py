@@ -1,0 +1,102 @@
+"""Executors on clusters: the workers of a Dask scheduler or of a Ray cluster as ``concurrent.futures`` executors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from importlib import import_module
+from typing import Any, TypeVar
+
+from hpop.errors import OptionError
+
+T = TypeVar("T")
+
+CONNECT = 10  # s to wait for a scheduler
+
+
+class _Cluster(Executor):
+    """Executor over the workers of a Dask client.
+
+    Dask's own executor leaves a job open for ever if the scheduler dies while its result is on the way.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        remote = self._client.submit(fn, *arguments, **named, pure=False)
+        local: Future[T] = Future()
+        local.add_done_callback(lambda ended: remote.cancel() if ended.cancelled() else None)
+        self._client.loop.add_callback(_answer, remote, local)
+        return local
+
+
+async def _answer(remote: Any, local: Future[Any]) -> None:
+    """Copy the outcome of a Dask job to its future."""
+    try:
+        result = await remote
+    except Exception as error:
+        if local.set_running_or_notify_cancel():
+            local.set_exception(error)
+    else:
+        if local.set_running_or_notify_cancel():
+            local.set_result(result)
+
+
+@contextmanager
+def dask(address: str) -> Iterator[Executor]:
+    """Connect to the workers of a Dask scheduler, such as ``tcp://host:8786``, with hpop installed.
+
+    Raises OptionError if the extra hpop[dask] is not installed, or no scheduler answers.
+    """
+    try:
+        distributed: Any = import_module("distributed")
+    except ImportError as error:
+        raise OptionError(
+            f"a Dask cluster needs the extra hpop[dask] ({error}); pip install 'hpop[dask]', or use workers of this "
+            "machine"
+        ) from None
+    try:
+        client = distributed.Client(address, timeout=CONNECT)
+    except (OSError, ValueError) as error:
+        raise OptionError(
+            f"no Dask scheduler answers at {address!r} ({error}); start one with `dask scheduler`, which says its "
+            "address"
+        ) from None
+    with client:
+        yield _Cluster(client)
+
+
+class _RayCluster(Executor):
+    """The workers of a Ray cluster, each with one processor."""
+
+    def __init__(self, library: Any) -> None:
+        self._library = library
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        future: Future[T] = self._library.remote(fn).remote(*arguments, **named).future()
+        return future
+
+
+@contextmanager
+def ray(address: str) -> Iterator[Executor]:
+    """Connect to a Ray cluster, such as ``host:6379`` or ``auto``, with hpop installed on its machines.
+
+    Raises OptionError where Ray is not installed, or no cluster answers.
+    """
+    try:
+        library: Any = import_module("ray")
+    except ImportError as error:
+        raise OptionError(f"a Ray cluster needs the extra hpop[ray] ({error}); pip install 'hpop[ray]'") from None
+    try:
+        library.init(address=address, log_to_driver=False, logging_level="ERROR")
+    except (ConnectionError, ValueError, RuntimeError) as error:
+        raise OptionError(
+            f"no Ray cluster answers at {address!r} ({error}); start one with `ray start --head`, which says its "
+            "address"
+        ) from None
+    try:
+        yield _RayCluster(library)
+    finally:
+        library.shutdown()
