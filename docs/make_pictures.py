@@ -116,6 +116,7 @@ RECIPES = [
         },
     ),
     example("08_many_queries", {}),
+    example("09_batch", {"summary": "Three planners on two hundred problems: time, front size and joint hypervolume"}),
     Recipe(
         "paper_figure",
         "python examples/paper_figure/paper_figure.py",

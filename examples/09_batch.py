@@ -13,7 +13,7 @@ from hpop.view import draw_batch
 PLANNERS = {
     "lattice, 1 m": {"lattice": {"step": 1.0, "anchor": "world"}},
     "lattice, 0.5 m": {"lattice": {"step": 0.5, "anchor": "world"}},
-    "roadmap": {"roadmap": {"samples": 150, "seed": 1}},
+    "roadmap": {"roadmap": {"samples": 60, "seed": 1}},
 }
 CRITERIA = ["exposure", "turns", "length"]
 SIZE = (20.0, 14.0)  # m
@@ -40,7 +40,7 @@ def problems(floors: int, pairs: int) -> Iterator[hpop.Problem]:
             yield hpop.Problem(world, robot, (*start, 0.0), (*goal, None), CRITERIA)
 
 
-def main(out: str = "out/batch", floors: int = 4, pairs: int = 50, workers: int = 2) -> hpop.batches.Results:
+def main(out: str = "out/09_batch", floors: int = 4, pairs: int = 50, workers: int = 2) -> hpop.batches.Results:
     """Solve all problems, print what each planner did, and draw the figure."""
     results = hpop.batch(list(problems(floors, pairs)), PLANNERS, out=out, workers=workers)
     of_planners = summaries(results)

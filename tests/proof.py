@@ -32,6 +32,7 @@ PARTS = {
     "models": ["tests/models"],
     "goals": ["tests/goals"],
     "drive": ["tests/drive"],
+    "batches": ["tests/batches"],
     "study": ["tests/study"],
     "world": ["tests/world"],
     "view": ["tests/view"],

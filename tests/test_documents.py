@@ -22,6 +22,7 @@ from click.testing import CliRunner
 
 import hpop
 from hpop import study
+from hpop.batches.cases import Specification
 from hpop.cli import main
 from hpop.cli.beside import PicturesBeside
 from hpop.errors import MapError
@@ -128,6 +129,12 @@ def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: s
     if "events" in shown:
         (here / "events.yaml").write_text(text)
         assert load_events(here / "events.yaml").events
+        return
+    if {"vary", "table"} & shown.keys():
+        world = {"geojson": {"path": str(ROOT / "examples/museum.geojson")}}
+        (here / "batch.yaml").write_text(yaml.safe_dump({**TOUR, **shown, "world": world}))
+        (here / "pairs.csv").write_text("start.x,start.y,start.yaw,goal.x,goal.y,goal.yaw\n2,10,0,28,10,any\n")
+        assert len(Specification.load(here / "batch.yaml")) > 1
         return
     ours = (
         {"model": "differential_drive"} | TOUR | {"world": {"geojson": {"path": str(ROOT / "examples/museum.geojson")}}}

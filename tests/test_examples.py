@@ -236,6 +236,18 @@ def test_many_queries_on_one_map_are_answered(capsys):
     assert "4 queries, " in capsys.readouterr().out
 
 
+def test_a_batch_compares_planners_on_the_same_problems(tmp_path, capsys):
+    results = example("09_batch.py").main(str(tmp_path / "batch"), floors=1, pairs=2, workers=1)
+    assert len(set(results.table(["id"])["id"].to_pylist())) == 6
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == [
+        "planner",
+        "lattice,",
+        "lattice,",
+        "roadmap",
+    ]
+    assert (tmp_path / "batch" / "summary.png").stat().st_size > 1000
+
+
 @pytest.mark.proof
 def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     plan = example("07_drive.py").main(tmp_path, step=1.0)

@@ -162,13 +162,12 @@ def test_what_hpop_imports_it_asks_for_and_what_it_asks_for_it_imports() -> None
     modules = imported() - set(sys.stdlib_module_names) - {"hpop", "pydantic_core"}  # pydantic names its version
     asked = distributions(PROJECT["dependencies"]) | set().union(*map(distributions, EXTRAS.values()))
     used = {CALLED.get(module, module) for module in modules}
-    assert used == asked
+    assert used - {"ray"} == asked  # 240 MB: users of a Ray cluster have it
 
 
 def test_tests_have_every_extra() -> None:
     (dev,) = (text for text in PROJECT["optional-dependencies"]["dev"] if text.startswith("hpop["))
-    large = {"ray"}  # 240 MB: its test is skipped where it is not installed
-    assert set(dev.removeprefix("hpop[").rstrip("]").split(",")) == set(EXTRAS) - large
+    assert set(dev.removeprefix("hpop[").rstrip("]").split(",")) == set(EXTRAS)
 
 
 def test_all_that_is_asked_for_is_pinned() -> None:

@@ -90,7 +90,7 @@ VALUES: dict[str, tuple[Callable[[], object], str]] = {
     "motions of a head": (lambda: motions_of(PANNED), "PanTilt in <World"),
     "history": (lambda: History(museum().world, way()), "399 move"),
     "trace": (lambda: museum().trace(way()), "<Trace: obstruction "),
-    "pieces": (lambda: museum().trace(way()).pieces, "<Pieces: "),
+    "pieces": (lambda: museum().trace(way()).pieces, "<TrajectoryPieces: "),
     "table of motions": (lambda: MotionTable.of([way(), way()]), "2 trajectories"),
     "table": (lambda: way().table(), "rows of t (s), x (m)"),
     "collision of an arm": (lambda: of_arm("arm_shelf").collision, "<ArmCollision: 6 joints>"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hpop.base.math import is_symbolic
-from hpop.base.symbols import OPERATIONS, TURNED, Symbols, lift
+from hpop.base.symbols import OPERATIONS, SWAPPED, Symbols, lift
 
 A, B = np.array([0.3, -0.7, 1.0]), np.array([0.5, 1.2, -0.7])
 ONE = {np.sqrt, np.square, np.sin, np.cos, np.exp, np.log, np.negative, np.absolute, np.logical_not}
@@ -62,7 +62,7 @@ def test_operators_mean_what_they_mean_to_numbers_and_to_casadis_interface(opera
 
 
 @pytest.mark.parametrize("kind", [casadi.SX, casadi.MX], ids=["SX", "MX"])
-@pytest.mark.parametrize("function", [*OPERATIONS, *TURNED], ids=lambda function: function.__name__)
+@pytest.mark.parametrize("function", [*OPERATIONS, *SWAPPED], ids=lambda function: function.__name__)
 def test_what_is_asked_of_casadi_directly_is_the_same_expression(function, kind):
     a, b = kind.sym("a"), kind.sym("b")
     interface = getattr(casadi.ArrayInterface, kind.__name__)

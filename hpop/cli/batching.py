@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
@@ -92,7 +93,7 @@ def batch(
 
 def is_batch(folder: Path) -> bool:
     """Return whether a folder holds the results of a batch, and no front."""
-    return (folder / "results").is_dir() and not (folder / results.SAVED).exists()
+    return os.path.isdir(folder / "results") and not os.path.exists(folder / results.SAVED)
 
 
 def print_summary(found: object) -> int:

@@ -88,7 +88,7 @@ def ray(address: str) -> Iterator[Executor]:
     try:
         library: Any = import_module("ray")
     except ImportError as error:
-        raise OptionError(f"a Ray cluster needs the extra hpop[ray] ({error}); pip install 'hpop[ray]'") from None
+        raise OptionError(f"a Ray cluster needs Ray ({error}); pip install ray") from None
     try:
         library.init(address=address, log_to_driver=False, logging_level="ERROR")
     except (ConnectionError, ValueError, RuntimeError) as error:

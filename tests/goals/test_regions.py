@@ -198,7 +198,7 @@ def test_a_state_that_turns_is_found_once_whatever_whole_turns_it_has() -> None:
         (
             HEAD,
             CameraAt((1, 3, 9)),
-            r"camera_at \(1, 3, 9\) cannot be reached: .* is 7\.8 m and 0 degrees off; move it",
+            r"camera_at \(1, 3, 9\) cannot be reached: .* is 7\.8 m and 0 degrees off; move the goal",
         ),
         (HEAD, CameraAt((11, 3, 1.2)), "is 5 m and 0 degrees off"),  # the map ends before
     ],

@@ -179,7 +179,7 @@ def test_among_people_who_move_a_graph_has_a_clock_or_says_that_it_has_none(fami
 
 def test_an_option_of_neither_graph_nor_search_names_both_lists() -> None:
     with pytest.raises(
-        OptionError, match=r"no option 'tolerance'.* It has step, .*; options of the search stand beside"
+        OptionError, match=r"no option 'tolerance'.* It has step, .*; options of the search are given beside"
     ):
         make_family({"lattice": {"tolerance": 1}})
     with pytest.raises(OptionError, match=r"planner 'exact' has no option 'step'.* It has on, max_detour, .*, margin"):

@@ -108,13 +108,13 @@ def test_a_home_that_may_not_be_looked_into_is_none(tmp_path: Path, monkeypatch:
     monkeypatch.setenv("HOME", str(closed / "home"))
     for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
         monkeypatch.delenv(name, raising=False)
-    assert matplotlib_folder._user_has_one()
+    assert matplotlib_folder._user_has_folder()
     closed.chmod(0)
     try:
         with _no_root():
             with pytest.raises(PermissionError):
                 (closed / "home").stat()
-            assert not matplotlib_folder._user_has_one()
+            assert not matplotlib_folder._user_has_folder()
     finally:
         closed.chmod(0o700)
 
