@@ -169,7 +169,9 @@ def made(registry: Registry[type], spec: Any) -> Any:
     try:
         return cls(**{key: _of_model(value) if key in own else value for key, value in (parameters or {}).items()})
     except TypeError as wrong:  # a missing parameter, or one of another type
-        raise error(f"{kind} {name!r} cannot be made of {shown(dict(parameters or {}))}: {wrong}") from wrong
+        raise error(
+            f"{kind} {name!r} cannot be made with parameters {shown(dict(parameters or {}))}: {wrong}"
+        ) from wrong
 
 
 def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:

@@ -1,8 +1,8 @@
 """The command line: ``hpop demo``, ``new``, ``look``, ``plan``, ``show``, ``pick``, ``export``, ``explain``, ...
 
 Heavy modules are imported inside the commands, so that ``hpop --help`` answers at once. Exit codes: 0 done, 2 wrong
-usage, 6 no path, 13 nothing found or read within the limits, 130 interrupted by Ctrl-C, SIGTERM or SIGHUP (results so
-far are kept), and those of :mod:`hpop.errors`.
+usage, 6 no path, 13 a limit reached before the map was read or a path was found, 130 interrupted by Ctrl-C, SIGTERM or
+SIGHUP (results so far are kept), and those of :mod:`hpop.errors`.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ def _own_costs(criteria: Sequence[Criterion], trajectories: Sequence[Trajectory]
 
 
 def _parts(counts: Sequence[int]) -> Iterator[slice]:
-    """Yield slices of trajectories that together have a bounded number of motions."""
+    """Yield slices of trajectories, by their numbers of motions; a slice ends once it has `BLOCK` motions or more."""
     begin = motions = 0
     for i, number in enumerate(counts):
         motions += number

@@ -129,11 +129,14 @@ def deadline_of(seconds: float) -> float:
 class Change:
     """Effect of a change of the world on a drive.
 
-    now         s, of the drive
-    safe_until  s, of the drive, up to which the present plan is free; None for all of it
-    stops_at    s, of the drive, at which the robot stands if it takes no option; None where it arrives
-    brakes      whether the robot cannot reach a place where it may change its plan
-    invalid     numbers of the last options that are closed now, or no longer reached by the plan
+    Times are in seconds since the start of the drive.
+
+    now         time of the change
+    safe_until  time until which the present plan is free; None if it is free to its end
+    stops_at    time at which the robot comes to rest if it takes no option; None if it arrives at the goal
+    brakes      whether the robot must brake before it reaches a place where it may change its plan
+    invalid     numbers of those options of the last call of ``options`` that are closed now, or that the plan no
+                longer reaches
     notes       on people within obstacles, predictions that were cut, and people in contact with the robot
     """
 

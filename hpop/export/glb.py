@@ -1,4 +1,4 @@
-"""ViewScene with an animated camera, as binary glTF.
+"""Binary glTF of a scene with an animated camera.
 
 The scene is made of triangles: prisms with their holes, cells, people, landmarks, zones and the floor. Metres in the
 world's frame, z up. Corners are not shared between faces, so that each face has its normal; triangles are
@@ -171,11 +171,12 @@ def glb(given: Exported) -> bytes:
     """Return the world and an animated camera as binary glTF 2.0, for Blender, three.js and other viewers.
 
     Right-handed, y up, m: the world's (x, y, z) is (x, z, -y). A node (``camera_link``) has the poses as translation
-    and rotation (quaternion x, y, z, w), linear between keys; the camera in it looks along -z. Another body is a node
-    of its own frame, x ahead, y left, z up. Times are float32 seconds from the start, strictly increasing: of poses
-    with equal float32 times the last is kept. Obstacles are prisms; walls of unlimited height are a storey high.
-    Walking people are animated as predicted, each future as a node named with its weight, and have size 0 while absent.
-    ``asset.extras`` has the costs, and notes on inexact shapes.
+    and rotation (quaternion x, y, z, w), linear between keys; the camera in it looks along -z. If a body other than the
+    camera is exported, the node has that body's frame (x ahead, y left, z up) and no camera. Times are float32 seconds
+    from the start, strictly increasing: of poses with equal float32 times the last is kept. Obstacles are prisms; walls
+    of unlimited height are a storey high. Each predicted future of a walking person is an animated node, named with the
+    future's weight; its size is 0 while the person is absent. ``asset.extras`` has the costs, and notes on inexact
+    shapes.
     """
     file = _File()
     seen, body = given.poses, given.frames.of(given.body)

@@ -1,7 +1,7 @@
 """Driven motion: curves of a differential drive with constant wheel accelerations.
 
 In one motion both wheel accelerations are constant, so that speed v and yaw rate ω change linearly with time: v' = a
-and ω' = α, wheel accelerations a ± α b/2. The yaw is then a parabola, and the base goes where it looks, x' = v cos θ
+and ω' = α, wheel accelerations a ± α b/2. The yaw is then a parabola. The base moves along its heading: x' = v cos θ
 and y' = v sin θ. These integrals have no closed form; they are computed by Gauss-Legendre quadrature with six nodes,
 with an error of less than 1e-9 of the path for turns of up to a radian in a motion, and less than 2e-6 for half a turn.
 
@@ -63,7 +63,7 @@ class Drive(LawDefaults):
         return begin + displacement
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return first and second derivative of a state by the share, which is the fraction of the motion's time."""
+        """Return the first and second derivatives of a state by the fraction of the motion's time."""
         span = getattr(end, name) - getattr(start, name)
         if name == "yaw":
             return span - _grown(start, end) * (0.5 - share), _grown(start, end) + 0.0 * share
@@ -97,7 +97,7 @@ class Drive(LawDefaults):
         return first, np.where(changes, 0.5 * lasts * after * (1.0 - share), 0.0)
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the distance (M,), m or rad, of the end from where the law leads; inf where time runs backwards."""
+        """Return the distance (M,), m or rad, of each given end from the computed one; inf if time runs backwards."""
         x, y, yaw = (np.abs(self.defect(name, start, end)) for name in ("x", "y", "yaw"))
         return np.where(end.clock >= start.clock, np.maximum(np.maximum(x, y), yaw), np.inf)
 
@@ -147,8 +147,8 @@ def driven(
 ) -> Trajectory:
     """Return the trajectory of a differential drive from a pose (x m, y m, yaw rad).
 
-    controls  one for each interval: acceleration m/s², angular acceleration rad/s², duration s
-    speed     m/s, at the start
+    controls  for each interval: acceleration m/s², angular acceleration rad/s², duration s
+    speed     m/s, speed at the start
 
     >>> from hpop.models import DifferentialDrive
     >>> goes = driven(DifferentialDrive(), (0, 0, 0), [(1, 0, 1), (0, 0, 2), (-1, 0, 1)])

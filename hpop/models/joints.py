@@ -34,9 +34,9 @@ ALIGNED = 1e-9
 class Joint:
     """Slide, or hinge about an upright axis.
 
-    name          of its state
+    name          name of the joint's state
     along         "up", "ahead" or "left" of a slide; "round" of a hinge, counter-clockwise
-    low, high     m or rad, its stops
+    low, high     m or rad, stops of the joint
     speed         m/s or rad/s
     acceleration  m/s² or rad/s²
     at            m, (ahead, left) of the axis of a hinge
@@ -273,7 +273,7 @@ def _joined(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
 
 
 def stops_of(space: StateSpace, joint: str) -> FloatArray:
-    """Return both stops of a joint and 0, in ascending order; their middle where they leave 0 out."""
+    """Return both stops of a joint and 0, in ascending order; their midpoint instead of 0 if 0 is not between them."""
     column = space.names.index(joint)
     low, high = space.low[column], space.high[column]
     return np.unique([low, 0.0 if low <= 0.0 <= high else 0.5 * (low + high), high])

@@ -75,13 +75,12 @@ class Phase(NamedTuple):
 class Law(Protocol):
     """Motion law: how one kind of motion goes from its start state to its end state.
 
-    These may be left out, and have defaults:
+    These members are optional:
 
-    extra       names of the states that the law needs beside the model's own; (). A law with a duration among them has
-                it
-                as the difference of ``clock``, s, from any zero
-    reversible  whether the motion from b to a goes through the states of the one from a to b; False
-    quadrature  "adaptive" for integrals by :mod:`hpop.motions.quadrature`; None for panels
+    extra       names of the states that the law needs beside the model's own; default (). If a law stores a duration
+                in its states, it is the difference of ``clock``, s, from any zero
+    reversible  whether the motion from b to a passes the states of the motion from a to b; default False
+    quadrature  "adaptive" for integrals by :mod:`hpop.motions.quadrature`, None for panels; default None
     """
 
     @property
@@ -123,10 +122,10 @@ class Coupled(Law, Protocol):
     """Law with states that depend on one another, so that not every end can be reached from a start."""
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-        """Return first and second derivative of a state by the share of the motion done."""
+        """Return the first and second derivatives of a state by the share of the motion done."""
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the distance (M,), m or rad, of the end from where the law leads from the start."""
+        """Return the distance (M,), m or rad, between each given end and the end computed by the law from the start."""
 
 
 @runtime_checkable
@@ -150,7 +149,7 @@ class Curve(Coupled, Protocol):
 
 @checked_arguments
 def is_curve(law: Law) -> TypeGuard[Curve]:
-    """Return whether a law is one of curves."""
+    """Return whether a law is a law of curves."""
     return _is(law, Curve)
 
 
@@ -170,7 +169,7 @@ def _is(law: Law, protocol: type) -> bool:
 
 @checked_arguments
 def slopes(law: Law, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
-    """Return first and second derivative of a state by the share of the motion done."""
+    """Return the first and second derivatives of a state by the share of the motion done."""
     if is_coupled(law):
         return law.slopes(name, start, end, share)
     return getattr(end, name) - getattr(start, name), 0.0

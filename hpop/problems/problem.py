@@ -189,7 +189,7 @@ class Problem:
         return solving.front(self, candidates, progress)
 
     def keeping(self, margin: float) -> Problem:
-        """Return the problem with a margin, m, to people who stand; the problem itself if there are none."""
+        """Return the problem with a clearance of ``margin`` metres to standing people, unchanged without any."""
         if not margin or not self.world.content.bodies:
             return self
         return replace(self, world=self.world.keeping(margin))

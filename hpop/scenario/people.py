@@ -18,7 +18,7 @@ from hpop.world.content.people import Person
 from hpop.world.tracks import Track, read_tracks
 
 BESIDE = frozenset({"track", "frame_rate", "unit", "format", "id", "begin", "waypoints"})
-"""Keys that say which track it is, and are no attributes of a person."""
+"""Keys that select a track, and are no attributes of a person."""
 
 FORMS: dict[str, type[BaseModel]] = {"track": TrackEntry, "waypoints": WaypointsEntry}
 ALIKE = 0.8  # similarity from which on a word counts as a misspelling
@@ -100,18 +100,22 @@ def _recorded(faults: Faults, entry: TrackEntry, said: dict[str, Any]) -> People
         begin, end = min(track.begin for track in tracks.values()), max(track.end for track in tracks.values())
         asked = " on" if entry.until is None else f" to {entry.begin + entry.until:g} s"
         raise MapError(
-            f"nobody of {shown(entry.track)} is there from {entry.begin:g} s{asked}: its "
-            f"{counted(len(tracks), 'track')} go from {begin:g} to {end:g} s; give another moment that is now, begin."
+            f"no person of {shown(entry.track)} is present from {entry.begin:g} s{asked}: its "
+            f"{counted(len(tracks), 'track')} go from {begin:g} to {end:g} s; set begin to a time within them."
         )
     return tuple(people)
 
 
 def _unknown(member: int | str, names: Sequence[str], places: int, times: int) -> str:
-    """Return why a member of a group is no person, or not one person."""
+    """Return why a member of a group names no person, or more than one.
+
+    places  number of people
+    times   number of people with that name
+    """
     known = ", ".join(name for name in names if name)
     where = f"places are 0 to {places - 1}" if places else "there are no people"
     if times > 1:
-        return f"{times} people are called {shown(member)}; give the place of the one who is meant ({where})"
+        return f"{times} people are called {shown(member)}; give the place of one of them ({where})"
     return f"expected a person's place or name, got {shown(member)}; {where}" + (
         f", names are {printable(known)}" if known else ""
     )

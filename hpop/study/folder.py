@@ -63,7 +63,9 @@ def prepare(
     target = Path(folder)
     check_unused(target)
     if front_digest(front) != design.front_sha256:
-        raise StudyError("this is not the front that the design was made of; make the design of this one")
+        raise StudyError(
+            "this is not the front that the design was made of; give the front of the design, or make a new design"
+        )
     problem = Problem.from_description(front.problem or {})
     with _whole(target) as made:
         if words is not None:

@@ -135,7 +135,9 @@ class Trajectory:
         """
         space = model.space
         if not states.names == space.names or not states.size:
-            raise ModelError(f"a trajectory goes through states {space} of its model, at least one, got {states!r}")
+            raise ModelError(
+                f"a trajectory needs one or more states with the columns {space} of its model, got {states!r}"
+            )
         legs = model.connect(states.take(slice(None, -1)), states.take(slice(1, None)))
         for name, off in space.differences(states.take(slice(1, None)), legs[-1].end).items():
             if (np.abs(off) > STILL).any():  # NaN is free

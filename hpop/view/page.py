@@ -170,7 +170,13 @@ Corner = Literal["upper left", "upper center"]
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """Colour bar to be drawn: what it explains, and its label."""
+    """Colour bar to be drawn.
+
+    of      colours that the bar explains
+    words   label
+    counts  whether the values are counts, with whole numbers as ticks
+    extend  ends with an arrow, for values beyond the bar
+    """
 
     of: ScalarMappable
     words: str
@@ -179,7 +185,7 @@ class Bar:
 
 
 def lay_on(axes: Axes, front: Front, *, bars: Sequence[Bar], lines: Sequence[Handle]) -> Figure:
-    """Draw colour bars, the title and the named trajectories round axes of a user's figure, and return the figure."""
+    """Draw the title, colour bars and a legend of named trajectories around a user's axes; return the figure."""
     figure = cast(FigureBase, axes.get_figure(root=False))
     for bar in bars:
         drawn = figure.colorbar(bar.of, ax=axes, extend=bar.extend, extendfrac=0.025, shrink=0.8)
@@ -203,7 +209,7 @@ def lay_out(
     lines: Sequence[Handle],
     symbols: Sequence[Handle],
 ) -> Figure:
-    """Place the axes of a new figure, write the texts round them, and fit the figure."""
+    """Place the axes of a new figure, write the texts around them, and fit the size of the figure."""
     figure = whole(cast(FigureBase, axes.get_figure(root=True)))
     drawn = [_draw_bar(figure, bar) for bar in bars]
     sheet = PageLayout.of(

@@ -104,7 +104,7 @@ def test_a_scenario_with_tracks_survives_its_description(made):
         ("{track: tracks.txt, unit: km}", ScenarioError, "people.0.unit", "expected 'm', 'cm' or 'mm', got 'km'"),
         ("{track: tracks.txt, format: obsmat}", MapError, "people.0", "expected rows of 8 numbers"),
         ("{track: tracks.txt, id: 5}", MapError, "people.0", "nobody with the id 5; it has 2 ids: 3, 4"),
-        ("{track: tracks.txt, begin: 9}", MapError, "people.0", "nobody of 'tracks.txt' is there from 9 s on"),
+        ("{track: tracks.txt, begin: 9}", MapError, "people.0", "no person of 'tracks.txt' is present from 9 s on"),
         ("{track: tracks.txt, until: 0}", MapError, "people.0", "is there from 0 s to 0 s: its"),
         ("{track: tracks.txt, id: []}", MapError, "people.0", "ids are a list of numbers and names"),
         ("{trak: tracks.txt}", ScenarioError, "people.0.track", "this key is missing"),

@@ -317,5 +317,5 @@ def test_a_trajectory_goes_through_states_as_the_model_connects_them():
     assert through.kinds == expected.kinds
     for name in ("x", "y", "yaw"):
         np.testing.assert_allclose(getattr(through.states, name), getattr(expected.states, name), atol=1e-12)
-    with pytest.raises(ModelError, match=r"\(x m, y m, yaw rad\) of its model, at least one, got <States: 1 of x>"):
+    with pytest.raises(ModelError, match=r"with the columns \(x m, y m, yaw rad\) of its model, got <States: 1 of x>"):
         Trajectory.through(DifferentialDrive(), States(x=np.zeros(1)))

@@ -26,8 +26,8 @@ def pair_of(a: str, b: str) -> Pair:
 class FrameMount(NamedTuple):
     """Position of a body on a chain.
 
-    frame  0, which stands, to n, which moves with joint n
-    pose   (4, 4)  in that frame; x ahead, y left, z up
+    frame  number of the frame that carries the body: 0 is fixed, frame n moves with joint n
+    pose   (4, 4)  of the body in that frame; x ahead, y left, z up
     """
 
     frame: int
@@ -41,15 +41,15 @@ class Chain:
     Frame 0 is fixed to the world; the pose of the base in the world is in the origin of the first joint. Frame i = 1..n
     moves with joint i; at value 0 it lies at the joint's origin.
 
-    names         n of them
-    sliding       (n,)       prismatic joints; the others turn
-    turning       (n,)       joints without limits (continuous), in which 2 pi is a whole turn
+    names         names of the n joints
+    sliding       (n,)       whether each joint is prismatic; all others turn
+    turning       (n,)       whether each joint is continuous: without limits, 2 pi is a whole turn
     axes          (n, 3)     unit vectors, each in its joint's frame
     origins       (n, 4, 4)  each joint's frame at value 0, in the frame of the joint before; the first in the world
-    low           (n,)       rad or m; of a joint without limits -pi
-    high          (n,)       rad or m
-    speed         (n,)       rad/s or m/s, the greatest
-    acceleration  (n,)       rad/s² or m/s², the greatest
+    low           (n,)       rad or m, lower limits; -pi for a continuous joint
+    high          (n,)       rad or m, upper limits
+    speed         (n,)       rad/s or m/s, greatest speeds
+    acceleration  (n,)       rad/s² or m/s², greatest accelerations
     mounts        positions of "tool" and "camera"
     """
 
@@ -77,9 +77,9 @@ class Chain:
 class ArmPart:
     """Solid that a link carries.
 
-    link   its name
-    frame  0 to n, with which it moves
-    solid  its shape and its pose in that frame
+    link   name of the link
+    frame  0 to n, the frame that carries the solid
+    solid  shape of the solid, and its pose in that frame
     """
 
     link: str
@@ -114,10 +114,10 @@ def _turned(axis: FloatArray, angle: FloatArray) -> FloatArray:
 
 
 def levers(chain: Chain) -> FloatArray:
-    """Return bounds (n,), m, on how far any body moves while a joint changes by one rad or m.
+    """Return bounds (n,) on the distance, m, that any body moves per rad of a turning joint or per m of a sliding one.
 
-    For a joint that turns it is the sum of the lengths of all that follows; a joint that slides moves the rest as far
-    as itself.
+    For a turning joint the bound is the sum of the lengths of all links that follow. A sliding joint moves all links
+    that follow by the distance that it slides, so its bound is 1.
     """
     n = len(chain)
     lengths = np.zeros(n)  # of the step to each joint's frame, slides included

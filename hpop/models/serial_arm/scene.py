@@ -19,16 +19,16 @@ from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 
 class Bodies(NamedTuple):
-    """Arrays of B convex bodies, each in a frame of its own.
+    """Arrays of B convex bodies, each in its own frame: Minkowski sums of a hull of points, a disc and a ball.
 
-    points    (P, 3)     m, those of all bodies, one body's after another's
-    first     (B + 1,)   index of each body's first point
-    disc      (B,)       m, radius of the disc
-    plane     (B, 2, 3)  unit vectors in the plane of the disc, one across the other
-    ball      (B,)       m, radius of the ball
-    centre    (B, 3)     of a sphere round each body
-    reach     (B,)       m, its radius
-    box       (B, 4, 3)  a box round each body: its three axes, rows, and its half sides, m, about the centre
+    points    (P, 3)     m, points of all bodies, body after body
+    first     (B + 1,)   index of each body's first point, and P
+    disc      (B,)       m, radius of the disc; 0 for none
+    plane     (B, 2, 3)  two orthogonal unit vectors in the plane of the disc
+    ball      (B,)       m, radius of the ball; 0 for none
+    centre    (B, 3)     m, centre of the bounding sphere and of the bounding box
+    reach     (B,)       m, radius of the bounding sphere
+    box       (B, 4, 3)  bounding box: unit vectors of its three axes as rows, then its half sides, m
     """
 
     points: FloatArray
@@ -50,7 +50,7 @@ class _Body(NamedTuple):
 
     @property
     def reach(self) -> float:
-        """Distance of its farthest point from the middle of its box."""
+        """Distance, m, of the body's farthest point from the middle of its box."""
         if self.disc:  # a cylinder
             return float(np.hypot(self.box[3, 0], self.box[3, 2]))
         return float(np.linalg.norm(self.points - self.middle, axis=1).max() + self.ball)

@@ -67,7 +67,7 @@ class HeapSearch(Search):
             self.keys[word[j] : n * words : words] |= costs[:, j].astype(np.int64) << shift[j]
         self.values[:n] = heap
         if not clock.call(is_heap, self.keys, n, words):
-            raise Unsound("its open labels are no heap")
+            raise Unsound("the open labels in the file are not in the order of a heap")
 
     def _grow_heap(self) -> None:
         self.keys.resize(2 * len(self.keys), refcheck=False)

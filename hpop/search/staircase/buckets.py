@@ -209,7 +209,7 @@ class BucketSearch(Search):
         opened, later = int(buckets[0]) if n else 0, buckets[n:]
         sound = (buckets[:n] == opened).all() and (np.diff(later, prepend=opened) >= 0).all()
         if not sound or opened < 0 or (n > 0 and opened in later[:1]) or buckets.max(initial=0) > MOST_BUCKETS:
-            raise Unsound("its open labels are not in the order of a queue")
+            raise Unsound("the open labels in the file are not sorted by their first cost")
         while buckets.max(initial=0) >= len(self.tops):
             self._grow_buckets()
         while len(self.values) < n:
@@ -217,7 +217,7 @@ class BucketSearch(Search):
         keys = ((costs[:, 0] & ((1 << shift) - 1)) << top) | (costs[:, 1] << bits) | costs[:, 2]
         self.keys[:n], self.values[:n] = keys[:n], heap
         if not clock.call(is_heap, self.keys, n, 1):
-            raise Unsound("its open labels are no heap")
+            raise Unsound("the open labels in the file are not in the order of a heap")
         used = -(-np.bincount(later) // CHUNK).sum()
         while len(self.below) < used:
             self._grow_chunks()

@@ -49,7 +49,7 @@ def traces(
     packer: Packer,
     origin: tuple[float, float],
 ) -> Iterator[dict[str, Any]]:
-    """Yield the packed rates along the trajectories of some rows, except trajectories without motion."""
+    """Yield the packed times, poses and rates of the criteria for each row, except trajectories without motion."""
     criteria = [criterion for criterion in columns if criterion is not None]
     for row in rows:
         if len(front.trajectories[row]):

@@ -129,7 +129,7 @@ def _stretched(points: FloatArray, crs: str) -> str:
 class Placement:
     """Map from a file's coordinates to metres.
 
-    scale   metres a unit of the file
+    scale   metres per unit of the file
     origin  the file's point that becomes (0, 0); None is (0, 0), and the south-west corner of a plan in degrees
     units   "m": plane coordinates, times the scale; "deg": longitude and latitude; None: guessed from the coordinates
     """
@@ -146,7 +146,10 @@ class Placement:
         if self.units is not None:
             one_of("units", self.units, get_args(Units), error=MapError)
         if self.units == "deg" and self.scale != 1.0:
-            raise MapError(f"units deg are turned into metres as the earth is round; leave out scale {self.scale:g}.")
+            raise MapError(
+                "with units deg, degrees are converted to metres by the radius of the earth, so no scale is needed; "
+                f"leave out scale {self.scale:g}."
+            )
 
     def settled(self, of: Sequence[Feature], shapes: NDArray[np.object_]) -> Placement:
         """Return the placement with units and origin determined from the geometries of features.

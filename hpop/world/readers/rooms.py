@@ -166,7 +166,10 @@ def walls(line: LineString, width: float, what: str) -> list[Polygon]:
 
 
 def widened(lines: NDArray[np.object_], width: float, cap: Literal["square", "flat"] = "square") -> list[Polygon]:
-    """Return `walls` of many lines (n,), which must have passed `check_widenable`."""
+    """Return the areas within half a width (m) of lines (n,), as `walls` does for one line.
+
+    The lines must have passed `check_widenable`. ``cap`` is the shape of the ends.
+    """
     strips = shapely.buffer(lines, width / 2, cap_style=cap, join_style="mitre", mitre_limit=SHARPEST)
     parts: NDArray[np.object_] = shapely.get_parts(strips)
     return [part for part in parts.tolist() if isinstance(part, Polygon) and part.area > 0]

@@ -26,7 +26,15 @@ if TYPE_CHECKING:
 def landmarks_unseen(
     world: World, pose: Pose, size: int, *, near: float, far: float, fov: float, vertical: float
 ) -> FloatArray:
-    """Return 1 - the weighted mean visibility (N,) of the landmarks, as `.visibility.landmarks_unseen` does."""
+    """Return 1 - the weighted mean visibility (N,) of the landmarks, in [0, 1], for a camera of changing height.
+
+    In contrast to :func:`hpop.world.sight.visibility.landmarks_unseen` each line of sight is tested against solids, and
+    the view rolls with the camera.
+
+    size           number N of poses
+    near, far      m: a landmark counts in full up to ``near``, and less and less up to ``far``
+    fov, vertical  rad, horizontal and vertical angles of view
+    """
     landmarks = world.content.landmarks
     seen, total = np.zeros(size), 0.0
     for landmark in landmarks:
@@ -62,7 +70,7 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: flo
 
 
 def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
-    """Return the open fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m round the camera."""
+    """Return the open fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m around the camera."""
     directions = over_sphere(RAYS, height=0.0)
     place = rows((pose.x, pose.y, pose.z), size)
     distances = surfaces_of(world).first_hits(place, np.broadcast_to(directions, (size, *directions.shape)), radius)

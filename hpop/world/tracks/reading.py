@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Hashable, Sequence
 from contextlib import closing
 from io import StringIO
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -31,6 +31,7 @@ UNIT_OF_X = re.compile(r"^#.*\bx\s*[/\[(]\s*(mm|cm|m)\b", re.IGNORECASE | re.MUL
 ORDER = ("id", "frame", "x", "y")
 MAGIC = b"SQLite format 3\x00"
 EXPECTED = "expected JuPedSim's tables trajectory_data (frame, id, pos_x, pos_y) and metadata (key, value), with fps"
+CELLS = ("id", "frame", "pos_x", "pos_y")
 LONGEST = 10_000  # bytes of a cell
 TrackFormat = Literal["csv", "petrack", "obsmat", "jupedsim"]
 MAX_BYTES = 200_000_000
@@ -64,11 +65,20 @@ def _wrong_line(text: str, widths: Sequence[int]) -> str:
     return ""
 
 
-def _is_finite(text: str) -> bool:
+def _is_finite(value: Any) -> bool:
     try:
-        return math.isfinite(float(text))
-    except ValueError:
+        return math.isfinite(float(value))
+    except (TypeError, ValueError):
         return False
+
+
+def _wrong_cell(rows: Sequence[Sequence[Any]]) -> str:
+    """Describe the first cell of JuPedSim's tables that is no finite number."""
+    for number, row in enumerate(rows, 1):
+        for column, value in zip(CELLS, row, strict=True):
+            if not _is_finite(value):
+                return f"{column} in row {number} of trajectory_data is {shown(value)}"
+    return "fps in metadata"
 
 
 def is_obsmat(text: str) -> bool:
@@ -140,16 +150,14 @@ def jupedsim_tracks(data: bytes, source: TrackFile, wanted: Sequence[Hashable] |
     except (sqlite3.Error, UnicodeDecodeError, MemoryError) as error:
         raise source.error(f"cannot be read as SQLite ({error}): {EXPECTED}.") from None
     if not found:
-        raise source.error("has no rows: expected one a person and time.")
+        raise source.error("has no rows: expected a row per person and time.")
     try:
         rate = None if said is None else float(said[0])
         rows = np.array(found, dtype=np.float64)
     except (TypeError, ValueError):
-        raise source.error(f"has cells that are no numbers: {EXPECTED}.") from None
+        raise source.error(f"has cells that are no numbers: {_wrong_cell(found)}; {EXPECTED}.") from None
     if not np.isfinite(rows).all():
-        raise source.error(
-            f"has cells that are no numbers, such as {shown(found[int(np.argmin(np.isfinite(rows).all(1)))])}."
-        )
+        raise source.error(f"has cells that are no numbers: {_wrong_cell(found)}; {EXPECTED}.")
     a_metre = source.a_metre("m")
     ids = [identity(one) for one in rows[:, 0].tolist()]
     return tracks_of(source, ids, rows[:, 1] / source.rate(rate), rows[:, 2] / a_metre, rows[:, 3] / a_metre, wanted)

@@ -32,21 +32,22 @@ from hpop.trajectories.trajectory import Trajectory
 class GraphOnClock:
     """A graph of states on a clock.
 
-    graph          for the search
-    quanta         (k,)  of the costs, in the criteria's units
-    duration_column  of the cost that is counted in ticks; None if the duration is no cost
-    start          node at which plans begin
-    arcs           of the graph, as motions
-    clock
-    moving_people
-    ramps          deviations of executions from plans; None where they are unknown
-    hold           s  least duration of a wait, or None
-    overlooked     (k,)  costs of people too far away to be noticed: a second, or at the worst moment
-    pairs          number of costs computed, of an arc or place at a tick
-    seconds        s, to build it
-    safety         distances to people
-    attention      ranges at which criteria notice people
-    people_stop    whether people who would walk up to the start are predicted to stop before the robot
+    graph            graph that is searched, with integer costs and times in ticks
+    quanta           (k,)  smallest step of each cost, in the criterion's unit
+    duration_column  column of the cost that is the duration, in ticks; None if the duration is no cost
+    start            node at which plans begin
+    arcs             motions of the graph's arcs
+    clock            ticks and their length
+    moving_people    the moving people of the world
+    ramps            deviations of executions from plans; None if they are unknown
+    hold             s  least duration of a hold; None: no holds
+    overlooked       (k,)  largest neglected cost of people beyond the ranges of ``attention``: per second for sums, at
+                     the worst moment for maxima
+    pairs            number of computed costs, each of one arc or place at one tick
+    seconds          s, time to build the graph
+    safety           separation constraints for the moving people
+    attention        ranges within which criteria notice people
+    people_stop      whether people who would walk up to the start are predicted to stop before the robot
     """
 
     graph: TimedGraph
@@ -82,9 +83,9 @@ class GraphParts:
 
     plain   arcs with the costs that do not depend on time (:func:`.presence.reading_time`)
     closed  (m,)  mask of closed arcs
-    begin   earliest tick at the start
+    begin   earliest tick of departure from the start
     near    nodes within a person's margin where plans may begin, with times, s on the clock; the robot may leave there
-    arcs    timed before; None if never
+    arcs    motions of the arcs from an earlier call; None if there was none
     """
 
     plain: Graph
