@@ -105,7 +105,7 @@ def test_a_scenario_with_tracks_survives_its_description(made):
         ("{track: tracks.txt, format: obsmat}", MapError, "people.0", "expected rows of 8 numbers"),
         ("{track: tracks.txt, id: 5}", MapError, "people.0", "nobody with the id 5; it has 2 ids: 3, 4"),
         ("{track: tracks.txt, begin: 9}", MapError, "people.0", "no person of 'tracks.txt' is present from 9 s on"),
-        ("{track: tracks.txt, until: 0}", MapError, "people.0", "is there from 0 s to 0 s: its"),
+        ("{track: tracks.txt, until: 0}", MapError, "people.0", "is present from 0 s to 0 s: its"),
         ("{track: tracks.txt, id: []}", MapError, "people.0", "ids are a list of numbers and names"),
         ("{trak: tracks.txt}", ScenarioError, "people.0.track", "this key is missing"),
         ("{wayponts: [[0, 1, 1], [2, 1, 2]]}", ScenarioError, "people.0.waypoints", "did you mean 'waypoints'?"),
