@@ -81,7 +81,7 @@ class Joint:
 
 
 def reach_of(point: tuple[float, float], on: Sequence[Joint]) -> float:
-    """Return a bound on the distance, m, of a carried point from the axis of the base, whatever its joints."""
+    """Return a bound on the distance, m, of a carried point from the axis of the base, at any joint values."""
     reach = math.hypot(*point)
     for joint in reversed(on):
         reach += joint.stroke + (2.0 * joint.lever if joint.along == "round" else 0.0)
@@ -183,7 +183,7 @@ def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray,
 
 
 def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joints: Sequence[str]) -> list[Leg]:
-    """Return the legs of a base, then one leg of each joint by the law of its name; NaN in b keeps a joint."""
+    """Return the legs of a base, then one leg per joint by the law of the joint's name; NaN in b keeps a joint."""
     end = States(**{name: getattr(a, name) for name in space.names})
     made = []
     for leg in legs:
@@ -200,7 +200,7 @@ def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joi
 
 
 def stop_faults(space: StateSpace, joints: Sequence[str], states: States) -> Iterator[str]:
-    """Yield joints that are beyond a stop in states (N,), with the state where each is farthest beyond."""
+    """Yield joints that are beyond a stop in states (N,), each with the state in which it is farthest beyond."""
     for joint, low, high in _stops(space, joints):
         value = getattr(states, joint)
         for stop, beyond in ((low, -1.0), (high, 1.0)):
@@ -243,8 +243,8 @@ class Stations(NamedTuple):
     """Stations of a lattice: states of a model at one position, and its motions in place.
 
     states    (S,)  x and y are 0
-    headings  (S,)  index of each state's heading among those of the lattice, along which its moves go
-    motions         tails and heads (E,), stations, of the motions in place by kind
+    headings  (S,)  index of each state's heading among the lattice's headings; moves go along it
+    motions         by kind of motion in place: tails and heads (E,), both indices of states
     """
 
     states: States
@@ -253,9 +253,9 @@ class Stations(NamedTuple):
 
 
 def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple[Stations, IntArray]:
-    """Return every combination of headings (H,), rad, and joint values, and its number by heading and values.
+    """Return all combinations of headings (H,), rad, and joint values, and the index of each combination.
 
-    "turn" leads from a heading to any other, the law of a joint's name from a value to any other.
+    A "turn" leads from any heading to any other, and a joint's law from any value of the joint to any other.
     """
     shape = (yaw.size, *(values.size for values in joints.values()))
     heading, *at = (index.ravel() for index in np.indices(shape))

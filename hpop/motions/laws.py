@@ -47,7 +47,7 @@ class Phase(NamedTuple):
         return self.begin + (self.end - self.begin) * grown
 
     def share_rates(self, u: Column) -> tuple[Column, Column]:
-        """Return first and second time derivative of the share, 1/s and 1/s², at fraction ``u`` of the time."""
+        """Return the first and second time derivatives of the share, 1/s and 1/s², at fraction ``u`` of the time."""
         first, second = {
             "hold": (0.0 * u, 0.0),
             "cruise": (1.0 + 0.0 * u, 0.0),
@@ -92,7 +92,7 @@ class Law(Protocol):
         """Names of the states that change within a motion; all others keep their start value."""
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return the timing, in order; the durations add up to the motion's."""
+        """Return the phases in order; their durations add up to the motion's duration."""
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         """Return state ``name`` where ``share`` of the motion is done."""
@@ -191,8 +191,8 @@ def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
 class Leg(NamedTuple):
     """One motion in each of M chains of motions from state to state.
 
-    kind     of its law
-    end      states (M,) where it ends
+    kind     kind of the motion's law
+    end      states (M,) at the end of the motion
     present  (M,)  whether the chain has this motion; otherwise its end is the chain's state before it
     """
 
@@ -215,7 +215,7 @@ class Hold(LawDefaults):
     extra = (CLOCK,)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return a single phase, in which the share is that of the time."""
+        """Return a single phase, in which the share of the motion done is the share of the time."""
         duration = end.clock - start.clock
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
 

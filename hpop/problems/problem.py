@@ -197,7 +197,7 @@ class Problem:
     def at(self, state: StateSpec, t: float) -> Problem:
         """Return the problem from another state, ``t`` seconds from now.
 
-        People who move are at their predicted positions then, and go on as predicted; the rest of the problem stays.
+        Moving people are then at their predicted positions, and continue as predicted. The rest does not change.
         """
         t = real("t", t, 0, MOST, "a time in s", error=QueryError)
         world = with_people(self.world, tuple(person.later(t) for person in self.world.content.people))
@@ -214,7 +214,7 @@ class Problem:
 
         A front must answer this problem (any start and goal). The criteria in ``also`` are evaluated on its
         trajectories and become further reported columns. They are not optimised, and the certificate says so: other
-        trajectories may be better in them. Saved with the front, ``hpop show`` re-evaluates them as all costs.
+        trajectories may be better in them. They are saved with the front; ``hpop show`` re-evaluates them too.
 
         Parameters
         ----------

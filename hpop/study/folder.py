@@ -53,9 +53,9 @@ def prepare(
 
     Parameters
     ----------
-    baselines : those of the design, with their trajectories
-    words : texts of the pages in the design's language, where hpop brings none: a translation of its ``en.json``
-    progress : for videos, as for :func:`hpop.view.save_video`
+    baselines : baselines of the design, with their trajectories
+    words : texts of the pages, if hpop has none in the design's language: a translation of its ``en.json``
+    progress : progress callback for videos, as for :func:`hpop.view.save_video`
 
     Raises StudyError if the folder is in use, the front is not the design's, or texts are missing; OutputError if a
     stimulus cannot be written.
@@ -168,8 +168,8 @@ def _sweep(target: Path) -> None:
 class Checked(NamedTuple):
     """Result of a check.
 
-    faults  that need action: unreadable files, incomplete sessions, missing items
-    notes   for information: participants still expected, stimuli of unequal duration
+    faults  faults that need action: unreadable files, incomplete sessions, missing items
+    notes   information: participants still expected, stimuli of unequal duration
     """
 
     faults: tuple[str, ...]

@@ -73,7 +73,7 @@ def bodies_of(solids: Sequence[Solid]) -> Bodies:
 
 
 def _body(solid: Solid) -> _Body:
-    """Return one body: its points and the box round it, in axes of the shape, then placed."""
+    """Return the body of a solid: its points, and a bounding box along the axes of its shape."""
     points, disc, ball = _parts(solid)
     rotation, shift = solid.pose[:3, :3], solid.pose[:3, 3]
     grown = np.array([disc, disc, 0.0]) + ball
@@ -105,12 +105,12 @@ class ArmScene(NamedTuple):
     """Scene of an arm of n joints and its surroundings, as arrays.
 
     origins  (n, 3, 4)  each joint's frame at value 0 in the frame before, the joint's axis along z
-    sliding  (n,)
-    bodies   B, each in its frame
-    frames   (B,)       0 stands, i moves with joint i
+    sliding  (n,)       whether each joint is prismatic
+    bodies   B bodies, each in its frame
+    frames   (B,)       frame of each body: 0 is fixed, frame i moves with joint i
     levers   (B, n)     m, bound on the distance of a body's points from the axis of each turning joint, slides between
                         at 0
-    pairs    (P, 2)     bodies that are tested, the one of the lower frame first
+    pairs    (P, 2)     pairs of bodies to be tested for collision, the body of the lower frame first
     """
 
     origins: FloatArray

@@ -55,7 +55,7 @@ def read_numbers(text: str, source: TrackFile, widths: Sequence[int], columns: s
 
 
 def _wrong_line(text: str, widths: Sequence[int]) -> str:
-    """Describe the first line that is no row of finite numbers, as many as in the first row."""
+    """Describe the first line that is no row of finite numbers, or has another number of them than the first row."""
     width = None
     for number, line in enumerate(text.splitlines(), 1):
         words = line.partition("#")[0].split()
@@ -178,7 +178,7 @@ def read_tracks(
     path : CSV (id, t or frame, x, y), a PeTrack text file (id frame x y z), an ``obsmat.txt`` of the ETH data set, or a
         file of JuPedSim (SQLite, or text of versions before 1.0)
     frame_rate : frames per second, if the file has frames and does not state the rate
-    unit : of positions, "m", "cm" or "mm", if the file does not state it; m by default
+    unit : unit of positions, "m", "cm" or "mm", if the file does not state it; m by default
     format : "csv", "petrack", "obsmat" or "jupedsim" (SQLite); recognised by default
     ids : people to read; all by default
 

@@ -103,7 +103,7 @@ SAME = 1e-6  # of a tick
 class StepTimes(NamedTuple):
     """Real times of the steps (s,) of a plan.
 
-    times  (s + 1,)  s, of their beginnings; the last is the arrival
+    times  (s + 1,)  s, beginnings of the steps, then the arrival
     off    (s + 1,)  s, delays against the clock
     late   (s + 1,)  s, largest further delays of an execution of the plan
     """
@@ -118,8 +118,8 @@ class TimedPlans:
     """Plans on a graph with a clock.
 
     timed       the graph
-    steps       of each plan
-    begins      s, on the clock, of their real beginning
+    steps       steps of each plan
+    begins      s, on the clock, real beginning of each plan
     late_start  s, delay of executions from the beginning on, for a robot that starts from rest
     """
 
@@ -241,7 +241,7 @@ class _Between:
     driven: StepTimes
 
     def bounds(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return least and largest costs (k,) of the plan, and the number (k,) of roundings in them."""
+        """Return the least and the largest costs (k,) of the plan, and the number (k,) of roundings in each cost."""
         graph = self.timed.graph.graph
         k = graph.criteria
         if not self.steps.arcs.size:
