@@ -84,6 +84,7 @@ class Specification:
 
     document: Document
     axes: tuple[tuple[Mapping[str, Any], ...], ...]
+    has_table: bool = False
     _worlds: dict[str, World] = field(default_factory=dict)
 
     @classmethod
@@ -104,7 +105,7 @@ class Specification:
         ]
         if table is not None:
             axes.insert(0, _rows(document, table, folder))
-        specification = cls(document.with_values(values), tuple(axes))
+        specification = cls(document.with_values(values), tuple(axes), table is not None)
         if len(specification) > MOST_CASES:
             raise ScenarioError(f"{path}: {len(specification):,} combinations, more than {MOST_CASES:,}; vary less")
         specification.check()
@@ -133,9 +134,9 @@ class Specification:
         Starts and goals that cannot be are told later, in the row of their case.
         """
         first = {key: value for axis in self.axes for key, value in axis[0].items()}
-        for axis in self.axes:
-            of_table = len(axis[0]) > 1
-            for part in axis[:1] if of_table else axis:
+        for place, axis in enumerate(self.axes):
+            rows_of_table = self.has_table and place == 0
+            for part in axis[:1] if rows_of_table else axis:
                 try:
                     self._built({**first, **part})
                 except QueryError:

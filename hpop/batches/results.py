@@ -71,8 +71,7 @@ class Writer:
             self._parts.mkdir(parents=True, exist_ok=True)
             if again:
                 self._drop_errors()
-            for part in parts_of(folder):
-                self.done.update(_parquet().read_table(part, columns=["id"])["id"].to_pylist())
+            self.done |= identifiers(folder)
             kept = [line for line in _lines(self._journal) if line["id"] not in self.done]
             if again:
                 kept = [line for line in kept if line["rows"][0]["error"] is None]
@@ -142,6 +141,12 @@ def parts_of(folder: Path) -> list[Path]:
     return sorted((folder / FOLDER).glob(PATTERN))
 
 
+def identifiers(folder: Path) -> set[str]:
+    """Return the identifiers of the cases in the Parquet files of a batch's folder."""
+    tables = (_parquet().read_table(part, columns=["id"]) for part in parts_of(folder))
+    return {each for table in tables for each in table["id"].to_pylist()}
+
+
 def _unwritable(folder: Path, error: OSError) -> OutputError:
     return OutputError(f"cannot write to {folder}: {error.strerror or error}; choose another folder for the results")
 
@@ -195,6 +200,13 @@ def _table(lines: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
     return arrow.Table.from_pylist(rows, schema=arrow.schema(fields))
 
 
+def _with_text(table: pyarrow.Table, names: set[str]) -> pyarrow.Table:
+    """Return a table in which columns with some names are text."""
+    arrow = library("pyarrow", "a batch")
+    fields = [field.with_type(arrow.string()) if field.name in names else field for field in table.schema]
+    return table.cast(arrow.schema(fields))
+
+
 class Results:
     """Results of a batch, read from its folder.
 
@@ -220,19 +232,24 @@ class Results:
             names = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
             yield file.read(columns=names)
         lines = list(_lines(self.folder / JOURNAL))
-        if lines:
-            table = _table(lines)
+        if lines:  # those of a process that was killed while they became a Parquet file are in both
+            written = identifiers(self.folder)
+            table = _table([line for line in lines if line["id"] not in written])
             yield table if columns is None else table.select([name for name in columns if name in table.column_names])
 
     def table(self, columns: Sequence[str] | None = None) -> pyarrow.Table:
-        """Return all rows, ordered by case and row, with all columns or some."""
+        """Return all rows, ordered by case and row, with all columns or some.
+
+        A column that holds numbers in one file and text in another is text.
+        """
         arrow = library("pyarrow", "a batch")
-        keys = ["case", "row"]
+        keys = ["case", "id", "row"]  # numbers of cases change as the specification grows
         wanted = None if columns is None else list(dict.fromkeys((*columns, *keys)))
         tables = list(self.tables(wanted))
         if not tables:
             return arrow.table({name: [] for name in columns or COLUMNS})
-        joined = arrow.concat_tables(tables, promote_options="permissive")
+        text = {field.name for table in tables for field in table.schema if arrow.types.is_string(field.type)}
+        joined = arrow.concat_tables([_with_text(table, text) for table in tables], promote_options="permissive")
         joined = joined.sort_by([(key, "ascending") for key in keys])
         return joined if columns is None else joined.select(columns)
 

@@ -1,7 +1,7 @@
 """Runs the cases of a batch here, in processes, or on Dask or Ray; writes each result as it comes.
 
-A world goes once to each worker. A worker that dies costs the case that killed it, which gets a row with the error;
-cases that merely were at work then are solved again.
+A setting goes once to each worker. Where a worker dies, the case that killed it gets a row with the error; all other
+cases at work at that time are solved again.
 """
 
 from __future__ import annotations
@@ -9,18 +9,20 @@ from __future__ import annotations
 import json
 import math
 import platform
-import resource
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from itertools import chain, islice
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+import numpy as np
+
+from hpop import __version__
 from hpop.base.options import MOST_WORKERS, whole
 from hpop.batches.cases import Case, Cases, OfProblems, Specification
 from hpop.batches.results import Results, Writer
@@ -35,11 +37,16 @@ from hpop.runtime.status import Status
 from hpop.runtime.sweep import Sweep, processes
 from hpop.world import World
 
+try:
+    import resource
+except ImportError:  # not on every system
+    resource = None  # type: ignore[assignment]
+
 SLOTS = 32  # cases handed at once to an executor that does not say how many workers it has
 POLL = 0.1  # s between two looks at Ctrl-C
 LOST = "the workers are out of reach; what is finished is saved, and running it again goes on from there"
 DIED = "the worker that solved it died: it was killed, ran out of memory or crashed"
-VERSIONS = "; ".join([f"hpop {version('hpop')}", f"numpy {version('numpy')}", f"python {platform.python_version()}"])
+VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python_version()}"
 
 
 @dataclass(frozen=True)
@@ -106,7 +113,7 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         "error": error,
         "seconds": time.perf_counter() - wall,
         "processor_seconds": time.process_time() - processor,
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
+        "memory": _largest_size(),
         "seed": next((seed for p in task.planners if isinstance(seed := getattr(p, "seed", None), int)), None),
         "versions": VERSIONS,
     }
@@ -131,6 +138,14 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         }
         for point in front
     ]
+
+
+def _largest_size() -> int | None:
+    """Return the largest size of this process until now, bytes; None where the system does not tell."""
+    if resource is None:
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def batch(
@@ -211,7 +226,7 @@ def run(
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A case at work: what it shares with others, and what it adds; or its row, where no problem can be built."""
+    """A case to solve, with its setting and its task; or with its row, where no problem can be built."""
 
     case: Case
     shared: Setting | None = None
@@ -220,14 +235,14 @@ class Job:
 
     @property
     def parts(self) -> tuple[Setting, CaseTask]:
-        """Return what solving the case takes."""
+        """Return the setting and the task."""
         assert self.shared is not None
         assert self.task is not None
         return self.shared, self.task
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
-    """Yield the jobs of cases; those of one world share it."""
+    """Yield the jobs of cases; neighbours with the same world share their setting."""
     known: tuple[str, Setting] | None = None
     for case in listed:
         try:
@@ -304,7 +319,7 @@ class Workers:
             yield from self._collected()
 
     def _collected(self) -> Iterator[tuple[Case, Rows]]:
-        """Yield what has ended since; where a process of the pool died, solve each case at work alone."""
+        """Yield the cases that have ended; after the death of a process, solve each case that was at work by itself."""
         try:
             future = self._ended.get(timeout=POLL)
         except Empty:
@@ -319,6 +334,7 @@ class Workers:
                 raise OutputError(f"{LOST} ({error})") from None
             at_work = [job, *self._pending.values()]
             self._pending.clear()
+            self._renew()
             for each in at_work:
                 yield each.case, self._alone(each)
             return
@@ -326,10 +342,9 @@ class Workers:
             yield job.case, rows
 
     def _alone(self, job: Job) -> Rows:
-        """Solve a case in a pool where nothing else is at work, so that its death is its own."""
-        self._renew()
+        """Solve a case while nothing else is at work, so that a death of its process is its own doing."""
+        self._send(job)
         while True:
-            self._send(job)
             (future,) = self._pending
             while not future.done():
                 with suppress(Empty):
@@ -342,7 +357,6 @@ class Workers:
                 return [_failed(DIED)]
             if rows is not None:
                 return rows
-            self._pending.clear()
 
     def _renew(self) -> None:
         with interrupts_held():
@@ -354,7 +368,7 @@ class Workers:
             self._executor = processes(self._count)
 
     def _rows(self, future: Future[Any], job: Job) -> Rows | None:
-        """Return the rows of a case; None where its worker lacked what cases share, which is sent now."""
+        """Return the rows of a case; None where its worker lacks the setting: then the case is sent again with it."""
         try:
             with interrupts_held():
                 _, results = future.result()
@@ -368,6 +382,8 @@ class Workers:
             self._send(job, with_shared=True)
             return None
         rows: Rows = results[0]
+        if not rows:
+            raise KeyboardInterrupt
         return rows
 
     def _send(self, job: Job, *, with_shared: bool = False) -> None:

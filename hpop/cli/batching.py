@@ -6,6 +6,7 @@ import os
 import sys
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,10 +17,12 @@ from hpop.cli.terminal import INTERRUPTED, echo, imports_option, user_errors
 from hpop.errors import OutputError
 from hpop.runtime import status
 
+if TYPE_CHECKING:
+    from hpop.batches.results import Results
+
 # Heavy modules are imported inside functions, so that `hpop --help` and wrong usage answer at once.
 
 FIGURE = "summary.png"
-FAILED = 1
 
 
 @click.command()
@@ -96,13 +99,12 @@ def is_batch(folder: Path) -> bool:
     return os.path.isdir(folder / "results") and not os.path.exists(folder / results.SAVED)
 
 
-def print_summary(found: object) -> int:
+def print_summary(found: Results) -> int:
     """Print the summary of a batch, draw its figure beside the results, and return the number of errors."""
-    from hpop.batches.results import FOLDER, Results
+    from hpop.batches.results import FOLDER
     from hpop.batches.summary import summaries, summary_lines
     from hpop.view import draw_batch
 
-    assert isinstance(found, Results)
     of = summaries(found)
     if not of:
         raise OutputError(f"{found.folder} holds no rows yet; run `hpop batch` again to go on")

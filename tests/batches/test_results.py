@@ -71,6 +71,27 @@ def test_results_of_other_criteria_stand_in_one_table(tmp_path):
     ]
 
 
+def test_rows_that_a_killed_process_left_in_both_places_are_read_once(tmp_path):
+    write(tmp_path, [("p", "lattice", [row(costs={"length": 1.0})])])
+    line = json.dumps({"id": "id 0", "values": {}, "rows": [row(case=0, id="id 0", problem="p", planner="lattice")]})
+    (tmp_path / JOURNAL).write_text(line + "\n")
+    assert Results(tmp_path).table(["id"]).to_pylist() == [{"id": "id 0"}]
+
+
+def test_a_key_may_be_a_number_first_and_text_later_and_numbers_of_cases_may_come_twice(tmp_path):
+    for identifier, value in (("b", 1.5), ("a", "coarse")):
+        with Writer(tmp_path) as writer:
+            rows = [row(row=k, points=2) for k in range(2)]
+            writer.write(Case(0, identifier, "p", "w", "lattice", {"step": value}), rows)
+    rows = Results(tmp_path).table(["case", "id", "row", "step"]).to_pylist()
+    assert [tuple(each.values()) for each in rows] == [
+        (0, "a", 0, "coarse"),
+        (0, "a", 1, "coarse"),
+        (0, "b", 0, "1.5"),
+        (0, "b", 1, "1.5"),
+    ]
+
+
 def test_the_summary_compares_hypervolumes_of_one_problem(tmp_path):
     """Fronts (0, 10), (10, 0) and (5, 5): the reference lies a tenth beyond, at (11, 11).
 
