@@ -23,14 +23,14 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         _entry(
             "front, Pareto front, non-dominated, dominated, efficient",
             """The trajectories that are worth a choice. One trajectory dominates another if it is at least as good in
-            every cost and better in one. A front holds the trajectories that no other one dominates.""",
+            every cost and better in one. The front holds one trajectory for each optimal trade-off: no other one
+            dominates it.""",
         ),
         _entry(
             "certificate",
-            """The claim that a planner makes about a front, and the set of trajectories that it is about. "Exact on the
-            lattice" says that no better trajectory exists on that grid of poses; trajectories off the grid may be
-            better. "Local optima" and "supported points" claim less. A union of fronts keeps the certificates of all
-            its planners.""",
+            """What a planner claims about a front, and for which set of trajectories. "Exact on the lattice" says that
+            no better trajectory exists on that grid of poses; trajectories off the grid may be better. "Local optima"
+            and "supported points" are weaker claims. A joint front has the certificates of all its planners.""",
         ),
         _entry(
             "status, complete, no path, unfinished, interrupted, time limit, label limit, memory limit, "
@@ -41,13 +41,13 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "knee, compromise",
-            """The compromise that hpop proposes: the trajectory farthest below the straight mixtures of the extreme
-            trajectories. Beyond a knee, a small gain in one cost takes a large loss in another. You need not take it:
-            `hpop pick` chooses by your own rule.""",
+            """The compromise that hpop proposes: the trajectory that lies deepest in the bend of the front. Beyond a
+            knee, a small gain in one cost takes a large loss in another. You need not take it: `hpop pick` chooses by
+            your own rule.""",
         ),
         _entry(
             "marked",
-            """Rows of the table with a name: the knee, and the trajectory of least cost for each criterion. Pictures
+            """Rows of the table that have a name: the knee, and the trajectory with the least of each cost. Pictures
             draw them thick.""",
         ),
         _entry(
@@ -57,13 +57,13 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "regret, expected regret",
-            """The expected loss of a person who takes this trajectory and not the one that is best for them. It is a
-            share of the difference between the best and the worst trajectory of the front: 2 % is little.""",
+            """What a person is expected to lose with this trajectory, compared with the best one for that person. It is
+            a share of the difference between the best and the worst trajectory of the front: 2 % is little.""",
         ),
         _entry(
             "share, shares, weights",
-            """The importance of a cost for a person. Each cost is scaled so that its range on the front is 1; the
-            shares of all costs add up to 1. The interval beside a share holds the true one in 90 of 100 cases.""",
+            """How much a cost counts for a person. Each cost is first scaled so that its range on the front is 1; the
+            shares of all costs add up to 1. The true share lies in the interval beside it in 90 of 100 cases.""",
         ),
         _entry(
             "ideal, nadir",
@@ -77,44 +77,42 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "planned, executed",
-            """Planned costs follow the planning law, in which the robot turns and moves at full speed at once. Executed
-            costs are those of the real motion, with ramps from rest to rest.""",
-        ),
-        _entry(
-            "provenance, planned by",
-            """The planner that found a trajectory, with its options, weights or bounds.""",
+            """Planned costs assume that the robot moves at full speed at once and lose a fixed time at each turn.
+            Executed costs are those of the real motion, which speeds up and slows down.""",
         ),
     ),
     "How good it is": (
         _entry(
             "hypervolume",
-            """The part of a box of costs that a front dominates; larger is better. During a plan, its curve shows how
-            much a front still grows. The scale is that of the first front: ideal 0, nadir 1, box up to 1.1.""",
+            """How much of a box of costs a front dominates; larger is better. During a plan, its curve shows how much
+            the front still grows. On its scale the best costs of the first front are 0 and the worst ones 1; the box
+            ends at 1.1.""",
         ),
         _entry(
             "gap",
-            """After a stopped search: the most by which a missing trajectory can be better, as a share of each cost. A
-            gap of 0 says that none is missing; 0.05 says that a missing one is at most 5 % better.""",
+            """Says how good the result of a stopped search is: the most by which a missing trajectory can be better, as
+            a share of each cost. A gap of 0 says that none is missing; 0.05 says that a missing one is at most 5 %
+            better.""",
         ),
         _entry(
             "supported, supported point, unsupported",
-            """A supported point of the front is the best one for some weights of the costs. A point in a dent of the
+            """A supported point is the best point of the front for some weights of the costs. A point in a dent of the
             front is optimal too, but it is best for no weights: it is unsupported, and weighted sums never find it.""",
         ),
         _entry(
             "eps, epsilon, tolerance",
-            """Options by which the exact search returns fewer points, sooner. Every optimal point is then covered by a
-            returned point that costs at most (1 + eps) times as much, plus the tolerance, in every cost.""",
+            """Options that make the exact search return fewer points, sooner. For every optimal point, a returned point
+            costs at most (1 + eps) times as much, plus the tolerance, in every cost.""",
         ),
         _entry(
             "quantum, quanta",
-            """The smallest difference of a cost that counts, in the cost's unit, such as 0.000001 m. Trajectories that
-            differ by less are taken for equal. A coarser quantum (`quanta` of a scenario) gives a smaller front.""",
+            """The smallest difference of a cost that counts, in the cost's unit, such as 0.000001 m. Trajectories whose
+            costs differ by less count as equal. A coarser quantum (`quanta` of a scenario) gives a smaller front.""",
         ),
         _entry(
             "exact, local optima",
-            """Exact: proved to be the best among the motions that a planner considers, such as those of a grid. A local
-            optimum is better than everything near it, but a very different trajectory may be better still.""",
+            """Exact: proved to be the best among all paths of the graph that was searched, such as a grid of poses. A
+            local optimum is better than all similar trajectories; a very different one may be better still.""",
         ),
     ),
     "Costs": (
@@ -136,9 +134,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "exposure",
-            """The obstruction added up over time, in seconds. Ten seconds at an obstruction of 0.1 are an exposure of 1
-            s. Searches minimise the exposure when you list obstruction, because a mean does not add up along a
-            path.""",
+            """The obstruction added up over time, in seconds: ten seconds at an obstruction of 0.1 are an exposure of 1
+            s. If you list obstruction, searches minimise the exposure, because a mean does not add up along a path.""",
         ),
         _entry(
             "mean, time-mean, max_detour",
@@ -158,9 +155,9 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
     ),
     "The search": (
         _entry(
-            "trajectory, path",
+            "trajectory, path, motion",
             """A path is a route through space. A trajectory also has times: it is a sequence of motions from start to
-            goal.""",
+            goal, such as straight moves, turns in place and holds.""",
         ),
         _entry(
             "lattice, step, heading, headings",
@@ -174,27 +171,27 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "joined",
-            """A start or goal between the poses of a grid is joined to poses nearby, so trajectories begin and end
+            """A start or goal between the poses of a grid is joined to poses nearby, so that trajectories begin and end
             exactly where you asked.""",
         ),
         _entry(
             "label, labels",
-            """A partial path from the start to some pose, with its costs, which the search keeps while no other one
-            dominates it. The number of labels measures the work of a search (`hpop plan --verbose`).""",
+            """A partial path of the search, from the start to some state, with its costs. It is kept while no other
+            partial path dominates it. The number of labels measures the work of a search (`hpop plan --verbose`).""",
         ),
         _entry(
-            "state, edge, states, edges",
-            """Parts of the graph that is searched: poses of the robot (states), and collision-free motions between them
-            (edges).""",
+            "state, edge, graph, states, edges",
+            """A graph is what a planner searches: states (poses of the robot, or positions of its joints), and edges
+            (free motions between them).""",
         ),
         _entry(
             "kernel, compiling",
-            """A compiled part of the search. Kernels are compiled once on each machine for each number and kind of
-            costs, which takes some seconds, and stored.""",
+            """A compiled part of the search. A plan with a new number or kind of costs compiles its kernels first,
+            which takes some seconds. They are stored, so this happens once on each machine.""",
         ),
         _entry(
             "checkpoint",
-            """A file with a stopped search: `hpop plan --checkpoint FILE` continues it.""",
+            """A file that holds a stopped search: `hpop plan --checkpoint FILE` continues it.""",
         ),
     ),
     "People who move": (
@@ -206,82 +203,64 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "clock, tick",
-            """Among moving people, the cost and the safety of a motion depend on when it begins. So `lattice` and
-            `roadmap` count time in ticks of `clock` seconds, by default 1/20. Without moving people there is no
-            clock.""",
+            """Among moving people, the cost and the safety of a motion depend on when it begins. So planners count time
+            in ticks of `clock` seconds, by default 0.05 s. Without moving people there is no clock.""",
         ),
         _entry(
             "hold",
-            """A wait: the robot stands for at least `hold` seconds. A plan that begins with a move first stands for as
-            long as the robot needs to accelerate.""",
-        ),
-        _entry(
-            "arrive_by",
-            """The latest arrival, in seconds. Plans that arrive later are left out.""",
+            """A wait: the robot stands still for at least `hold` seconds. A plan that begins with a move first stands
+            for as long as the robot needs to accelerate.""",
         ),
         _entry(
             "margin",
-            """The distance in metres that robot and people keep, in the plan and in its execution. A margin of 0 only
+            """The distance in metres that the robot keeps from people, as planned and as executed. A margin of 0 only
             excludes contact.""",
         ),
         _entry(
             "drift, off the clock",
-            """The largest difference between the times of a plan and those of the clock. The distance to people is
-            checked for the real times.""",
+            """The planner counts time in whole ticks, so its times differ slightly from those of the real motion. The
+            drift is the largest difference. The distance to people is checked at the real times.""",
         ),
     ),
     "On the way": (
         _entry(
             "drive, plan, announced",
-            """A drive executes a trajectory of a front and may change it on the way (`hpop drive`). The plan is the
-            trajectory that is driven if nothing changes. The announced path leads to the goal even where it is closed
-            now.""",
+            """A drive executes a trajectory of a front, and may change it on the way (`hpop drive`). The plan is the
+            trajectory that is driven if nothing changes. The announced path is the one that leads to the goal, even if
+            a part of it is closed now.""",
         ),
         _entry(
             "option, options, leaves at, next turn, same side, keeps on",
-            """A way to continue a drive: a trajectory of the front of remaining paths, or the present plan. It says
-            when it leaves the announced path, when the robot turns next, and whether it passes obstacles on the same
-            sides.""",
+            """A way to continue a drive: a trajectory to the goal from where the robot will be, or the present plan.
+            Its columns say when it leaves the announced path, when the robot turns next, and whether it passes
+            obstacles on the same sides.""",
         ),
         _entry(
             "commit",
-            """The state at which options begin: the first one after the deadline at which the robot can leave its plan,
-            straight on or by stopping to turn. Nothing changes before it, so the motion never jumps.""",
+            """The state at which options begin: the first one after the deadline (the time given to the search) at
+            which the robot can leave its plan, straight on or by stopping to turn. The plan stays as it is until then,
+            so the motion never jumps.""",
         ),
         _entry(
             "wish, hurry",
-            """A request by the viewer, such as "fewer turns" or "hurry". It chooses the option with the least loss in
-            the other costs. The criteria stay as they are.""",
-        ),
-        _entry(
-            "deadline",
-            """The processor seconds for finding options. Known paths are there at once; the gap bounds what is missing
-            when time is up.""",
+            """A request of the viewer, such as "fewer turns" or "hurry". The robot takes the option that fulfils it
+            with the least loss in the other costs.""",
         ),
     ),
     "Maps": (
         _entry(
             "free space, usable",
-            """The positions at which the whole robot touches no obstacle, closed zone, standing person or border. A
-            start or goal outside of it is not usable. `hpop look` draws it.""",
+            """The positions at which the whole robot touches no obstacle, keep-out zone, standing person or border. A
+            start or goal outside the free space cannot be used. `hpop look` draws it.""",
         ),
         _entry(
             "extent, outline",
-            """The area in which the robot must stay: an image's rectangle, or the outline of a building.""",
+            """The area in which the robot must stay: the rectangle of an image, or the outline of a building.""",
         ),
         _entry(
             "keep-out zone, zone, speed limit, one-way",
-            """An area with a rule: closed to the robot, to be crossed slowly, or in one direction. Only a closed zone
-            stops the robot; the other rules are criteria.""",
-        ),
-        _entry(
-            "resolution, scale",
-            """Metres per pixel of an image, or metres per unit of a drawing. A door of 0.9 m that is 45 pixels wide
-            gives 0.02 m.""",
-        ),
-        _entry(
-            "landmark",
-            """A point worth seeing, with a weight. Criteria of performance measure how well it is seen.""",
+            """An area with a rule. A keep-out zone is closed to the robot. A speed limit or a direction does not stop
+            the robot: criteria measure how far it breaks the rule.""",
         ),
     ),
 }
