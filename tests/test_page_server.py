@@ -6,40 +6,45 @@ import errno
 import re
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from http.client import HTTPConnection
 from pathlib import Path
 from threading import Event, Thread, active_count
+from time import sleep
 from types import SimpleNamespace
 
 import pytest
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
 
 import hpop
 from hpop import study
 from hpop.cli import asking_page
 from hpop.cli.live_server import LiveFront, server_of
 from hpop.cli.serving import OnePage
-from hpop.runtime.page_server import CONNECTIONS, LOCAL, PageHandler, PageServer, no_port
+from hpop.runtime.page_server import CONNECTIONS, LOCAL, PageServer, body, no_port
 from hpop.study.server import StudyServer
 from tests.study.conftest import CONSENT, front
 
 __all__ = ["front"]  # a fixture
 
 
-class Words(PageHandler):
-    """Answers with the path, and with what was posted."""
+async def posted(request: Request) -> Response:
+    return PlainTextResponse(await body(request, 100) or b"nothing")
 
-    def answer(self) -> None:
-        self.page(self.path.encode())
 
-    def take(self) -> None:
-        self.page(self.body(100) or b"nothing")
+WORDS = [
+    Route("/", posted, methods=["POST"]),
+    Route("/{path:path}", lambda request: PlainTextResponse(request.url.path)),
+]
+"""Answers with the path, and with what was posted."""
 
 
 @contextmanager
 def running(server: PageServer) -> Iterator[PageServer]:
     with server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread = Thread(target=server.serve_forever)
         thread.start()
         try:
             yield server
@@ -119,7 +124,7 @@ def test_a_page_of_another_origin_answers_no_question_of_a_preference() -> None:
 
 def test_who_says_half_a_sentence_keeps_nobody_waiting_and_takes_few_threads() -> None:
     before = active_count()
-    with running(PageServer(Words)) as server, ExitStack() as stack:
+    with running(PageServer(WORDS)) as server, ExitStack() as stack:
         here = f"{LOCAL}:{server.server_address[1]}"
         for _ in range(3 * CONNECTIONS):
             stack.enter_context(socket.create_connection((LOCAL, server.server_address[1]))).sendall(
@@ -133,7 +138,7 @@ def test_who_says_half_a_sentence_keeps_nobody_waiting_and_takes_few_threads() -
     "begun", [b"", b"POST / HTTP/1.1\r\nHost: %b\r\nContent-Length: 99\r\n\r\n"], ids=["head", "body"]
 )
 def test_who_drips_is_let_go_however_often(begun: bytes) -> None:
-    with running(PageServer(Words, reading=0.2)) as server:
+    with running(PageServer(WORDS, reading=0.2)) as server:
         here = f"{LOCAL}:{server.server_address[1]}".encode()
         with socket.create_connection((LOCAL, server.server_address[1])) as slow:
             slow.sendall(begun.replace(b"%b", here))
@@ -152,24 +157,40 @@ def test_who_drips_is_let_go_however_often(begun: bytes) -> None:
 def test_what_has_come_whole_may_take_longer_to_answer() -> None:
     gate = Event()
 
-    class Slow(Words):
-        def answer(self) -> None:
-            assert gate.wait(60)
-            super().answer()
+    def slow(request: Request) -> Response:
+        assert gate.wait(60)
+        return PlainTextResponse("at last")
 
-    class Counted(PageServer):
-        def service_actions(self) -> None:
-            super().service_actions()
-            self.looked = getattr(self, "looked", 0) + 1
-            if self.looked > 60:  # 0.6 s at the least, three times as long as may be waited for a request
-                gate.set()
+    with running(PageServer([Route("/", slow)], reading=0.2)) as server:
+        here = f"{LOCAL}:{server.server_address[1]}".encode()
+        with socket.create_connection((LOCAL, server.server_address[1])) as quick:
+            quick.sendall(b"GET / HTTP/1.1\r\nHost: %b\r\n\r\n" % here)
+            with socket.create_connection((LOCAL, server.server_address[1])) as late:
+                assert late.recv(1) == b""  # a silent connection that began later has been dropped
+            gate.set()
+            quick.settimeout(60)
+            assert b"".join(iter(lambda: quick.recv(1000), b"")).endswith(b"at last")
 
-    with running(Counted(Slow, reading=0.2)) as server:
-        assert status(server, "GET", "/page", Host=f"{LOCAL}:{server.server_address[1]}") == (200, "/page")
+
+def test_a_client_that_takes_nothing_of_its_answer_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hpop.runtime.page_server, "SENDING", 0.1)
+    page = bytes(2**25)  # more than sockets hold
+    with running(PageServer([Route("/", lambda request: Response(page))])) as server:
+        with socket.create_connection((LOCAL, server.server_address[1])) as idle:
+            idle.sendall(b"GET / HTTP/1.1\r\nHost: %b:%d\r\n\r\n" % (LOCAL.encode(), server.server_address[1]))
+            while not server.connections:
+                sleep(0.01)
+            while server.connections:
+                sleep(0.01)
+            received = 0
+            with suppress(ConnectionResetError):
+                while piece := idle.recv(2**20):
+                    received += len(piece)
+        assert received < len(page)
 
 
 def test_what_is_posted_is_bounded_and_browsers_leave_out_usual_ports() -> None:
-    with running(PageServer(Words)) as server:
+    with running(PageServer(WORDS)) as server:
         connection = HTTPConnection(LOCAL, server.server_address[1], timeout=60)
         connection.request("POST", "/", b"x" * 100)
         assert connection.getresponse().read() == b"x" * 100
@@ -180,7 +201,7 @@ def test_what_is_posted_is_bounded_and_browsers_leave_out_usual_ports() -> None:
         usual.bind((LOCAL, 0))
         usual.listen()
         patch.setitem(hpop.runtime.page_server.PLAIN_PORTS, "http", usual.getsockname()[1])
-        assert PageServer(Words, listening=usual).refusal("localhost", "http://localhost") == ""
+        assert PageServer(WORDS, listening=usual).refusal("localhost", "http://localhost") == ""
 
 
 def test_why_a_port_cannot_be_had_is_said() -> None:

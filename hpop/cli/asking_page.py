@@ -15,9 +15,15 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, Protocol
 from urllib.parse import parse_qs
 
+from starlette.background import BackgroundTask
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+from starlette.routing import Route
+
 from hpop.base.text import printable
 from hpop.errors import OutputError
-from hpop.runtime.page_server import PageHandler, PageServer
+from hpop.runtime.page_server import PageServer, body
 
 if TYPE_CHECKING:
     from hpop.cli.picking import Difference
@@ -100,49 +106,35 @@ def serve(asked: Questionnaire, port: int, say: Callable[[str], None]) -> None:
     """Serve the page until the last question is answered and the result was shown; OutputError if the port is taken."""
     token, lock, over = secrets.token_urlsafe(16), Lock(), Event()
 
-    class QuestionHandler(PageHandler):
-        def answer(self) -> None:
-            """Send the question, or the result; after the result the command ends."""
-            if self._is_known():
-                with lock:
-                    page = page_of(asked).encode()
-                    is_over = asked.is_over
-                self._send(HTTPStatus.OK, page)
-                if is_over:
-                    over.set()
+    def show(request: Request) -> Response:
+        """Return the question, or the result; after the result was sent the command ends."""
+        with lock:
+            page = page_of(asked)
+            ends = BackgroundTask(over.set) if asked.is_over else None
+        return HTMLResponse(page, headers={"Content-Security-Policy": POLICY}, background=ends)
 
-        def take(self) -> None:
-            """Take an answer, and send the page again."""
-            if not self._is_known():
-                return
-            data = self.body(MOST_BYTES)
-            if data is None:
-                self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, b"")
-                return
-            given = parse_qs(data.decode("ascii", "replace"))
-            word, number = given.get("answer", [""])[0], given.get("question", [""])[0]
-            try:
-                with lock:
-                    if word in LABELS and number == str(asked.number) and not asked.is_over:
-                        asked.answer(word)
-            except OutputError as error:
-                say(str(error))
-                self._send(HTTPStatus.INTERNAL_SERVER_ERROR, _page_of_loss(str(error), f"/{token}").encode())
-                return
-            self._send(HTTPStatus.SEE_OTHER, b"", Location=f"/{token}")
+    def answer(word: str, number: str) -> None:
+        with lock:
+            if word in LABELS and number == str(asked.number) and not asked.is_over:
+                asked.answer(word)
 
-        def _is_known(self) -> bool:
-            """Return whether who asks knows the address of the page."""
-            if secrets.compare_digest(self.path.encode("utf-8", "replace"), f"/{token}".encode()):
-                return True
-            self._send(HTTPStatus.NOT_FOUND, b"")
-            return False
+    async def take(request: Request) -> Response:
+        """Record an answer, and show the page again."""
+        data = await body(request, MOST_BYTES)
+        if data is None:
+            return Response(status_code=HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        given = parse_qs(data.decode("ascii", "replace"))
+        try:
+            await run_in_threadpool(answer, given.get("answer", [""])[0], given.get("question", [""])[0])
+        except OutputError as error:
+            say(str(error))
+            page = _page_of_loss(str(error), f"/{token}")
+            return HTMLResponse(page, HTTPStatus.INTERNAL_SERVER_ERROR, {"Content-Security-Policy": POLICY})
+        return RedirectResponse(f"/{token}", HTTPStatus.SEE_OTHER)
 
-        def _send(self, status: HTTPStatus, page: bytes, **more: str) -> None:
-            self.page(page, status=status, **{"Content-Security-Policy": POLICY, **more})
-
-    with PageServer(QuestionHandler, port=port) as server:
-        serving = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+    routes = [Route("/", show), Route("/", take, methods=["POST"])]
+    with PageServer(routes, port=port, token=token) as server:
+        serving = Thread(target=server.serve_forever, daemon=True)
         serving.start()
         try:
             say(f"the questions are at {server.root()}/{token}")

@@ -13,19 +13,24 @@ from __future__ import annotations
 import html
 import json
 import os
-import secrets
 import socket
 import sys
-from collections.abc import Sequence
+from asyncio import get_running_loop
+from collections.abc import AsyncIterator, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from pathlib import Path
 from threading import Condition, Thread
-from urllib.parse import parse_qs, urlsplit
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response, StreamingResponse
+from starlette.routing import Route
 
 from hpop.base.text import printable
 from hpop.cli.beside import NICENESS, TOKEN
-from hpop.runtime.page_server import PageHandler, PageServer
+from hpop.runtime.page_server import CONNECTIONS, PageServer
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
@@ -93,6 +98,18 @@ class LiveFront:
             self.changed.wait_for(lambda: self.number > seen or self.ended, ALIVE)
             return self.number, self.payload, self.ended
 
+    @contextmanager
+    def stream(self) -> Iterator[None]:
+        """Count a page as open."""
+        with self.changed:
+            self.streams += 1
+        try:
+            yield
+        finally:
+            with self.changed:
+                self.streams -= 1
+                self.changed.notify_all()
+
     def end(self) -> None:
         """Tell all open pages that the search has ended, and wait until they have received it."""
         with self.changed:
@@ -103,58 +120,34 @@ class LiveFront:
 
 def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageServer:
     """Return a server of the current front on a listening socket."""
+    waiting = ThreadPoolExecutor(CONNECTIONS)  # a thread for each open page
 
-    class LiveHandler(PageHandler):
-        def answer(self) -> None:
-            path = urlsplit(self.path)
-            _, given, *rest = (*path.path.split("/"), "")
-            if not secrets.compare_digest(given.encode(), token.encode()) or rest not in (
-                [""],
-                ["", ""],
-                ["events", ""],
-            ):
-                self.send_error(HTTPStatus.NOT_FOUND)
-            elif rest[0] == "events":
-                self._stream(parse_qs(path.query))
-            elif rest == [""]:  # without the last slash, which the page needs to find its events
-                self.send_response(HTTPStatus.MOVED_PERMANENTLY)
-                self.send_header("Location", f"/{token}/")
-                self.end_headers()
-            else:
-                self.page(shown.page)
+    def page(request: Request) -> Response:
+        if not request.scope["raw_path"].endswith(b"/"):  # the page needs the last slash to find its events
+            return RedirectResponse(f"/{token}/", HTTPStatus.MOVED_PERMANENTLY)
+        return HTMLResponse(shown.page)
 
-        def _stream(self, query: dict[str, list[str]]) -> None:
-            """Send fronts as server-sent events, beginning with those since the page was made."""
-            known = [self.headers.get("Last-Event-ID", ""), *query.get("after", [])]
-            seen = max((int(number) for number in known if number.isascii() and number.isdigit()), default=0)
-            self.send_response(HTTPStatus.OK)
-            self.send_header("Content-Type", "text/event-stream")
-            self.end_headers()
-            if self.command == "HEAD":
-                return
-            with shown.changed:
-                shown.streams += 1
-            try:
-                self._tell(seen)
-            finally:
-                with shown.changed:
-                    shown.streams -= 1
-                    shown.changed.notify_all()
+    def events(request: Request) -> Response:
+        """Send fronts as server-sent events, beginning with those since the page was made."""
+        known = [request.headers.get("Last-Event-ID", ""), *request.query_params.getlist("after")]
+        seen = max((int(number) for number in known if number.isascii() and number.isdigit()), default=0)
+        return StreamingResponse(messages(seen), media_type="text/event-stream")
 
-        def _tell(self, seen: int) -> None:
-            self.wfile.write(b"retry: 1000\n\n")
+    async def messages(seen: int) -> AsyncIterator[bytes]:
+        with shown.stream():
+            yield b"retry: 1000\n\n"
             while True:
-                number, payload, ended = shown.since(seen)
+                number, payload, ended = await get_running_loop().run_in_executor(waiting, shown.since, seen)
                 if number > seen:
-                    self.wfile.write(b"id: %d\nevent: front\ndata: %s\n\n" % (number, payload))
+                    yield b"id: %d\nevent: front\ndata: %s\n\n" % (number, payload)
                     seen = number
                 elif ended:
-                    self.wfile.write(b"event: end\ndata:\n\n")
+                    yield b"event: end\ndata:\n\n"
                     return
                 else:
-                    self.wfile.write(b":\n\n")
+                    yield b":\n\n"
 
-    return PageServer(LiveHandler, listening=listening)
+    return PageServer([Route("/", page), Route("/events", events)], token=token, listening=listening)
 
 
 def follow(shown: LiveFront, folder: Path, imports: Sequence[str], said: int) -> None:

@@ -13,13 +13,15 @@ import secrets
 import socket
 import ssl
 from collections.abc import Sequence
-from http import HTTPStatus
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from starlette.responses import HTMLResponse
+from starlette.routing import Route
+
 from hpop.errors import OutputError
-from hpop.runtime.page_server import LOCAL, PageHandler, PageServer
+from hpop.runtime.page_server import LOCAL, PageServer
 
 EVERYWHERE = "0.0.0.0"
 DAYS = 7
@@ -44,28 +46,18 @@ class OnePage(PageServer):
     def __init__(
         self, page: bytes, *, host: str, port: int, names: Sequence[str] = (), certificate: Certificate | None = None
     ) -> None:
-        self.page = page
-        self.token = secrets.token_urlsafe(9)
-        secured = None if certificate is None else context_of(certificate)
-        super().__init__(_OnePageHandler, host=host, port=port, names=names, secured=secured)
+        super().__init__(
+            [Route("/", lambda request: HTMLResponse(page))],
+            host=host,
+            port=port,
+            names=names,
+            token=secrets.token_urlsafe(9),
+            secured=None if certificate is None else context_of(certificate),
+        )
 
     def address(self, host: str) -> str:
         """Return the address of the page, as typed into a browser."""
         return f"{self.root(host)}/{self.token}"
-
-
-class _OnePageHandler(PageHandler):
-    """Handler that answers requests with the token, and refuses others."""
-
-    server: OnePage
-
-    def answer(self) -> None:
-        """Send the page to a request that names its token."""
-        asked = self.path.partition("?")[0].strip("/")
-        if secrets.compare_digest(asked.encode("utf-8", "replace"), self.server.token.encode()):
-            self.page(self.server.page)
-        else:
-            self.send_error(HTTPStatus.NOT_FOUND)
 
 
 def own_address() -> str:

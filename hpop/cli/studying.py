@@ -192,9 +192,8 @@ def serve(folder: Path, port: int, network: bool) -> None:
         tell=lambda said: echo(f"error: {said}", err=True),
     ) as server:
         if certificate is None:
-            echo(
-                f"a headset on a cable comes to it after: adb reverse tcp:{server.server_port} tcp:{server.server_port}"
-            )
+            on_cable = f"tcp:{server.server_address[1]}"
+            echo(f"a headset on a cable comes to it after: adb reverse {on_cable} {on_cable}")
         else:
             echo("a browser warns once that nobody vouches for the certificate, which is made for this; its SHA-256 is")
             echo(f"  {certificate.fingerprint}")

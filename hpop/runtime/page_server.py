@@ -1,25 +1,34 @@
-"""HTTP server of all pages that hpop serves; it checks the sender of a request and bounds connections and their time.
+"""HTTP server of all pages that hpop serves: a Starlette application behind a guard, run by uvicorn's HTTP protocol.
 
-A request is answered if it names one of the server's own hosts and was not sent by a page of another origin. The first
-rule stops DNS rebinding, by which another page in the browser pretends to come from here. A request that is not
+The guard answers a request if it names one of the server's own hosts and was not sent by a page of another origin. The
+first rule stops DNS rebinding, by which another page in the browser pretends to come from here. A request that is not
 complete within :data:`READING` seconds is dropped, however slowly it drips. Of more than :data:`CONNECTIONS`
 connections the oldest incomplete one is dropped. A refusal reveals nothing of the address beyond name and port.
 """
 
 from __future__ import annotations
 
+import asyncio
 import errno
+import logging
+import secrets
 import socket
 import ssl
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Mapping, Sequence
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from math import inf
-from socketserver import TCPServer
-from threading import RLock
-from time import monotonic
+from threading import Event
 from typing import Any
+
+from starlette.applications import Starlette
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import BaseRoute
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+from uvicorn import Config
+from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.server import ServerState
 
 from hpop.errors import OutputError
 
@@ -27,30 +36,35 @@ LOCAL = "127.0.0.1"
 READING = 20.0
 """Seconds within which a request, including its body, must be complete."""
 SENDING = 30.0
-"""Seconds within which a piece of an answer must be sent."""
+"""Seconds within which a client must take what waits to be sent."""
+FAREWELL = 2.0
+"""Seconds for answers that are being sent when the server ends."""
 CONNECTIONS = 128
-"""Largest number of connections at a time, each with a thread."""
-PIECE = 2**18
-"""Bytes that are sent in one piece."""
+"""Largest number of connections at a time."""
 PLAIN_PORTS = {"http": 80, "https": 443}
 """Ports that browsers leave out of the address."""
 HEADERS = {
     "Cache-Control": "no-store",
+    "Connection": "close",  # a connection carries one request, so that its deadline is that of the request
     "Referrer-Policy": "same-origin",  # addresses hold tokens
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Cross-Origin-Resource-Policy": "same-origin",
 }
 
+logging.getLogger("uvicorn.error").setLevel(logging.ERROR)  # malformed requests are no concern of the user
 
-class PageServer(ThreadingHTTPServer):
-    """Server of pages for few users, with a thread for each connection.
+
+class PageServer:
+    """Server of an application for few users.
 
     Parameters
     ----------
-    handler : a :class:`PageHandler`
+    routes : of the Starlette application
+    errors : handlers of exceptions that its endpoints raise
     host, port : an address of this machine; port 0 takes any free port
     names : host names of this server besides 127.0.0.1 and localhost
+    token : secret first part of each path, which routes leave out
     secured : TLS context, to encrypt connections
     listening : a listening socket to use in place of ``host`` and ``port``
     reading : s within which a request must be complete
@@ -58,46 +72,37 @@ class PageServer(ThreadingHTTPServer):
     Raises OutputError if the port is not available.
     """
 
-    daemon_threads = True
-    request_queue_size = CONNECTIONS
-
     def __init__(
         self,
-        handler: type[PageHandler],
+        routes: Sequence[BaseRoute],
         *,
+        errors: Mapping[Any, Any] = {},  # not changed
         host: str = LOCAL,
         port: int = 0,
         names: Iterable[str] = (),
+        token: str = "",
         secured: ssl.SSLContext | None = None,
         listening: socket.socket | None = None,
         reading: float = READING,
     ) -> None:
-        self._reading = reading
-        self._lock = RLock()
-        self._open: dict[Any, float] = {}  # connections in order, with deadlines for the request; inf once complete
-        if listening is not None:
-            super().__init__(listening.getsockname()[:2], handler, bind_and_activate=False)
-            self.socket.close()
-            self.socket = listening
-        else:
-            try:
-                super().__init__((host, port), handler)
-            except OSError as error:
-                raise OutputError(no_port(port, error)) from None
+        self.token, self.reading = token, reading
+        self.connections: dict[_Connection, bool] = {}  # in order of their beginning; whether the request is complete
+        self._secured = secured
+        self._socket = _listen(host, port) if listening is None else listening
+        self.server_address: tuple[str, int] = self._socket.getsockname()[:2]
         self.scheme = "http" if secured is None else "https"
         own_port = self.server_address[1]
         own_names = dict.fromkeys((LOCAL, "localhost", *(name.lower() for name in names)))
         self.hosts = {f"{name}:{own_port}" for name in own_names}
         if own_port == PLAIN_PORTS[self.scheme]:
             self.hosts |= set(own_names)
-        if secured is not None:
-            # Each connection shakes hands in its own thread, so that a silent one does not block the server.
-            self.socket = secured.wrap_socket(self.socket, server_side=True, do_handshake_on_connect=False)
-
-    def server_bind(self) -> None:
-        """Bind without looking up the name of this machine, for which http.server asks the network and may wait."""
-        TCPServer.server_bind(self)
-        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
+        app = Starlette(routes=routes, exception_handlers={HTTPException: self._failed, **errors})
+        app.router.redirect_slashes = False
+        self._config = Config(_Guard(app, self), ws="none", lifespan="off", log_config=None)
+        self._ending = Event()
+        self._ended = Event()
+        self._stop: asyncio.Event | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
 
     def root(self, name: str = LOCAL) -> str:
         """Return the address up to the port."""
@@ -111,123 +116,177 @@ class PageServer(ThreadingHTTPServer):
             return "only pages of this server may ask"
         return ""
 
-    def process_request(self, request: Any, client_address: Any) -> None:
+    def is_open(self, token: str) -> bool:
+        """Return whether the first part of a path is a token of this server."""
+        return same(token, self.token)
+
+    def refused(self, method: str, status: HTTPStatus, reason: str) -> Response:
+        """Return the response for a request that is refused."""
+        return PlainTextResponse(reason, status)
+
+    def serve_forever(self) -> None:
+        """Serve until :meth:`shutdown`, or until Ctrl-C in the main thread."""
+        try:
+            asyncio.run(self._serve())
+        finally:
+            self._ended.set()
+
+    def shutdown(self) -> None:
+        """End :meth:`serve_forever`, which runs in another thread, and wait for its end."""
+        self._ending.set()
+        if self._loop is not None and self._stop is not None:
+            self._loop.call_soon_threadsafe(self._stop.set)
+        self._ended.wait()
+
+    def server_close(self) -> None:
+        """Release the port."""
+        self._socket.close()
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.server_close()
+
+    def _failed(self, request: Request, error: Exception) -> Response:
+        """Return the response for an unknown path or method."""
+        status = HTTPStatus(error.status_code if isinstance(error, HTTPException) else 500)
+        return self.refused(request.method, status, status.phrase)
+
+    async def _serve(self) -> None:
+        """Accept connections until the end is requested, then let answers under way be sent."""
+        self._config.load()
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        state = ServerState()
+        server = await self._loop.create_server(
+            lambda: _Connection(self, self._config, state),
+            sock=self._socket.dup(),
+            ssl=self._secured,
+            ssl_handshake_timeout=None if self._secured is None else self.reading,
+            backlog=CONNECTIONS,
+        )
+        if self._ending.is_set():  # before the loop ran
+            self._stop.set()
+        try:
+            await self._stop.wait()
+        finally:
+            server.close()
+            for connection in self.connections:
+                connection.transport.close()  # sends what waits
+            last = self._loop.time() + FAREWELL
+            while self.connections and self._loop.time() < last:
+                await asyncio.sleep(0.01)
+
+
+class _Connection(H11Protocol):
+    """HTTP connection with a deadline for its request, and for a client that takes nothing of the answer."""
+
+    def __init__(self, server: PageServer, config: Config, state: ServerState) -> None:
+        super().__init__(config, state, {})
+        self._server = server
+        self._deadline: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Accept a connection; if there are too many, drop the oldest incomplete one, or else this one."""
-        with self._lock:
-            if len(self._open) >= CONNECTIONS:
-                oldest = next((request for request, deadline in self._open.items() if deadline < inf), None)
-                if oldest is None:
-                    self.shutdown_request(request)
-                    return
-                self._drop(oldest)
-            self._open[request] = monotonic() + self._reading
-        super().process_request(request, client_address)
+        super().connection_made(transport)
+        connections = self._server.connections
+        if len(connections) >= CONNECTIONS:
+            oldest = next((one for one, is_complete in connections.items() if not is_complete), None)
+            if oldest is None:
+                transport.abort()
+                return
+            oldest._drop()
+        connections[self] = False
+        self._expect(self._server.reading)
 
-    def whole(self, request: Any) -> None:
-        """Note that a request is complete: its answer may take longer."""
-        with self._lock:
-            if request in self._open:
-                self._open[request] = inf
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Forget the connection."""
+        self._expect(None)
+        self._server.connections.pop(self, None)
+        super().connection_lost(exc)
 
-    def service_actions(self) -> None:
-        """Drop requests that are not complete in time."""
-        now = monotonic()
-        with self._lock:
-            for late in [request for request, deadline in self._open.items() if deadline < now]:
-                self._drop(late)
+    def data_received(self, data: bytes) -> None:
+        """Read a part of a request; a complete one may take any time to answer."""
+        super().data_received(data)
+        if self.cycle is not None and not self.cycle.more_body and self in self._server.connections:
+            self._server.connections[self] = True
+            self._expect(None)
 
-    def close_request(self, request: Any) -> None:
-        """Forget a connection."""
-        with self._lock:
-            self._open.pop(request, None)
-        super().close_request(request)
+    def pause_writing(self) -> None:
+        """Wait for a client that reads slowly."""
+        super().pause_writing()
+        self._expect(SENDING)
 
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        """Print nothing: a closed page, or one that mistrusts the certificate, is no error."""
+    def resume_writing(self) -> None:
+        """Go on sending."""
+        super().resume_writing()
+        self._expect(None)
 
-    def _drop(self, request: Any) -> None:
-        """Shut a connection down; its thread, which waits for it, closes it."""
-        del self._open[request]
-        with suppress(OSError):
-            request.shutdown(socket.SHUT_RDWR)
+    def _expect(self, seconds: float | None) -> None:
+        """Set the deadline, in s from now, or none."""
+        if self._deadline is not None:
+            self._deadline.cancel()
+        self._deadline = None if seconds is None else self.loop.call_later(seconds, self._drop)
+
+    def _drop(self) -> None:
+        """Close the connection without sending what waits."""
+        self._server.connections.pop(self, None)
+        self.transport.abort()
 
 
-class PageHandler(BaseHTTPRequestHandler):
-    """Handler of one request of any method, answered unless :meth:`PageServer.refusal` gives a reason."""
+class _Guard:
+    """ASGI application that refuses requests of other hosts and origins, or without the token.
 
-    timeout = SENDING
-    server: PageServer
-    server_version, sys_version = "hpop", ""
+    It adds :data:`HEADERS` to each response.
+    """
 
-    def parse_request(self) -> bool:
-        """Read the head of a request; return False, after answering, if it is refused."""
-        if not super().parse_request():
-            return False
-        if self.command != "POST":
-            self.server.whole(self.connection)
-        reason = self.server.refusal(self.headers.get("Host", ""), self.headers.get("Origin"))
-        if reason:
-            self.refused(HTTPStatus.FORBIDDEN, reason)
-        return not reason
+    def __init__(self, app: ASGIApp, server: PageServer) -> None:
+        self._app, self._server = app, server
 
-    def do_GET(self) -> None:
-        """Answer a GET request."""
-        self.answer()
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
 
-    def do_HEAD(self) -> None:
-        """Answer a HEAD request."""
-        self.answer()
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(HEADERS)
+            await send(message)
 
-    def do_POST(self) -> None:
-        """Accept a POST request."""
-        self.take()
+        headers, server = Headers(scope=scope), self._server
+        first, _, rest = scope["path"].removeprefix("/").partition("/")
+        app = self._app
+        if reason := server.refusal(headers.get("host", ""), headers.get("origin")):
+            app = server.refused(scope["method"], HTTPStatus.FORBIDDEN, reason)
+        elif server.token and not server.is_open(first):
+            app = server.refused(scope["method"], HTTPStatus.NOT_FOUND, "there is nothing here")
+        elif server.token:
+            scope = {**scope, "path": f"/{rest}", "token": first}
+        await app(scope, receive, send_with_headers)
 
-    def answer(self) -> None:
-        """Answer a GET or HEAD request for ``self.path``."""
-        self.send_error(HTTPStatus.NOT_FOUND)
 
-    def take(self) -> None:
-        """Accept the data posted to ``self.path``, and answer."""
-        self.send_error(HTTPStatus.NOT_IMPLEMENTED)
+def same(text: str, secret: str) -> bool:
+    """Return whether a text is a secret, in a time that does not reveal how much of it is right."""
+    return secrets.compare_digest(text.encode("utf-8", "replace"), secret.encode())
 
-    def refused(self, status: HTTPStatus, reason: str) -> None:
-        """Answer with the reason for a refusal."""
-        self.page(reason.encode(), "text/plain; charset=utf-8", status)
 
-    def body(self, most: int) -> bytes | None:
-        """Return the posted data; None if its length is not stated or exceeds ``most`` bytes."""
-        length = self.headers.get("Content-Length", "")
-        if not (length.isascii() and length.isdigit()) or len(length) > len(str(most)) or int(length) > most:
-            self.close_connection = True  # without reading the data
-            return None
-        data = self.rfile.read(int(length))
-        self.server.whole(self.connection)
-        return data
+async def body(request: Request, most: int) -> bytes | None:
+    """Return the posted data; None, without reading them, if their length is not stated or exceeds ``most`` bytes."""
+    length = request.headers.get("Content-Length", "")
+    if not (length.isascii() and length.isdigit()) or len(length) > len(str(most)) or int(length) > most:
+        return None
+    return await request.body()
 
-    def page(
-        self, data: bytes, kind: str = "text/html; charset=utf-8", status: HTTPStatus = HTTPStatus.OK, **more: str
-    ) -> None:
-        """Send an answer, with ``more`` headers."""
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(data)))
-        for name, value in more.items():
-            self.send_header(name, value)
-        self.end_headers()
-        self.send(data)
 
-    def send(self, data: bytes) -> None:
-        """Send bytes in pieces, so that a slow reader has time for each; send none in answer to HEAD."""
-        for begin in range(0, len(data) if self.command != "HEAD" else 0, PIECE):
-            self.wfile.write(data[begin : begin + PIECE])
-
-    def end_headers(self) -> None:
-        for name, value in HEADERS.items():
-            self.send_header(name, value)
-        super().end_headers()
-
-    def log_message(self, format: str, *args: object) -> None:
-        """Print no log of requests."""
+def _listen(host: str, port: int) -> socket.socket:
+    """Return a listening socket."""
+    listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+        listening.listen(CONNECTIONS)
+    except OSError as error:
+        listening.close()
+        raise OutputError(no_port(port, error)) from None
+    return listening
 
 
 def no_port(port: int, error: OSError) -> str:

@@ -9,23 +9,26 @@ from __future__ import annotations
 import base64
 import hmac
 import html
-import json
 import os
 import re
 import secrets
 import ssl
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from http import HTTPStatus
 from pathlib import Path
 from threading import Lock
 from typing import Any
 
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, HTMLResponse, JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+
 from hpop.base.files import open_regular
 from hpop.errors import HpopError, OutputError, StudyError
 from hpop.frontier.strict_json import parse
-from hpop.runtime.page_server import LOCAL, PIECE, PageHandler, PageServer
+from hpop.runtime.page_server import LOCAL, PageServer, body, same
 from hpop.study.answers import FOLDER, Ledger
 from hpop.study.design import Design
 from hpop.study.design_file import FILE, PEOPLE
@@ -42,7 +45,6 @@ TOKEN_LETTERS = 12
 KEYS = {"design", "tab", "device"}
 """Of what a page sends; with an event where there is one."""
 LONGEST_TAB = 64
-PART = re.compile(r"bytes=([0-9]{1,18})-([0-9]{1,18})?")
 PAGE = """<!doctype html>
 <html lang="en">
 <head>
@@ -177,7 +179,6 @@ class StudyServer(PageServer):
         self.study = Study(Path(folder))
         self.tell = tell
         self.study.page(self.study.design.expected[0].id)  # reports faults now, not to the first participant
-        self.token = token
         answers = self.study.folder / FOLDER
         try:
             answers.mkdir(exist_ok=True)
@@ -185,7 +186,13 @@ class StudyServer(PageServer):
             raise StudyError(f"cannot make {answers}, where answers go: {error.strerror or error}") from None
         self._held = serve_alone(answers)
         try:
-            super().__init__(_StudyHandler, host=host, port=port, names=names, secured=secured)
+            routes = [
+                Route("/answers/{participant:path}", self._take, methods=["POST"]),
+                Route("/stimuli/{name:path}", self._stimulus),
+                Route("/{participant:path}", self._page),
+            ]
+            errors = {Refusal: self._refuse, HpopError: self._fail}
+            super().__init__(routes, errors=errors, host=host, port=port, names=names, token=token, secured=secured)
         except OutputError:
             release(self._held)
             raise
@@ -212,140 +219,104 @@ class StudyServer(PageServer):
         token = self.token_of(participant)
         return f"/{token}/{participant}" if token else f"/{participant}"
 
+    def is_open(self, token: str) -> bool:
+        """Return whether a token is the experimenter's or a participant's."""
+        try:
+            return same(token, self.token) or self._owner(token) is not None
+        except HpopError:
+            return True  # the page says what is wrong with the design
 
-class _StudyHandler(PageHandler):
-    """Handler of one request."""
+    def refused(self, method: str, status: HTTPStatus, reason: str, why: str = "") -> Response:
+        """Return the response for a request that is refused: a readable page for GET, JSON for a page's POST."""
+        if method == "POST":
+            return JSONResponse({"error": reason, "why": why}, status)
+        words = html.escape(f"The study's computer says: {reason}.")
+        advice = "<p>Please call the person who runs the study.</p>"
+        page = PAGE.format(title="There is no session here", said=words, rest=advice)
+        return HTMLResponse(page.encode(errors="backslashreplace"), status)
 
-    server: StudyServer
-    _is_own: bool = True
-    """Whether the request has the experimenter's token, or no token is required."""
-    _owner: str | None = None
-    """Participant of the request's token."""
+    def _owner(self, token: str) -> str | None:
+        """Return the participant of a token."""
+        people = (person.id for person in self.study.design.participants)
+        return next((participant for participant in people if same(token, self.token_of(participant))), None)
 
-    def answer(self) -> None:
-        """Send a page or a stimulus."""
-        with self._told():
-            name = self._asked()
-            if name == "" and self._is_own:
-                self.page(self._list())
-            elif name.startswith("stimuli/"):
-                self._file(self.server.study.stimulus(name))
-            elif self._is_own and self.server.token:
-                self._send_on(name)
-            else:
-                self._check_owner(name)
-                self.page(self.server.study.page(name).encode(errors="backslashreplace"))
-
-    def take(self) -> None:
-        """Save an event of a session, or open its page."""
-        with self._told():
-            folder, _, participant = self._asked().partition("/")
-            if folder != FOLDER:
-                raise Refusal(HTTPStatus.NOT_FOUND, "nothing is taken here")
-            self._check_owner(participant)
-            self._reply(HTTPStatus.OK, self.server.study.taken(participant, self._body()))
-
-    def _asked(self) -> str:
-        """Return the requested path without its token; Refusal for a wrong token."""
-        path = self.path.partition("?")[0].removeprefix("/")
-        if self.server.token:
-            given, _, path = path.partition("/")
-            self._is_own = _same(given, self.server.token)
-            people = [person.id for person in self.server.study.design.participants]
-            self._owner = next((one for one in people if _same(given, self.server.token_of(one))), None)
-            if not self._is_own and self._owner is None:
-                raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
-        return path
-
-    def _check_owner(self, participant: str) -> None:
-        """Raise Refusal if the token belongs to another participant."""
-        if self.server.token and self._owner != participant:
+    def _check_owner(self, request: Request, participant: str) -> None:
+        """Raise Refusal if the request's token belongs to another participant."""
+        if self.token and self._owner(request.scope["token"]) != participant:
             raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
 
-    def _send_on(self, participant: str) -> None:
-        """Redirect the experimenter from an id to the address of the participant's page."""
-        if participant not in {person.id for person in self.server.study.design.participants}:
+    def _page(self, request: Request) -> Response:
+        """Return the page of a participant; the list of sessions, or a redirection, for the experimenter."""
+        participant = request.path_params["participant"]
+        if not self.token or same(request.scope["token"], self.token):
+            if not participant:
+                return HTMLResponse(self._list())
+            if self.token:
+                return self._redirection(participant)
+        self._check_owner(request, participant)
+        return HTMLResponse(self.study.page(participant).encode(errors="backslashreplace"))
+
+    def _redirection(self, participant: str) -> Response:
+        """Return a redirection from an id to the address of the participant's page."""
+        if participant not in {person.id for person in self.study.design.participants}:
             raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such participant")
-        self.page(b"", status=HTTPStatus.FOUND, Location=self.server.address_of(participant))
+        return RedirectResponse(self.address_of(participant), HTTPStatus.FOUND)
 
-    def _body(self) -> Any:
-        """Return the posted value; Refusal if it is no JSON or too long."""
-        if self.headers.get_content_type() != "application/json":
-            raise Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
-        if not self.headers.get("Content-Length", ""):
-            raise Refusal(HTTPStatus.LENGTH_REQUIRED, "expected Content-Length")
-        data = self.body(MOST_BODY)
-        if data is None:
-            raise Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MOST_BODY:,} bytes")
-        try:
-            return parse(data)
-        except (ValueError, RecursionError):
-            raise Refusal(HTTPStatus.BAD_REQUEST, "expected JSON") from None
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Send refusals and errors to the client."""
-        try:
-            yield
-        except Refusal as refused:
-            self._refuse(refused.status, refused.said, refused.why)
-        except HpopError as error:
-            # After an invalid request the page gives up; after a full disk it tries again.
-            is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
-            status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
-            if is_ours and self.server.tell is not None:
-                self.server.tell(str(error))
-            self._refuse(status, str(error), "disk" if is_ours else "answer")
-
-    def refused(self, status: HTTPStatus, said: str) -> None:
-        self._refuse(status, said, "")
-
-    def _refuse(self, status: HTTPStatus, said: str, why: str) -> None:
-        """Send a refusal: a readable page for GET, JSON for a page's POST."""
-        if self.command == "POST":
-            self._reply(status, {"error": said, "why": why})
-            return
-        told = html.escape(f"The study's computer says: {said}.")
-        advice = "<p>Please call the person who runs the study.</p>"
-        page = PAGE.format(title="There is no session here", said=told, rest=advice)
-        self.page(page.encode(errors="backslashreplace"), status=status)
-
-    def _reply(self, status: HTTPStatus, values: dict[str, Any]) -> None:
-        self.page(json.dumps(values, allow_nan=False).encode(), "application/json", status)
-
-    def _list(self) -> bytes:
+    def _list(self) -> str:
         """Return links to the expected sessions, without their progress."""
-        names = [person.id for person in self.server.study.design.expected]
-        links = " ".join(f'<a href="{self.server.address_of(name)}">{html.escape(name)}</a>' for name in names)
+        names = [person.id for person in self.study.design.expected]
+        links = " ".join(f'<a href="{self.address_of(name)}">{html.escape(name)}</a>' for name in names)
         said = "A page for each participant. schedule.csv says who is next."
-        return PAGE.format(title="Sessions", said=said, rest=f"<nav>{links}</nav>").encode()
+        return PAGE.format(title="Sessions", said=said, rest=f"<nav>{links}</nav>")
 
-    def _file(self, path: Path) -> None:
-        """Send a stimulus, or the requested part of a video."""
+    def _stimulus(self, request: Request) -> Response:
+        """Return a stimulus, or the requested part of a video."""
+        path = self.study.stimulus(f"stimuli/{request.path_params['name']}")
         is_page = path.suffix == ".html"
         try:
-            file = open_regular(path, MOST_BYTES if is_page else MOST_VIDEO)
+            open_regular(path, MOST_BYTES if is_page else MOST_VIDEO).close()
         except OSError:
             raise Refusal(HTTPStatus.NOT_FOUND, "there is no such stimulus") from None
-        with file:
-            size = os.fstat(file.fileno()).st_size
-            begin, end = _range(self.headers.get("Range"), size)
-            is_part = (begin, end) != (0, size)
-            self.send_response(HTTPStatus.PARTIAL_CONTENT if is_part else HTTPStatus.OK)
-            self.send_header("Content-Type", "text/html; charset=utf-8" if is_page else "video/mp4")
-            self.send_header("Content-Length", str(end - begin))
-            self.send_header("Accept-Ranges", "bytes")
-            if is_part:
-                self.send_header("Content-Range", f"bytes {begin}-{end - 1}/{size}")
-            self.end_headers()
-            file.seek(begin)
-            while begin < end and (piece := file.read(min(PIECE, end - begin))):
-                self.send(piece)
-                begin += len(piece)
+        return FileResponse(path, media_type="text/html" if is_page else "video/mp4")
+
+    async def _take(self, request: Request) -> Response:
+        """Save an event of a session, or open its page."""
+        participant = request.path_params["participant"]
+        sent = await _posted(request)
+
+        def take() -> dict[str, Any]:
+            self._check_owner(request, participant)
+            return self.study.taken(participant, sent)
+
+        return JSONResponse(await run_in_threadpool(take))
+
+    def _refuse(self, request: Request, refusal: Exception) -> Response:
+        """Return the response for a refusal."""
+        assert isinstance(refusal, Refusal)
+        return self.refused(request.method, refusal.status, refusal.said, refusal.why)
+
+    def _fail(self, request: Request, error: Exception) -> Response:
+        """Return the response for an error: the page gives up after an invalid request, retries after a full disk."""
+        is_ours = isinstance(error.__context__, OSError) or isinstance(error, OutputError)
+        status = HTTPStatus.INTERNAL_SERVER_ERROR if is_ours else HTTPStatus.UNPROCESSABLE_ENTITY
+        if is_ours and self.tell is not None:
+            self.tell(str(error))
+        return self.refused(request.method, status, str(error), "disk" if is_ours else "answer")
 
 
-def _same(given: str, token: str) -> bool:
-    return secrets.compare_digest(given.encode("utf-8", "replace"), token.encode())
+async def _posted(request: Request) -> Any:
+    """Return the posted value; Refusal if it is no JSON or too long."""
+    if request.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "application/json":
+        raise Refusal(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "expected application/json")
+    if not request.headers.get("Content-Length", ""):
+        raise Refusal(HTTPStatus.LENGTH_REQUIRED, "expected Content-Length")
+    data = await body(request, MOST_BODY)
+    if data is None:
+        raise Refusal(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"expected at most {MOST_BODY:,} bytes")
+    try:
+        return parse(data)
+    except (ValueError, RecursionError):
+        raise Refusal(HTTPStatus.BAD_REQUEST, "expected JSON") from None
 
 
 def token_of(folder: str | os.PathLike[str]) -> str:
@@ -359,15 +330,6 @@ def token_of(folder: str | os.PathLike[str]) -> str:
             f"{path} holds no token of at least 8 letters, digits, - and _; remove it, and another is made"
         )
     return token
-
-
-def _range(asked: str | None, size: int) -> tuple[int, int]:
-    """Return begin and end of a byte range such as "bytes=0-" or "bytes=5-9"; the whole file otherwise."""
-    part = PART.fullmatch(asked or "")
-    if part is None:
-        return 0, size
-    begin, end = int(part[1]), min(int(part[2]) + 1, size) if part[2] else size
-    return (begin, end) if begin < end else (0, size)
 
 
 def _state(*paths: Path) -> tuple[int, ...]:

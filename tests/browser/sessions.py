@@ -26,7 +26,7 @@ SIZE = (480, 400)  # a view of few pixels is drawn soon
 
 
 def small_study(folder: Path, *forms: str, kind: str = "ride") -> study.Design:
-    """Two short ways beside a box, and the still view; as videos, without it, empty ones."""
+    """Two short ways beside a box, and the still view; as videos, without it, files of one byte."""
     world = hpop.World.from_polygons([shapely.box(1.3, 0.2, 1.7, 0.6)], extent=shapely.box(0, 0, 10, 8))
     problem = problem_of(world)
     front = front_of(problem, WAYS)
@@ -45,7 +45,7 @@ def small_study(folder: Path, *forms: str, kind: str = "ride") -> study.Design:
         return design
     for condition in design.conditions:
         (folder / condition.stimulus).parent.mkdir(exist_ok=True)
-        (folder / condition.stimulus).touch()
+        (folder / condition.stimulus).write_bytes(bytes(1))
     return design
 
 
@@ -53,7 +53,7 @@ def small_study(folder: Path, *forms: str, kind: str = "ride") -> study.Design:
 def served(folder: Path, port: int = 0) -> Iterator[StudyServer]:
     """Serve the study from a thread."""
     with StudyServer(folder, port=port) as server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
+        thread = Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield server
         server.shutdown()

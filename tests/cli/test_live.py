@@ -55,7 +55,7 @@ def ask(shown: LiveFront) -> Iterator[Client]:
         listening.bind((HOST, 0))
         listening.listen()
         with server_of(listening, TOKEN, shown) as server:
-            thread = Thread(target=server.serve_forever, args=(0.01,))
+            thread = Thread(target=server.serve_forever)
             thread.start()
             client = Client(listening.getsockname()[1])
             yield client
@@ -108,7 +108,7 @@ def test_a_page_that_calls_this_machine_by_another_name_is_refused(ask: Client, 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "CONNECT"])
 def test_nothing_but_looking_is_possible(ask: Client, method: str) -> None:
-    assert ask(f"/{TOKEN}/", method).status == 501
+    assert ask(f"/{TOKEN}/", method).status == 405
 
 
 def test_the_page_holds_what_is_shown_and_may_connect_to_its_own_server_alone(ask: Client, shown: LiveFront) -> None:
@@ -136,7 +136,7 @@ def test_a_page_is_whole_though_another_front_comes_while_it_is_sent(
 
 def test_fronts_are_told_as_they_come_and_the_end_is_told_last(ask: Client, shown: LiveFront) -> None:
     early = ask(f"/{TOKEN}/events?after=0")
-    assert early.getheader("Content-Type") == "text/event-stream"
+    assert (early.getheader("Content-Type") or "").startswith("text/event-stream")
     for number in (1, 2):
         shown.publish({**PAYLOAD, "n": number})
         assert event(early) == {

@@ -113,7 +113,7 @@ def test_a_port_that_is_in_use_is_told(run: Run, folder: Path) -> None:
 @contextmanager
 def serving(certificate: Certificate | None = None) -> Iterator[OnePage]:
     with OnePage(PAGE, host=LOCAL, port=0, certificate=certificate) as server:
-        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread = Thread(target=server.serve_forever)
         thread.start()
         try:
             yield server
@@ -136,7 +136,7 @@ def test_the_page_is_served_to_who_knows_its_token_and_nothing_else_is() -> None
             refused.value.close()
         with pytest.raises(urllib.error.HTTPError) as refused, urllib.request.urlopen(address, data=b"x"):
             pass
-        assert refused.value.code == 501
+        assert refused.value.code == 405
         refused.value.close()
 
 
@@ -162,7 +162,7 @@ def test_nobody_is_asked_what_this_machine_is_called(monkeypatch: pytest.MonkeyP
     asked: list[str] = []
     monkeypatch.setattr(socket, "getfqdn", asked.append)
     with OnePage(PAGE, host="0.0.0.0", port=0) as server:
-        assert server.server_port == server.server_address[1]
+        assert server.server_address[1] > 0
     assert asked == []
 
 
