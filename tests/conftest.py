@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 
 import pytest
+from _pytest.doctest import DoctestModule
 from hypothesis import HealthCheck, settings
 
 from hpop.base.registry import criteria, formats, goals, models, planners, readers
@@ -19,6 +20,8 @@ from tests.warm import Warm
 # Bytecode is kept, whatever the environment says: without it each process that tests start compiles all of hpop.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+# Two processes run tests on two cores: threads of OpenBLAS would only wait for each other, at full load.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 collect_ignore = ["fuzz"]  # a program of its own, with modules of its own
 
@@ -29,7 +32,7 @@ UNHURRIED = {
     "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 }
 settings.register_profile("test", derandomize=True, max_examples=15, **UNHURRIED)
-settings.register_profile("proof", max_examples=500, **UNHURRIED)
+settings.register_profile("proof", max_examples=250, **UNHURRIED)
 settings.load_profile("test")
 
 
@@ -108,6 +111,15 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> Generator[None]:
         small = left
     if small and not one_by_one and metafunc.config.option.markexpr == "not proof":
         metafunc._calls[:] = small
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collect_file(file_path: Path) -> Generator[None, list[pytest.Collector], list[pytest.Collector]]:
+    """Look for examples in docstrings only in modules that have one: pytest would look at all objects of each."""
+    collectors = yield
+    if file_path.suffix != ".py" or ">>>" in file_path.read_text():
+        return collectors
+    return [collector for collector in collectors if not isinstance(collector, DoctestModule)]
 
 
 @pytest.hookimpl(wrapper=True)

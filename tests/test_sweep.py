@@ -361,8 +361,9 @@ def cluster() -> Iterator[Any]:
 
 
 def test_dask_workers_find_the_same(cluster: Any) -> None:
+    graph = sphere(30)
     with dask(cluster.scheduler_address) as executor:
-        assert same(supported_paths(GRAPH, 0, 1), supported_paths(GRAPH, 0, 1, executor=executor))
+        assert same(supported_paths(graph, 0, 1), supported_paths(graph, 0, 1, executor=executor))
 
 
 @pytest.mark.proof

@@ -63,7 +63,7 @@ def worlds(seed):
     return drive, people
 
 
-@pytest.mark.seeds(2, of=60)
+@pytest.mark.seeds(2, of=30)
 def test_contacts_are_those_of_dense_sampling(seed):
     drive, people = worlds(seed)
     criterion = ExpectedContacts(distance=0.1, softness=0.1)

@@ -74,7 +74,7 @@ def counts(drive: Execution, options: Options) -> np.ndarray:
     return known.remaining_paths(node, commit.time, drive._replanner._last_scheduled, None).costs
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_options_among_people_are_those_of_a_fresh_search(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem, front, planner = among(*walkers(rng), margin=[0.0, 0.1][seed % 2])

@@ -38,7 +38,7 @@ def costs(options: hpop.drive.Options) -> list[Any]:
     return [option.costs | {"leaves": option.leaves_at, "turn": option.next_turn} for option in options]
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_a_drive_that_is_told_again_is_the_same(seed: int, tmp_path: Path) -> None:
     drive = driven(seed)
     drive.save(tmp_path / "drive.json")

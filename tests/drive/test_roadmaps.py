@@ -134,7 +134,7 @@ def compared(options: hpop.drive.Options, costs: np.ndarray) -> None:
     assert covered(costs, options.front.costs, np.full(costs.shape[1], SLACK))
 
 
-@pytest.mark.seeds(2, of=120)
+@pytest.mark.seeds(2, of=60)
 def test_options_on_a_roadmap_are_the_best_of_all_simple_paths(seed: int) -> None:
     driven = Driven(seed, samples=7, criteria=("length", "turns") if seed % 2 else ("length", "rotation", "turns"))
     if driven.bends_less_than_a_degree():
@@ -145,7 +145,7 @@ def test_options_on_a_roadmap_are_the_best_of_all_simple_paths(seed: int) -> Non
             compared(options, costs)
 
 
-@pytest.mark.seeds(1, of=120)
+@pytest.mark.seeds(1, of=60)
 def test_options_on_a_roadmap_are_those_of_a_fresh_search(seed: int) -> None:
     driven = Driven(seed, samples=60, criteria=("length", "turns"))
     for options in driven.options():

@@ -41,7 +41,7 @@ def switched(seed: int) -> hpop.drive.Execution:
     return drive
 
 
-@pytest.mark.seeds(1, of=110)
+@pytest.mark.seeds(1, of=55)
 def test_nothing_that_is_driven_jumps(seed: int) -> None:
     drive = switched(seed)
     way = drive.plan

@@ -35,7 +35,7 @@ def drawn(seed, *, ties):
 
 
 @pytest.mark.parametrize("ties", [False, True])
-@pytest.mark.seeds(4, of=100)
+@pytest.mark.seeds(4, of=50)
 def test_moocore_keeps_the_same_vectors_and_measures_the_same(seed, ties):
     import moocore
 
@@ -46,7 +46,7 @@ def test_moocore_keeps_the_same_vectors_and_measures_the_same(seed, ties):
 
 
 @pytest.mark.parametrize("ties", [False, True])
-@pytest.mark.seeds(4, of=100)
+@pytest.mark.seeds(4, of=50)
 def test_pymoo_keeps_the_same_vectors_and_measures_the_same(seed, ties, bench, pymoo):
     Y = drawn(seed, ties=ties)
     assert bench.same_rows(frontier.filter(Y), bench.pymoo_filter(Y))

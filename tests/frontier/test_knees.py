@@ -121,7 +121,7 @@ def test_no_row_between_the_extremes_is_deeper_than_the_knee(Y):
         assert chosen not in best
 
 
-@pytest.mark.seeds(6, of=60)
+@pytest.mark.seeds(6, of=30)
 def test_depths_and_their_proofs_are_those_of_a_linear_program(seed):
     rng = np.random.default_rng(seed)
     k, m = rng.integers(2, 7), rng.integers(1, 13)

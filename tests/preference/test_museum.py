@@ -12,7 +12,7 @@ from hpop.preference import Preference, Prior
 from hpop.scenario import load_scenario
 from tests import preferring as people
 
-PEOPLE = 100
+PEOPLE = 50
 
 
 @pytest.mark.proof

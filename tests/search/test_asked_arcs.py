@@ -30,7 +30,7 @@ def never() -> bool:
     return False
 
 
-@pytest.mark.seeds(8, of=400)
+@pytest.mark.seeds(8, of=200)
 def test_each_path_is_then_free_all_along_or_known_to_be_blocked(seed: int) -> None:
     rng = np.random.default_rng(seed)
     graph = Graph.from_arcs(12, *rng.integers(0, 12, (2, 60)), np.ones((60, 1), int))

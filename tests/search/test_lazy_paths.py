@@ -54,7 +54,7 @@ def ends(paths: ParetoPaths) -> list[tuple[int, int]]:
     return list(zip(paths.lengths.tolist(), np.cumsum(paths.lengths).tolist(), strict=True))
 
 
-@pytest.mark.seeds(3, of=200)
+@pytest.mark.seeds(3, of=100)
 def test_the_front_is_that_of_the_free_arcs_vector_for_vector(seed: int) -> None:
     graph, doors = blocked_by_chance(seed)
     found = lazy(graph, doors)
@@ -90,7 +90,7 @@ def covered(vectors: IntArray, by: ParetoPaths) -> bool:
     return all((by.costs <= (1 + by.gap) * vector + 1e-9).all(axis=1).any() for vector in vectors)
 
 
-@pytest.mark.seeds(2, of=60)
+@pytest.mark.seeds(2, of=30)
 def test_what_a_limit_leaves_is_free_and_optimal_and_its_gap_is_true(seed: int) -> None:
     graph, doors = blocked_by_chance(seed, nodes=60, arcs=600)
     exact = eager(graph, doors).costs

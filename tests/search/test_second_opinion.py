@@ -46,7 +46,7 @@ def front_of_two(graph: Graph, source: int, target: int) -> list[tuple[int, int]
 
 @pytest.mark.cases(but=("0-any costs",))
 @pytest.mark.parametrize("columns", [[0, 1], [2, 1], None], ids=["rest and turns", "length and turns", "any costs"])
-@pytest.mark.seeds(2, of=60)
+@pytest.mark.seeds(2, of=30)
 def test_fronts_of_two_costs_are_those_of_networkx(
     lattice: Callable[[int, int, int], Graph], seed: int, columns: list[int] | None
 ) -> None:

@@ -20,7 +20,7 @@ def edges(arm, rng, count):
     return rows, rows + reach * (rng.permutation(rows) - rows)
 
 
-@pytest.mark.seeds(2, of=200)
+@pytest.mark.seeds(2, of=100)
 def test_what_is_proved_free_is_free_to_python_fcl_at_steps_of_1_mm(seed):
     arm, rng = cluttered(seed, joints=3 + seed % 5), np.random.default_rng(seed)
     motions = arm.motions(*edges(arm, rng, 60))
@@ -30,7 +30,7 @@ def test_what_is_proved_free_is_free_to_python_fcl_at_steps_of_1_mm(seed):
         assert (judged & ~free).mean() < 0.1
 
 
-@pytest.mark.seeds(1, of=100)
+@pytest.mark.seeds(1, of=50)
 def test_what_is_blocked_comes_nearer_than_1_mm_and_what_is_free_does_not_come_nearer_than_half_of_that(seed):
     """Clearances of dense states, own links left out: these are looked at in between steps by no more than a step."""
     arm, rng = cluttered(seed, joints=4), np.random.default_rng(seed)
@@ -146,7 +146,7 @@ class Bowed:
         return self.bow * (-1) ** self.names.index(name)
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_curves_proved_free_are_free_to_python_fcl(seed):
     arm, rng = cluttered(seed, joints=4), np.random.default_rng(seed)
     start, end = edges(arm, rng, 60)

@@ -24,7 +24,7 @@ def reaches(arm, rng, count):
     return rows, rows + rng.choice([0.0, 0.05, 0.3, 1.0], (count, 1)) * (others - rows)
 
 
-@pytest.mark.seeds(3, of=200)
+@pytest.mark.seeds(3, of=100)
 def test_no_state_comes_nearer_and_one_comes_as_near(seed):
     """As near but for what a step between two dense states may hide: where the least is, to second order."""
     arm, rng = cluttered(seed, joints=2 + seed % 5), np.random.default_rng(seed)

@@ -27,7 +27,7 @@ def test_closed_fingers_would_be_in_the_can(shared_data):
         assert "finger" in arm.collision(world).why_blocked(arm.space.state(goal))
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_what_is_proved_free_is_free_to_python_fcl(shared_data, seed):
     data, rng = shared_data("mbm_panda"), np.random.default_rng(seed)
     arm = panda(data)

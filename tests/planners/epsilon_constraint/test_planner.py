@@ -154,10 +154,9 @@ def test_a_time_mean_is_reported_and_its_integral_minimised(step):
     assert {p["minimise"] for p in front.provenance} == {"exposure"}
 
 
-@STEPS
-def test_start_is_goal(step):
+def test_start_is_goal():
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (1, 2, math.pi / 2), ["turns", "length"])
-    front = problem.solve("epsilon-constraint", step=step)
+    front = problem.solve("epsilon-constraint", step=1.0)
     assert front.costs.tolist() == [[1.0, 0.0]]
 
 
@@ -202,9 +201,8 @@ def test_costs_that_change_much_within_a_turn_are_planned_as_they_are(step, most
 # Budgets
 
 
-@STEPS
-def test_the_cap_on_points_is_said_when_it_binds(paper, step):
-    candidates = EpsilonConstraint(step=step, max_points=2).solve(PAPER)
+def test_the_cap_on_points_is_said_when_it_binds(paper):
+    candidates = EpsilonConstraint(step=1.0, max_points=2).solve(PAPER)
     assert candidates.status is Status.POINT_LIMIT
     assert candidates.stats["tried"] == 2
     assert any(note.startswith("max_points") for note in candidates.notes)
@@ -230,17 +228,15 @@ def ctrl_c():
     raise KeyboardInterrupt
 
 
-@STEPS
-def test_ctrl_c_keeps_what_is_finished(step):
+def test_ctrl_c_keeps_what_is_finished():
     stop = Stop(2, ctrl_c)
-    candidates = EpsilonConstraint(step=step).solve(PAPER, stop)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER, stop)
     assert candidates.status is Status.INTERRUPTED
     assert [origin["planner"] for origin in candidates.provenance].count("epsilon-constraint") == 2
     assert [p.labels for p in stop.seen] == list(range(len(stop.seen)))
 
 
-@STEPS
-def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch, step):
+def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch):
     """CasADi by itself takes it for a failed evaluation, and goes on."""
     solve, calls = PolylineProgram.solve, []
 
@@ -251,7 +247,7 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch, step):
         return solve(program, *arguments, **options)
 
     monkeypatch.setattr(PolylineProgram, "solve", interrupted)
-    candidates = EpsilonConstraint(step=step).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     found = [origin["planner"] for origin in candidates.provenance].count("epsilon-constraint")
     assert 0 < found < candidates.stats["warm_starts"]
@@ -262,12 +258,11 @@ def test_ctrl_c_while_the_solver_runs_is_obeyed(monkeypatch, step):
     assert re.fullmatch(r"interrupted: [0-9]+ bounds were not tried", left)
 
 
-@STEPS
-def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch, step):
-    first = Lattice(step=step).solve(PAPER)
+def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch):
+    first = Lattice(step=1.0).solve(PAPER)
     stopped = dataclasses.replace(first, status=Status.INTERRUPTED)
     monkeypatch.setattr(Lattice, "stages", lambda planner, problem, progress=None: iter([stopped]))
-    candidates = EpsilonConstraint(step=step).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.INTERRUPTED
     assert candidates.trajectories == first.trajectories
     known = f"{len(first.trajectories)} warm starts"
@@ -279,22 +274,20 @@ def test_ctrl_c_in_the_warm_starts_keeps_their_front(monkeypatch, step):
     assert len(bounded.trajectories) == np.count_nonzero(lengths <= bound * 1.001) < len(lengths)
 
 
-@STEPS
-def test_warm_starts_that_are_not_all_are_said(monkeypatch, step):
-    first = Lattice(step=step).solve(PAPER)
+def test_warm_starts_that_are_not_all_are_said(monkeypatch):
+    first = Lattice(step=1.0).solve(PAPER)
     two = {name: getattr(first, name)[:2] for name in ("trajectories", "planned", "tolerance", "provenance")}
     stopped = dataclasses.replace(first, status=Status.LABEL_LIMIT, **two)
     monkeypatch.setattr(Lattice, "stages", lambda planner, problem, progress=None: iter([stopped]))
-    candidates = EpsilonConstraint(step=step).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0).solve(PAPER)
     assert candidates.status is Status.LABEL_LIMIT
     assert "the warm starts are not all there are: label limit" in candidates.notes
 
 
-@STEPS
-def test_time_that_runs_out_is_said(monkeypatch, step):
+def test_time_that_runs_out_is_said(monkeypatch):
     clock = iter(range(100_000))
     monkeypatch.setattr("hpop.runtime.status.time.perf_counter", lambda: float(next(clock)))
-    candidates = EpsilonConstraint(step=step, time_limit=15.0 / step).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, time_limit=15.0).solve(PAPER)
     assert candidates.status is Status.TIME_LIMIT
     assert any(note.startswith("time limit") for note in candidates.notes)
 
@@ -337,8 +330,7 @@ def test_programs_that_are_not_kept_are_built_again_and_find_the_same(monkeypatc
     assert again.stats["programs"] > kept.stats["programs"]
 
 
-@STEPS
-def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatch, step):
+def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatch):
     solve, calls = PolylineProgram.solve, []
 
     def stubborn(program, warm, epsilon, **options):
@@ -351,7 +343,7 @@ def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatc
 
     monkeypatch.setattr(PolylineProgram, "solve", stubborn)
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), [Exposure(), "length"])
-    candidates = EpsilonConstraint(step=step, max_points=1, rounds=1).solve(problem)
+    candidates = EpsilonConstraint(step=1.0, max_points=1, rounds=1).solve(problem)
     assert candidates.stats["perturbed"] == 1
     assert candidates.stats["saved by perturbation"] == 1
     assert candidates.provenance[0]["perturbed"]
@@ -360,8 +352,7 @@ def test_a_warm_start_that_does_not_converge_is_tried_again_displaced(monkeypatc
     assert 0 < moved.max() < 0.5
 
 
-@STEPS
-def test_what_never_converges_is_counted_and_the_corners_move_without_it(monkeypatch, step):
+def test_what_never_converges_is_counted_and_the_corners_move_without_it(monkeypatch):
     solve = PolylineProgram.solve
 
     def never(program, warm, epsilon, **options):
@@ -370,13 +361,12 @@ def test_what_never_converges_is_counted_and_the_corners_move_without_it(monkeyp
         )
 
     monkeypatch.setattr(PolylineProgram, "solve", never)
-    candidates = EpsilonConstraint(step=step, max_points=2).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, max_points=2).solve(PAPER)
     assert [origin["status"] for origin in candidates.provenance] == ["not converged (Restoration_Failed)"] * 2
     assert candidates.stats["without a program"] == 2  # their corners went on from the warm start
 
 
-@STEPS
-def test_solutions_that_collide_are_dropped_and_the_corners_move_without_them(monkeypatch, step):
+def test_solutions_that_collide_are_dropped_and_the_corners_move_without_them(monkeypatch):
     """A solver that goes straight through the block, and cannot be talked out of it."""
     solve = PolylineProgram.solve
 
@@ -387,6 +377,6 @@ def test_solutions_that_collide_are_dropped_and_the_corners_move_without_them(mo
         return dataclasses.replace(solution, polyline=dataclasses.replace(solution.polyline, vertices=vertices))
 
     monkeypatch.setattr(PolylineProgram, "solve", through)
-    candidates = EpsilonConstraint(step=step, max_points=1).solve(PAPER)
+    candidates = EpsilonConstraint(step=1.0, max_points=1).solve(PAPER)
     assert ["collides" in origin["status"] for origin in candidates.provenance] == [True]
     assert verify(PAPER, PAPER.front(candidates)) == []

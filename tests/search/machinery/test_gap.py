@@ -11,7 +11,7 @@ from hpop.search.machinery import approximation
 from hpop.search.machinery.kernels import proven_gap
 
 
-@pytest.mark.seeds(8, of=300)
+@pytest.mark.seeds(8, of=150)
 def test_it_is_the_largest_of_the_least_excesses(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k = 1 + seed % 5

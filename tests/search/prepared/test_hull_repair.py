@@ -38,7 +38,7 @@ def of_any_graph(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prepared_graph, "MANY", 0)
 
 
-@pytest.mark.seeds(1, of=100)
+@pytest.mark.seeds(1, of=50)
 def test_bounds_after_closings_are_below_what_every_open_path_weighs(seed: int, lattice: Callable[..., Graph]) -> None:
     graph, rng = any_graph(4 * (seed // 2) + seed % 2, lattice), np.random.default_rng(seed)
     prepared, closed = Prepared(graph, graph.nodes - 1), np.zeros(graph.arcs, np.bool_)

@@ -73,7 +73,7 @@ def costs_along(graph: Graph, paths: ParetoPaths, closed: BoolArray, source: int
     return found
 
 
-@pytest.mark.seeds(2, of=120)
+@pytest.mark.seeds(2, of=60)
 def test_after_every_event_the_front_is_that_of_a_fresh_graph(seed: int, lattice: Callable[..., Graph]) -> None:
     graph, rng = any_graph(seed, lattice), np.random.default_rng(seed)
     targets = {int(node) for node in rng.integers(0, graph.nodes, 2)}
@@ -96,7 +96,7 @@ def test_after_every_event_the_front_is_that_of_a_fresh_graph(seed: int, lattice
         known = found
 
 
-@pytest.mark.seeds(2, of=120)
+@pytest.mark.seeds(2, of=60)
 def test_bounds_are_those_made_anew_after_every_event(seed: int, lattice: Callable[..., Graph]) -> None:
     graph, rng = any_graph(seed, lattice), np.random.default_rng(seed)
     targets = np.array([graph.nodes - 1])
@@ -121,7 +121,7 @@ def covers(front: IntArray, exact: IntArray, gap: float) -> bool:
     return all((front <= exact[i] * (1 + gap) + 1e-9).all(axis=1).any() for i in range(len(exact)))
 
 
-@pytest.mark.seeds(3, of=80)
+@pytest.mark.seeds(3, of=40)
 @pytest.mark.parametrize("limit", [1, 40, 300])
 def test_the_gap_that_is_told_is_true_of_what_was_found_and_known(
     seed: int, limit: int, lattice: Callable[..., Graph]
@@ -152,7 +152,7 @@ def rich(lattice: Callable[..., Graph], seed: int, width: int) -> Graph:
     return Graph.from_csr(graph.indptr, graph.heads, costs)
 
 
-@pytest.mark.seeds(2, of=60)
+@pytest.mark.seeds(2, of=30)
 def test_what_a_search_within_a_tenth_proves_among_closed_places_is_true(
     seed: int, lattice: Callable[..., Graph], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,7 +47,7 @@ def all_of(found: SupportedPaths) -> list[Any]:
     return [found.status, found.solved, weights, *(row.tolist() for row in (found.costs, found.ideal, found.nadir))]
 
 
-@pytest.mark.seeds(2, of=200)
+@pytest.mark.seeds(2, of=100)
 def test_it_finds_what_the_free_arcs_have_weight_for_weight(seed: int) -> None:
     graph, free = by_chance(seed, MANY)
     found = lazy(graph, free)
@@ -55,7 +55,7 @@ def test_it_finds_what_the_free_arcs_have_weight_for_weight(seed: int) -> None:
     assert found.stats.arcs_checked < graph.arcs / 2
 
 
-@pytest.mark.seeds(2, of=60)
+@pytest.mark.seeds(2, of=30)
 @pytest.mark.parametrize(
     "options", [{"divisions": 4}, {"weights": [[1, 0, 2, 5], [3, 1, 0, 0]]}], ids=["lattice", "given"]
 )
@@ -66,7 +66,7 @@ def test_it_is_so_for_weights_that_are_asked_for(seed: int, options: dict[str, A
     assert all_of(lazy(graph, free, **options)) == all_of(eager(graph, free, **options))
 
 
-@pytest.mark.seeds(2, of=100)
+@pytest.mark.seeds(2, of=50)
 def test_where_paths_tie_it_has_all_extreme_points_and_nothing_unsupported(hull: Any, seed: int) -> None:
     graph, free = by_chance(seed, FEW)
     exact = pareto_paths(graph.without(~free), 0, graph.nodes - 1).costs.tolist()

@@ -22,7 +22,7 @@ def drawn(seed: int) -> tuple[Graph, list[int]]:
     return Graph.from_arcs(n, tails, heads, rng.integers(0, 5, (m, k)), aggregates=aggregates), [n - 1, int(n // 2)]
 
 
-@pytest.mark.seeds(8, of=60)
+@pytest.mark.seeds(8, of=30)
 def test_paths_are_real_and_none_dominates_another(seed: int, closure: Callable[..., Any]) -> None:
     graph, targets = drawn(seed)
     front = closure(graph, 0, set(targets))

@@ -29,21 +29,21 @@ def agrees(query: TimedQuery, expected: list[Vector]) -> None:
     check_timed_walks(*query[:1], paths, *query[1:])
 
 
-@pytest.mark.seeds(1, of=300)
+@pytest.mark.seeds(1, of=150)
 def test_it_finds_the_front_of_all_walks(seed):
     for one in range(TOGETHER * seed, TOGETHER * (seed + 1)):
         query = timed_query(one)
         agrees(query, front_by_enumeration(query))
 
 
-@pytest.mark.seeds(1, of=300)
+@pytest.mark.seeds(1, of=150)
 def test_it_finds_the_front_of_the_expanded_graph(seed):
     for one in range(10_000 + TOGETHER * seed, 10_000 + TOGETHER * (seed + 1)):
         query = timed_query(one)
         agrees(query, front_by_expansion(query))
 
 
-@pytest.mark.seeds(1, of=200)
+@pytest.mark.seeds(1, of=100)
 def test_it_finds_it_where_first_solutions_are_looked_for_next_to_best_ways(monkeypatch, seed):
     """As in large graphs; nodes on no path are then omitted. A slice of the sweeps is a few states."""
     monkeypatch.setattr(bounds, "MANY", -1)
@@ -54,7 +54,7 @@ def test_it_finds_it_where_first_solutions_are_looked_for_next_to_best_ways(monk
 
 
 @pytest.mark.parametrize("options", [{}, {"worst": True}, {"duration": True}], ids=["sums", "worst", "duration"])
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_it_finds_that_of_expanded_lattices(seed, options):
     query = timed_lattice(seed, 4 + seed % 5, **options)
     for hold in (query.graph.hold, None, 1):

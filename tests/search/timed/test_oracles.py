@@ -14,7 +14,7 @@ from tests.search.timed.instances import timed_query
 TOGETHER = 10  # questions a test
 
 
-@pytest.mark.seeds(1, of=300)
+@pytest.mark.seeds(1, of=150)
 def test_the_oracles_agree(seed):
     for one in range(TOGETHER * seed, TOGETHER * (seed + 1)):
         query = timed_query(one)

@@ -29,7 +29,7 @@ def uncovered(
     ]
 
 
-@pytest.mark.seeds(1, of=100)
+@pytest.mark.seeds(1, of=50)
 def test_every_vector_is_covered_within_what_was_asked_for(seed):
     for one in range(TOGETHER * seed, TOGETHER * (seed + 1)):
         query, rng = timed_query(one), np.random.default_rng(one)
@@ -55,7 +55,7 @@ def test_on_lattices_fewer_vectors_cover_all(eps, slack, seeds):
     assert fewer > 0
 
 
-@pytest.mark.seeds(1, of=100)
+@pytest.mark.seeds(1, of=50)
 def test_within_bounds_it_finds_what_is_within_them(seed):
     for one in range(TOGETHER * seed, TOGETHER * (seed + 1)):
         query, rng = timed_query(one), np.random.default_rng(one)
@@ -68,7 +68,7 @@ def test_within_bounds_it_finds_what_is_within_them(seed):
         check_timed_walks(query.graph, paths, query.source, query.targets)
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_bounds_and_a_precision_go_together(seed):
     for one in range(TOGETHER * seed, TOGETHER * (seed + 1)):
         query, rng = timed_query(one), np.random.default_rng(one)

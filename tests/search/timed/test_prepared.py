@@ -60,7 +60,7 @@ def front_of_all_walks(query: TimedQuery) -> list[tuple[int, ...]]:
         return front_by_expansion(query)
 
 
-@pytest.mark.seeds(1, of=500)
+@pytest.mark.seeds(1, of=250)
 def test_it_finds_the_front_of_all_walks_from_any_node_and_tick(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for one in range(20_000 + TOGETHER * seed, 20_000 + TOGETHER * (seed + 1)):
@@ -79,7 +79,7 @@ def test_it_finds_the_front_of_all_walks_from_any_node_and_tick(seed: int) -> No
             assert prepared.paths(node, tick, known=walks[::2]).costs.tolist() == paths.costs.tolist()
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=30)
 def test_what_is_stopped_claims_no_less_than_is_missing(seed: int) -> None:
     query = timed_lattice(seed, 5 + seed % 4)
     prepared = PreparedTimed(*query)

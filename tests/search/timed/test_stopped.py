@@ -29,7 +29,7 @@ def is_honest(query: TimedQuery, paths: TimedPaths, exact: list[Vector]) -> None
         assert uncovered(exact, paths.costs.tolist(), paths.gap, [0] * query.graph.graph.criteria) == []
 
 
-@pytest.mark.seeds(1, of=200)
+@pytest.mark.seeds(1, of=100)
 def test_after_any_number_of_labels(seed):
     for one in range(5 * seed, 5 * (seed + 1)):
         query = timed_query(one)

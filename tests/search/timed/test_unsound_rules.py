@@ -87,7 +87,7 @@ def test_to_wait_for_less_than_a_hold_loses_who_comes_just_in_time():
     assert front_by_labels(query, short_holds) == [(9,)]
 
 
-@pytest.mark.seeds(1, of=100)
+@pytest.mark.seeds(1, of=50)
 def test_sound_rules_lose_nothing(seed):
     for one in range(10 * seed, 10 * (seed + 1)):
         query = timed_query(one)

@@ -75,7 +75,7 @@ def test_each_pixel_shows_the_prism_that_its_line_of_sight_meets_first(place):
     assert np.mean(numbers[rows, columns] == expected) >= 0.995
 
 
-@pytest.mark.seeds(4, of=200)
+@pytest.mark.seeds(4, of=100)
 def test_so_does_each_pixel_of_any_world(seed):
     """Prisms through and over each other, with holes, round or along the axes, seen from beside, above and below."""
     rng, prisms = np.random.default_rng(seed), []
