@@ -16,7 +16,7 @@ from hpop.search import Graph, ParetoPaths, capped_mean_paths, pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
 
 Search = Callable[..., ParetoPaths]
-FORGERIES = pytest.mark.parametrize("forgeries", [40, pytest.param(400, marks=pytest.mark.proof)])
+FORGERIES = pytest.mark.parametrize("forgeries", [40, pytest.param(200, marks=pytest.mark.proof)])
 
 
 def on_four_costs(lattice: Callable[..., Graph]) -> Search:
