@@ -61,6 +61,7 @@ def map_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hpop.view.save_pictures", partial(save_pictures, dpi=40, map_alone=True))
 
 
+@pytest.mark.proof
 @pytest.mark.usefixtures("map_alone")
 def test_the_museum_tour_has_a_complete_front_and_its_picture(tmp_path):
     """All four are drawn of the same front by docs/first_plan.md (`test_docs.py`)."""

@@ -56,6 +56,7 @@ def least_gap(way: hpop.Trajectory, person: Person, begins: float) -> float:
     return float(apart[np.asarray(person.there(times + begins)) > 0].min(initial=np.inf))
 
 
+@pytest.mark.cases("people")
 @pytest.mark.parametrize("change", ["people", "close"])
 def test_until_the_graph_is_made_the_known_ways_are_looked_at_again(change: str) -> None:
     drive = drive_among()
@@ -87,6 +88,7 @@ def test_until_the_graph_is_made_the_known_ways_are_looked_at_again(change: str)
     assert covered(at_once.front.costs, exact.front.costs, slack)
 
 
+@pytest.mark.proof
 def test_a_record_tells_what_was_known_again(tmp_path: Path) -> None:
     drive = drive_among()
     with busy(drive):

@@ -33,7 +33,7 @@ def rings(polygon):
 
 
 @given(st.integers(3, 12), st.floats(0.1, 0.9), st.integers(0, 10**6))
-@settings(max_examples=20)
+@settings(max_examples=settings.default.max_examples // 2)
 def test_a_prism_with_a_hole_is_closed_and_has_its_volume(sides, hole, seed):
     angles = np.sort(np.random.default_rng(seed).uniform(0, 2 * np.pi, sides))
     outline = shapely.Polygon(np.column_stack([np.cos(angles), np.sin(angles)]) * 5 + 20)

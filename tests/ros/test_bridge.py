@@ -8,7 +8,7 @@ from itertools import pairwise
 from threading import Event, Thread
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from websockets.sync.server import serve
 
@@ -285,7 +285,6 @@ def alone(planning):
     server.close()
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.dictionaries(words, values, max_size=5), ops, st.booleans(), st.booleans())
 def test_any_message_is_taken_and_whatever_is_sent_is_json_of_the_protocol(alone, message, op, names, tells):
     server, sent = alone

@@ -435,6 +435,7 @@ def fault_of_stations(model: Any) -> str:
     return next(check.fault for check in conformance(model) if check.claim == STATIONS)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize(
     ("change", "said"),
     [

@@ -61,7 +61,7 @@ def front_of(several: list[Trajectory]) -> hpop.Front:
 
 
 @given(trajectories)
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=settings.default.max_examples // 2)
 def test_trajectories_come_back_from_a_file_bit_for_bit(tmp_path_factory, several):
     path = tmp_path_factory.mktemp("fronts") / "front.json"
     front_of(several).save(path)
@@ -71,7 +71,7 @@ def test_trajectories_come_back_from_a_file_bit_for_bit(tmp_path_factory, severa
 
 
 @given(trajectories)
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=settings.default.max_examples // 5)
 def test_shared_motions_cost_what_each_alone_does(several):
     criteria = [make_criterion(name) for name in CRITERIA]
     alone = [trajectory_costs(criteria, [t], WORLD)[0] for t in several]

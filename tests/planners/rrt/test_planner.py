@@ -190,7 +190,7 @@ def test_processes_and_the_order_of_runs_change_nothing(several, workers):
 def test_fewer_runs_are_the_first_of_more_and_another_seed_gives_others(several):
     first = RRT(runs=2, seed=3, keep="all").solve(PROBLEM)
     assert first.provenance == several.provenance[: len(first.provenance)]
-    other = RRT(runs=2, seed=4, keep="all").solve(PROBLEM)
+    other = RRT(runs=1, seed=4, keep="all").solve(PROBLEM)
     assert {p["run_seed"] for p in other.provenance}.isdisjoint(p["run_seed"] for p in several.provenance)
 
 
