@@ -35,12 +35,12 @@ from hpop.models.rigid import (
     CarriedTwist,
     CarriedTwistRate,
     Mount,
-    PlanarLaw,
     RigidPose,
     RigidTwist,
     RigidTwistRate,
     carried_body,
     farthest,
+    is_planar,
     rigid_body,
 )
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
@@ -183,7 +183,7 @@ class PlanarModel(Model):
         mount = self._mount(name)
         if mount.on:
             return carried_body(name, mount, motions)
-        known = isinstance(motions.law, PlanarLaw)
+        known = is_planar(motions.law)
         return rigid_body(name, mount, motions) if known else integrated(name, motions)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:

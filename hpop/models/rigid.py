@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol, cast, runtime_checkable
+from typing import Protocol, TypeGuard, cast, runtime_checkable
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hpop.base.arrays import Column
 from hpop.base.math import hypot, norm, smooth_abs
 from hpop.models.joints import Joint, carried, reach_of, total
 from hpop.motions import Body, Curve, Law, Motions, States, integrated, is_curve
+from hpop.motions.laws import follows
 from hpop.motions.states import Vector
 
 
@@ -214,10 +215,15 @@ class PlanarCurve(PlanarLaw, Curve, Protocol):
         """Return the absolute rotation (M,), rad."""
 
 
+def is_planar(law: Law) -> TypeGuard[PlanarLaw]:
+    """Return whether a law moves a base in the plane in closed form."""
+    return follows(law, PlanarLaw)
+
+
 def farthest(motions: Motions, lever: float) -> tuple[Column, Column]:
     """Return bounds (M,), m and rad, on the motion of the axis and of points within ``lever`` metres of it."""
     m, law = motions, motions.law
-    if isinstance(law, PlanarLaw):
+    if is_planar(law):
         turned = cast(PlanarCurve, law).swept(m.start, m.end) if is_curve(law) else law.turned(m.start, m.end)
         return np.maximum(*(law.travel(m.start, m.end, arm) for arm in (0.0, lever))), smooth_abs(turned)
     turned = smooth_abs(m.end.yaw - m.start.yaw)
@@ -268,7 +274,7 @@ def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
     """Return the motion of a body carried by joints: integrated where these move, else as of a rigid one."""
     law, joints = motions.law, {joint.name: joint.along for joint in mount.on}
     turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
-    if isinstance(law, PlanarLaw) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:
+    if is_planar(law) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:
         body = turned_body(name, motions)
     else:
         body = integrated(name, motions)

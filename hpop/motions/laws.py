@@ -150,16 +150,16 @@ class Curve(Coupled, Protocol):
 @checked_arguments
 def is_curve(law: Law) -> TypeGuard[Curve]:
     """Return whether a law is a law of curves."""
-    return _is(law, Curve)
+    return follows(law, Curve)
 
 
 @checked_arguments
 def is_coupled(law: Law) -> TypeGuard[Coupled]:
     """Return whether the states of a law depend on each other."""
-    return _is(law, Coupled)
+    return follows(law, Coupled)
 
 
-def _is(law: Law, protocol: type) -> bool:
+def follows(law: Law, protocol: type) -> bool:
     """Return whether a law follows a protocol; the answer is cached by class."""
     found = _FOUND.get((type(law), protocol))
     if found is None:

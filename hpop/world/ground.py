@@ -23,6 +23,7 @@ from hpop.errors import MapError, OptionError
 from hpop.world.bodies import solid_bodies
 from hpop.world.fields.field import Field
 from hpop.world.fields.sampling import sample_clearance, sample_obstruction
+from hpop.world.geometry.cells import CellSpace
 from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.planar import FreeSpace, without
 from hpop.world.geometry.shapes import LARGEST, Obstacle, Raster, check_coordinates, check_prisms, overlaps
@@ -81,6 +82,11 @@ class Cache:
             _, value = self._values[key]
             self._values[key] = next(self._budget.uses), value
             return value
+
+    def items(self) -> list[tuple[Any, Any]]:
+        """Return all keys with their values."""
+        with self._budget.lock:
+            return [(key, value) for key, (_, value) in self._values.items()]
 
     def keep(self, key: Hashable, value: Any) -> None:
         """Store a value, and drop older values beyond the limit."""
@@ -285,8 +291,9 @@ class Ground:
 
     def solid(self, z: Heights = WHOLE) -> BaseGeometry:
         """Return the union (m) of all obstacles that overlap the open range of heights."""
-        layer = self.layer(z)
+        return self._solid(self.layer(z))
 
+    def _solid(self, layer: Layer) -> BaseGeometry:
         def make() -> BaseGeometry:
             shapes: list[BaseGeometry] = [self.obstacles[i].polygon for i in layer.prisms]
             if layer.cells and not shapes:
@@ -304,7 +311,42 @@ class Ground:
 
     def free_space(self, z: Heights = WHOLE) -> FreeSpace:
         """Return the extent without obstacles, with an index for exact distances to its border."""
-        return self.derived(("free", self.layer(z)), lambda: FreeSpace(without(self.extent, self.solid(z))))
+        layer = self.layer(z)
+
+        def make() -> FreeSpace:
+            return self.cell_space(layer, self.beside_cells(layer)) or FreeSpace(self.free_region(layer))
+
+        return self.derived(("free", layer), make)
+
+    def free_region(self, layer: Layer, closed: BaseGeometry | None = None) -> BaseGeometry:
+        """Return the extent without the obstacles of a layer, and without a closed region, m."""
+        solid = self._solid(layer)
+        return without(self.extent, solid if closed is None else union([solid, closed]))
+
+    def beside_cells(self, layer: Layer) -> FreeSpace | None:
+        """Return the extent without the prisms of a layer, as if no cell were occupied; None without prisms."""
+        if not layer.prisms:
+            return None
+        solid = union([self.obstacles[i].polygon for i in layer.prisms])
+        return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, solid)))
+
+    def cell_space(
+        self, layer: Layer, rest: FreeSpace | None, closed: BaseGeometry | None = None, before: CellSpace | None = None
+    ) -> CellSpace | None:
+        """Return the free space of the cells of a layer; None without cells, or with edges that slant.
+
+        Parameters
+        ----------
+        rest : free space of everything else that is blocked, or None
+        closed : region that is closed beside the obstacles of the layer, m
+        before : free space of other cells on this grid; its index is reused
+        """
+        raster = self.raster if layer.cells else None
+        if raster is None or raster.origin[2] != 0.0 or raster.rectangle().wkb != self.extent.wkb:
+            return None
+        if rest is not None and (rest.edges[:, 0] != rest.edges[:, 1]).all(axis=1).any():
+            return None
+        return CellSpace(raster, rest, lambda: self.free_region(layer, closed), before)
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
         """Return the signed distance (m) to the border of the free space, sampled; see `World.clearance_field`."""

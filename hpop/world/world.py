@@ -27,9 +27,10 @@ from hpop.world.fields.field import Field
 from hpop.world.fields.sampling import obstructed
 from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.planar import FreeSpace, without
-from hpop.world.geometry.shapes import Obstacle, Raster, check_heights, prisms_of
+from hpop.world.geometry.shapes import Obstacle, Raster, prisms_of
 from hpop.world.geometry.solids import MARGIN, Solid, check_solids
-from hpop.world.ground import WHOLE, Cache, Ground, Heights, check_area, union
+from hpop.world.ground import WHOLE, Cache, Ground, Heights, Layer, check_area, union
+from hpop.world.occupancy import FromCells
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -40,7 +41,7 @@ W = TypeVar("W", bound="World")
 
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
-class World(FromFiles):
+class World(FromCells, FromFiles):
     """Workspace: a ground and its content, in metres, x right and y up (REP-103). Build one with a ``from_`` method.
 
     ground    obstacles, and the extent where the robot must stay
@@ -121,26 +122,6 @@ class World(FromFiles):
         if isinstance(extent, BaseGeometry) and extent.is_empty:
             raise MapError("extent is empty: the robot would have nowhere to be.")
         return cls(Ground(prisms_of(obstacles), extent=_or_nothing(extent)), _or_nothing(keep_out))
-
-    @classmethod
-    def from_cells(
-        cls,
-        occupied: BoolArray,
-        resolution: float,
-        *,
-        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
-        height: Heights = WHOLE,
-        keep_out: BaseGeometry | None = None,
-        outside_is_obstacle: bool = True,
-    ) -> World:
-        """Build a world from occupancy cells (H, W), row 0 at the bottom; see `Raster` for the rest.
-
-        >>> world = World.from_cells(np.eye(3, dtype=bool), 0.5)
-        >>> world.clearance(np.array([1.25]), np.array([0.25]))
-        array([0.25])
-        """
-        raster = Raster(occupied, resolution, origin, *check_heights(height))
-        return cls(Ground(raster=raster, outside_is_obstacle=outside_is_obstacle), _or_nothing(keep_out))
 
     @classmethod
     def from_solids(cls, solids: Iterable[Solid], *, extent: BaseGeometry | None = None) -> World:
@@ -259,7 +240,19 @@ class World(FromFiles):
         """Return the extent without blocked regions, its border indexed for exact distances."""
         if self.closed.is_empty:
             return self.ground.free_space(z)
-        return self.derived(("free", self.ground.layer(z)), lambda: FreeSpace(without(self.extent, self.blocked(*z))))
+        layer = self.ground.layer(z)
+
+        def make() -> FreeSpace:
+            rest = self.beside_cells(layer) if layer.cells else None
+            space = None if rest is None else self.ground.cell_space(layer, rest, self.closed)
+            return space or FreeSpace(without(self.extent, self.blocked(*z)))
+
+        return self.derived(("free", layer), make)
+
+    def beside_cells(self, layer: Layer) -> FreeSpace:
+        """Return the extent without closed regions and the prisms of a layer, as if no cell were occupied."""
+        blocked = union([*(self.obstacles[i].polygon for i in layer.prisms), self.closed])
+        return self.derived(("beside cells", layer), lambda: FreeSpace(without(self.extent, blocked)))
 
     def clearance(self, x: Column, y: Column, *, z: Heights = WHOLE) -> Column:
         """Return the distance (M,), m, to the nearest obstacle, keep-out zone or border; 0 inside or beyond them.

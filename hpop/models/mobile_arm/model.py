@@ -33,7 +33,7 @@ from hpop.models.mobile_arm.collision import (
     carried_parts,
     touching_platform,
 )
-from hpop.models.rigid import Mount, PlanarLaw, RigidPose, RigidTwist, RigidTwistRate, farthest, rigid_body, turned_body
+from hpop.models.rigid import Mount, RigidPose, RigidTwist, RigidTwistRate, farthest, is_planar, rigid_body, turned_body
 from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
@@ -200,7 +200,7 @@ class MobileArm(OnBase, Model):
         """Return a body's motion in each motion, in closed form where the law of the base has one."""
         if isinstance(motions.law, Reach):
             return standing(name, motions) if name == "base" else ArmBody(name, self._kinematics, motions)
-        if not isinstance(motions.law, PlanarLaw):
+        if not is_planar(motions.law):
             return integrated(name, motions)
         return rigid_body(name, AXIS, motions) if name == "base" else self._carried(name, motions)
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import replace
+from os import cpu_count
 from time import perf_counter, thread_time
 from typing import Any
 
@@ -101,7 +102,7 @@ class Clock:
         with interrupts_held():
             if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
                 return [compiled(*arguments) for arguments in calls]
-            with ThreadPoolExecutor() as threads:  # kernels run without Python's lock
+            with ThreadPoolExecutor(min(len(calls), cpu_count() or 1)) as threads:  # kernels run without Python's lock
                 return list(threads.map(lambda arguments: compiled(*arguments), calls))
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:

@@ -185,6 +185,8 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
 
     Raises MapError if all walking people begin deep within obstacles, or if a standing person grows uncertain for ever.
     """
+    if not world.content.people:
+        return (), ()
     people, ends, elsewhere = [], list[End](), list[str]()
     world, inside = _outside(world)
     left_out = {one.who for one in inside if one.what == LEFT_OUT}

@@ -13,7 +13,7 @@ A lazy field samples a block when a point in it is first read, so a plan in a la
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from threading import RLock
@@ -335,10 +335,34 @@ class TiledField(LazyField):
         origin: tuple[float, float, float],
         side: int,
         sample: Callable[[slice, slice], FloatArray],
+        reads: Callable[[slice, slice], Sequence[tuple[float, float]]] | None = None,
     ) -> None:
-        """Set up an empty field; ``sample`` returns the values of a tile of at most side x side nodes."""
+        """Set up an empty field; ``sample`` returns the values of a tile of at most side x side nodes.
+
+        ``reads`` returns the ranges of rows and columns of the inputs on which a tile depends, for :meth:`take_over`.
+        """
         made = np.zeros([-(-size // side) for size in shape], dtype=bool)
-        self._begin(shape, spacing, origin, (0.0, 1.0), _side=side, _sample=sample, _made=made)
+        self._begin(shape, spacing, origin, (0.0, 1.0), _side=side, _sample=sample, _reads=reads, _made=made)
+
+    def take_over(self, before: TiledField, boxes: IntArray) -> None:
+        """Copy the samples of an equal field before a change that do not depend on changed inputs.
+
+        ``boxes`` (B, 4) bound these inputs: first row and column, end of rows and columns.
+        """
+        inside, old = (field.__dict__["_whole"][PAD:-PAD, PAD:-PAD] for field in (self, before))
+        for i, j in np.argwhere(before.__dict__["_made"] & ~self.__dict__["_made"]).tolist():
+            part = self._tile_of(i, j)
+            (row, last_row), (column, last_column) = self.__dict__["_reads"](*part)
+            met = (boxes[:, 2:] > (row, column)) & (boxes[:, :2] < (last_row, last_column))
+            if not met.all(axis=1).any():
+                inside[part] = old[part]
+                self.__dict__["_made"][i, j] = True
+
+    def _tile_of(self, i: int, j: int) -> tuple[slice, slice]:
+        """Return the rows and columns of the nodes in a tile."""
+        side, shape = self.__dict__["_side"], self.__dict__["_whole"][PAD:-PAD, PAD:-PAD].shape
+        rows, columns = (slice(k * side, min((k + 1) * side, n)) for k, n in zip((i, j), shape, strict=True))
+        return rows, columns
 
     def _filled(self, wanted: Any) -> None:
         asked, made, side, whole = (self.__dict__[name] for name in ("_asked", "_made", "_side", "_whole"))
@@ -358,9 +382,7 @@ class TiledField(LazyField):
         }
         for i, j in sorted(tiles):
             if not made[i, j]:
-                rows, columns = (
-                    slice(k * side, min((k + 1) * side, size)) for k, size in zip((i, j), inside.shape, strict=True)
-                )
+                rows, columns = self._tile_of(i, j)
                 inside[rows, columns] = self.__dict__["_sample"](rows, columns)
                 made[i, j] = True
         _repeat_border(whole)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise, product
 from threading import RLock
 from typing import TYPE_CHECKING
@@ -59,16 +60,9 @@ class RasterBalls:
     def __init__(
         self, raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
     ) -> None:
-        reach = math.ceil(radius / raster.resolution + 0.5)
-        offsets = np.arange(-reach, reach + 1) * raster.resolution
-        half = raster.resolution / 2
-        cell = Obstacle(shapely.box(-half, -half, half, half), raster.z_min, raster.z_max)
-        dx, dy = np.meshgrid(offsets, offsets)
-        kernel = polygon_obstruction([cell], dx.ravel(), dy.ravel(), camera_z, radius).reshape(dx.shape)
+        reach, self._tile, self._transform = _transform_of_cell(raster.resolution, *raster.heights, radius, camera_z)
         self._raster, self._outside, self._border = raster, outside_is_obstacle, reach + pad
         self._overlap = 2 * reach
-        self._tile = 1 << max(7, (4 * self._overlap).bit_length())
-        self._transform = np.fft.rfft2(kernel, (self._tile, self._tile))
         rows, columns = raster.cells.shape
         self.shape = rows + 2 * pad, columns + 2 * pad
 
@@ -86,19 +80,38 @@ class RasterBalls:
         phi: FloatArray = whole[self._overlap : self._overlap + height, self._overlap : self._overlap + width]
         return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
 
+    def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
+        """Return the ranges of rows and columns of the cells that a tile's balls reach, also beyond the image."""
+        border = self._border
+        return [
+            (part.start - border, min(part.start + self._tile - border, size + border))
+            for part, size in zip((rows, columns), self._raster.cells.shape, strict=True)
+        ]
+
     def _cells(self, rows: slice, columns: slice) -> FloatArray:
         """Return the occupancy of the cells that a tile's balls reach, with the border round the image."""
-        cells, border = self._raster.cells, self._border
-        spans = [
-            (part.start - border, min(part.start + self._tile - border, size + border))
-            for part, size in zip((rows, columns), cells.shape, strict=True)
-        ]
+        cells, spans = self._raster.cells, self.spans(rows, columns)
         out = np.full([stop - start for start, stop in spans], float(self._outside))
         inside = [(max(start, 0), min(stop, size)) for (start, stop), size in zip(spans, cells.shape, strict=True)]
         if all(start < stop for start, stop in inside):
             place = tuple(slice(a - start, b - start) for (a, b), (start, _) in zip(inside, spans, strict=True))
             out[place] = cells[inside[0][0] : inside[0][1], inside[1][0] : inside[1][1]]
         return out
+
+
+@lru_cache(maxsize=4)
+def _transform_of_cell(
+    resolution: float, z_min: float, z_max: float, radius: float, camera_z: float
+) -> tuple[int, int, NDArray[np.complex128]]:
+    """Return how many cells a ball reaches, the side of a tile, and the transform of the obstruction by one cell."""
+    reach = math.ceil(radius / resolution + 0.5)
+    offsets = np.arange(-reach, reach + 1) * resolution
+    half = resolution / 2
+    cell = Obstacle(shapely.box(-half, -half, half, half), z_min, z_max)
+    dx, dy = np.meshgrid(offsets, offsets)
+    kernel = polygon_obstruction([cell], dx.ravel(), dy.ravel(), camera_z, radius).reshape(dx.shape)
+    tile = 1 << max(7, (8 * reach).bit_length())
+    return reach, tile, np.fft.rfft2(kernel, (tile, tile))
 
 
 def raster_obstruction(

@@ -159,8 +159,12 @@ def _sample_raster(ground: Ground, raster: Raster, radius: float, z: float) -> F
             values = np.clip(values + prism_obstruction(*prisms, x, y, z, radius).reshape(values.shape), 0, 1)
         return values
 
+    def reads(rows: slice, columns: slice) -> list[tuple[float, float]]:
+        return [(low / split, high / split) for low, high in balls.spans(rows, columns)]
+
     x, y = fine.to_world(0.5 - PAD, 0.5 - PAD)
-    return TiledField(balls.shape, fine.resolution, (float(x), float(y), raster.origin[2]), balls.side, sample)
+    origin = float(x), float(y), raster.origin[2]
+    return TiledField(balls.shape, fine.resolution, origin, balls.side, sample, reads)
 
 
 def _beside_cells(ground: Ground, raster: Raster, obstacle: Obstacle) -> list[Obstacle]:

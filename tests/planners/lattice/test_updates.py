@@ -83,6 +83,76 @@ def test_an_updated_lattice_equals_one_that_is_built_anew(seed: int) -> None:
     np.testing.assert_array_equal(costs.costs, expected.costs)
 
 
+def grid(rng: np.random.Generator) -> Any:
+    """Return occupied cells (H, W) of 0.1 m: an office with two doors and some boxes."""
+    cells = np.zeros((90, 130), dtype=bool)
+    cells[:, 60:62] = cells[44:46, 62:] = True
+    cells[20:34, 60:62] = cells[44:46, 90:104] = False
+    for row, column in rng.integers((2, 2), (80, 120), (9, 2)):
+        cells[row : row + 5, column : column + 6] = True
+    return cells
+
+
+@pytest.mark.seeds(4, of=100)
+def test_a_lattice_on_changing_cells_equals_one_that_is_built_anew(seed: int) -> None:
+    """Boxes come and go, doors close and open, cells far outside change, and people stand in some of the worlds."""
+    rng = np.random.default_rng(seed)
+    robot = (ROUND, LONG, hpop.DifferentialDrive(radius=0.25, camera_offset=(0.2, 0.0)))[seed % 3]
+    keep_out = (None, shapely.box(1, 1, 2, 2))[seed // 2 % 2]
+    people = [Person(9.0, 6.0, 0.3)][: seed % 4 == 3]
+    options = {"step": 0.5, "headings": (8, 16, 4)[seed % 3], "corner_cutting": bool(rng.integers(2))}
+    world = World.from_cells(grid(rng), 0.1, keep_out=keep_out).with_content(people=people)
+    asked = edge_objectives(
+        hpop.Problem(world, robot, *ENDS, CRITERIA[:1] + CRITERIA[3:]).criteria, "lattice"
+    ).optimised
+
+    def graph(world: World) -> tuple[Any, Any]:
+        made = LatticeGraph(anchor="world", **options)._lattice(robot, world, world.bounds[:2])
+        return made, made.graph(asked)
+
+    graph(world)
+    for _ in range(4):
+        row, column, height, width = (
+            (20, 60, 14, 2),
+            (44, 90, 2, 14),
+            (0, 128, 2, 2),
+            (*rng.integers((0, 0), (86, 120)), *rng.integers(1, 5, 2)),
+        )[rng.integers(4)]
+        part = np.full((height, width), rng.random() < 0.6)
+        after = world.updated(part, at=(int(column), int(row)))
+        LatticeGraph(anchor="world", **options).update(world, after, robot, asked)
+        world = after
+    assert world.raster is not None
+    anew = World.from_cells(world.raster.cells, 0.1, keep_out=keep_out).with_content(people=people)
+    (updated, costs), (fresh, expected) = graph(world), graph(anew)
+    assert "edges_rechecked" in updated.counts
+    np.testing.assert_array_equal(updated.free, fresh.free)
+    for own, new in zip(updated.arcs, fresh.arcs, strict=True):
+        np.testing.assert_array_equal(own, new)
+        assert own.dtype == new.dtype
+    np.testing.assert_array_equal(costs.costs, expected.costs)
+
+
+def test_fronts_on_changing_cells_are_those_of_a_fresh_plan() -> None:
+    rng = np.random.default_rng(3)
+    cells = grid(rng)
+    many = hpop.Planning(
+        World.from_cells(cells, 0.1), ROUND, ["exposure", "turns", "length"], {"lattice": {"step": 0.5}}
+    )
+    start, goal = (0.3, 0.3, 0.0), (12.4, 8.6, None)
+    many.solve(start, goal)
+    for part, at in ((np.ones((3, 4), bool), (30, 40)), (np.ones((14, 2), bool), (60, 20)), ([[100, -1]], (5, 60))):
+        many = many.updated(many.world.updated(part, at))
+        again = World.from_cells(many.world.raster.cells, 0.1)  # type: ignore[union-attr]
+        expected = hpop.Planning(again, ROUND, many.criteria, {"lattice": {"step": 0.5}}).solve(start, goal)
+        found = many.solve(start, goal)
+        assert found.costs.tolist() == expected.costs.tolist()
+        assert found.runs[0]["labels_generated"] == expected.runs[0]["labels_generated"]
+        assert found.certificate == expected.certificate
+        many = many.updated(World.from_occupancy_grid(np.where(again.raster.cells, 100, 0), 0.1))  # type: ignore[union-attr]
+        assert many.solve(start, goal).runs[0]["edges_rechecked"] == 0
+
+
 @pytest.mark.parametrize("planner", [{"lattice": {"step": 0.5}}, {"roadmap": {"samples": 60}}], ids=str)
 @pytest.mark.seeds(1, of=3)
 def test_fronts_in_a_changed_world_are_those_of_a_fresh_plan(planner: Any, seed: int) -> None:

@@ -1,0 +1,209 @@
+"""The lattice of a changed world: states, arcs and costs are made again only where the change may reach them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hpop.base.arrays import BoolArray, FloatArray, copied
+from hpop.criteria.base import Criterion
+from hpop.criteria.costs import motion_costs
+from hpop.motions import lacking
+from hpop.planners.graphs.arcs import Arcs
+from hpop.planners.graphs.lattice.graph import StateLattice
+from hpop.planners.objectives import quantised
+from hpop.world import World
+from hpop.world.geometry.cells import changed_boxes
+from hpop.world.occupancy import take_over
+
+Ids = NDArray[np.int32]
+TURNED = 1.1  # of a robot's reach: turns are checked by slightly larger hulls
+SLACK = 1e-3  # m
+TRIED = 512  # sample of arcs that shows which attributes of a world a criterion reads
+SMOOTHED = 4.0  # field cells from a sample within which the field depends on it, and one more
+RIGID = 1e-9  # m: a camera at this constant distance from the base's axis does not move in the base
+
+
+def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) -> StateLattice:
+    """Return a lattice in a changed world, and cache there the parts that the change leaves unchanged.
+
+    States and arcs are checked again where the change may reach them. Costs are computed again for those arcs; by a
+    criterion that reads a changed attribute of the world, for all arcs within its reach. All other values are copied,
+    so the result equals a lattice that is built from scratch. Nothing is copied if nothing was cached or the extent of
+    the map has changed.
+    """
+    lattice = replace(before, world=after)
+    cached = {name: before.kept_part(name) for name in ("clear", "free", "arcs")}
+    if before.key is None or cached["arcs"] is None or before.world.bounds != after.bounds:
+        return lattice
+    take_over(before.world, after)
+    within = TURNED * max(part.reach for part in before.model.platform) + _longest(before) + SLACK
+    near = _near(before, lattice, within)
+    part = replace(lattice, kept=_near(before, lattice, within + _longest(before) + SLACK))
+    lattice.keep_part("clear", _frozen(np.where(near, part.clear, before.clear)))
+    if cached["free"] is not None:
+        lattice.keep_part("free", _frozen(np.where(near[:, :, None], part.free, before.free)))
+    arcs, origin = _joined(before, part, lattice, near)
+    lattice.keep_part("arcs", arcs)
+    is_new = origin < 0
+    lattice.keep_part("rechecked", int(is_new.sum()))
+    for criterion in criteria:
+        name = lattice.name_of(criterion)
+        counts = None if name is None else before.kept_part(name)
+        affected = None if counts is None else _affected(criterion, lattice, before.world)
+        if counts is not None and affected is not None:
+            column = counts[np.maximum(origin, 0)].astype(np.int64)
+            for rows, motions in lattice.motions_of(np.flatnonzero(is_new | affected)):
+                column[rows] = quantised(motion_costs(criterion, motions), criterion)
+            lattice.keep_part(name, _frozen(column.astype(np.min_scalar_type(int(column.max(initial=0))))))
+    return lattice
+
+
+def _longest(lattice: StateLattice) -> float:
+    """Return the length, m, of the longest step."""
+    return lattice.step * max(math.hypot(*step) for step in lattice.headings.steps)
+
+
+def _near(before: StateLattice, after: StateLattice, within: float) -> BoolArray:
+    """Mark positions (rows, columns) where the world differs from the one before within a distance, m."""
+    x, y = _positions(before)
+    return after.collision.differs(before.collision, x, y, within).reshape(before.shape)
+
+
+def _positions(lattice: StateLattice) -> tuple[FloatArray, FloatArray]:
+    """Return x and y (rows * columns,), m, of all grid positions."""
+    rows, columns = (index.ravel() for index in np.indices(lattice.shape))
+    return lattice.position(rows, columns)
+
+
+def _joined(before: StateLattice, part: StateLattice, lattice: StateLattice, near: BoolArray) -> tuple[Arcs, Ids]:
+    """Return the arcs after a change, joined from a part near it and the old arcs elsewhere, with their old indices."""
+    from hpop.planners.graphs.lattice.splicing import splice  # numba: on first use
+
+    is_new, width = near[lattice.cells], lattice.width
+    place = np.where(is_new, part.number[lattice.cells], before.number[lattice.cells])  # in the part, or before
+    degrees = np.empty((place.size, width), np.int64)
+    first = np.empty(place.size, np.int64)
+    for source, rows in ((before, ~is_new), (part, is_new)):
+        degrees[rows] = np.diff(source.arcs.start).reshape(-1, width)[place[rows]]
+        first[rows] = source.arcs.start[place[rows] * width]
+    start = np.append(0, np.cumsum(degrees.ravel()))
+    size = int(start[-1])
+    heads, kinds, origin = np.empty(size, np.int32), np.empty(size, np.uint8), np.empty(size, np.int32)
+    sources = [column for of in (before, part) for column in (of.arcs.heads, of.arcs.kinds, _renumbered(of, lattice))]
+    splice(first, degrees.sum(axis=1), is_new, *sources, heads, kinds, origin)
+    return Arcs(start, heads, kinds).frozen(), origin
+
+
+def _renumbered(of: StateLattice, lattice: StateLattice) -> Ids:
+    """Return the ids (n,) in a lattice of the states of another one with the same grid; negative where missing."""
+    number = lattice.number[of.cells].astype(np.int32)
+    ids: Ids = number[:, None] * np.int32(lattice.width) + np.arange(lattice.width, dtype=np.int32)
+    return ids.ravel()
+
+
+def _frozen(array: Any) -> Any:
+    array.setflags(write=False)
+    return array
+
+
+# Attributes of a world that a criterion reads
+
+
+class _WatchedWorld(World):
+    """A stand-in for a world that records which attributes are read, and the radii of obstruction."""
+
+    def __getattribute__(self, name: str) -> Any:
+        """Record the attribute, and return the world's."""
+        own = object.__getattribute__(self, "__dict__")
+        if name.startswith("__") or "watched" not in own:
+            return object.__getattribute__(self, name)
+        own["reads"].add(name)
+        value = getattr(own["watched"], name)
+        return _recording(value, own["radii"]) if name == "obstruction" else value
+
+
+def _recording(obstruction: Callable[..., Any], radii: set[float]) -> Callable[..., Any]:
+    def recorded(pose: Any, radius: float) -> Any:
+        radii.add(float(radius))
+        return obstruction(pose, radius)
+
+    return recorded
+
+
+def _affected(criterion: Criterion, lattice: StateLattice, before: World) -> BoolArray | None:
+    """Mark the arcs (m,) that may cost something else in a criterion after a change; None if all may.
+
+    A sample of arcs shows the attributes that hpop's own criteria read. A user's criterion may read more on other arcs,
+    so its costs are always computed again.
+    """
+    after = lattice.world
+    if not type(criterion).__module__.startswith("hpop.") or lacking(criterion.requires, lattice.model, after):
+        return None
+    name = ("reads", lattice.name_of(criterion))
+    read = replace(lattice, world=before).kept_part(name) if _same_content(before, after) else None
+    if read is None:
+        read = _read(criterion, lattice)
+    if read is None:
+        return None
+    lattice.keep_part(name, read)
+    reads, radii = set(read[0]), read[1]
+    if before.ground is after.ground:
+        reads -= {"obstruction", "obstruction_field"}
+    if any(getattr(before, name) != getattr(after, name) for name in reads - {"obstruction"}):
+        return None
+    if "obstruction" not in reads:
+        return np.zeros(lattice.arcs.heads.size, dtype=np.bool_)
+    return _seeing_change(lattice, before, max(radii))
+
+
+def _same_content(before: World, after: World) -> bool:
+    """Return whether two worlds have one content, or none."""
+    contents = [world.content for world in (before, after)]
+    return contents[0] is contents[1] or not any(content.present or content.zones for content in contents)
+
+
+def _read(criterion: Criterion, lattice: StateLattice) -> tuple[frozenset[str], frozenset[float]] | None:
+    """Return the attributes of a lattice's world that a criterion reads, and radii of obstruction; None if unknown."""
+    reads, radii = set[str](), set[float]()
+    watched = copied(lattice.world.stand_in(_WatchedWorld), watched=lattice.world, reads=reads, radii=radii)
+    size = lattice.arcs.heads.size
+    tried = np.unique(np.linspace(0, size - 1, min(size, TRIED)).astype(np.int64))
+    try:
+        for _, motions in lattice.motions_of(tried):
+            motion_costs(criterion, replace(motions, world=watched))
+    except Exception:  # a plugin's criterion may use the world in a way that the stand-in does not support
+        return None
+    return frozenset(reads - {"contents"}), frozenset(radii)
+
+
+def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolArray | None:
+    """Mark the arcs (m,) on which the obstruction within a radius, m, may have changed; None if all may be."""
+    rasters, aside = (before.raster, lattice.world.raster), _camera_aside(lattice)
+    if None in rasters or aside is None or before.obstacles or lattice.world.obstacles:
+        return None
+    boxes = changed_boxes(*rasters)  # type: ignore[arg-type]  # none is None
+    if boxes is None or before.outside_is_obstacle != lattice.world.outside_is_obstacle:
+        return None
+    cell = max(raster.resolution for raster in rasters if raster is not None)
+    within = radius + SMOOTHED * cell + aside + _longest(lattice) + SLACK
+    x, y = lattice.position(*lattice.cells)
+    near = np.zeros(x.size, dtype=np.bool_)
+    for x0, y0, x1, y1 in boxes:
+        across, up = np.maximum(np.maximum(x0 - x, x - x1), 0), np.maximum(np.maximum(y0 - y, y - y1), 0)
+        near |= np.hypot(across, up) <= within
+    degrees = np.diff(lattice.arcs.start).reshape(-1, lattice.width).sum(axis=1)
+    return np.repeat(near, degrees)
+
+
+def _camera_aside(lattice: StateLattice) -> float | None:
+    """Return the distance, m, of the camera from the base's axis; None where it moves in the base."""
+    states = lattice.stations.states
+    camera, base = (lattice.model.pose(body, states) for body in ("camera", "base"))
+    aside = np.hypot(camera.x - base.x, camera.y - base.y)
+    return float(aside.max()) if np.ptp(aside) <= RIGID else None

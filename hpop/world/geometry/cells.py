@@ -1,0 +1,278 @@
+"""Free space of occupancy cells: its border comes straight from the cells, so that a few changed cells cost little.
+
+The cells are free where nothing is occupied, and end at the border of the image. Other blocked regions, such as
+keep-out zones, are a second free space; the distance of a free point is the lesser of both. Values equal those of
+:class:`.planar.FreeSpace`, which is built as soon as its region, its edges or distances of blocked points are read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.world.geometry.planar import TOLERANCE, EdgeTree, FreeSpace
+from hpop.world.geometry.shapes import Raster
+
+BITS = 15  # of a grid coordinate in the key of an edge
+MOST_ADDED = 8  # an index is built anew once a share of 1 / 8 of its edges has been added
+
+
+def border_edges(cells: BoolArray) -> IntArray:
+    """Return the border (E, 4) of the free cells in grid coordinates: column and row of both ends.
+
+    An edge leads straight from one corner to the next, with the free cells on its right.
+
+    >>> border_edges(np.zeros((1, 2), dtype=bool)).tolist()
+    [[2, 0, 0, 0], [0, 1, 2, 1], [0, 0, 0, 1], [2, 1, 2, 0]]
+    """
+    free = np.pad(~cells, 1)
+    south_west, south_east, north_west, north_east = free[:-1, :-1], free[:-1, 1:], free[1:, :-1], free[1:, 1:]
+    right, up = south_east != north_east, north_west != north_east  # borders that leave each vertex (H + 1, W + 1)
+    corner = (right | (south_west != north_west)) & (up | (south_west != south_east))
+    y, x = np.nonzero(corner)
+    across = _runs(np.stack([x, y], axis=1), right[y, x], south_east[y, x])
+    by_column = np.lexsort((y, x))
+    y, x = y[by_column], x[by_column]
+    return np.concatenate([across, _runs(np.stack([x, y], axis=1), up[y, x], north_east[y, x])])
+
+
+def _runs(corners: IntArray, leaves: BoolArray, is_forward: BoolArray) -> IntArray:
+    """Return the edges from corners (N, 2) that a border leaves to the next corner, reversed if not forward."""
+    first = np.flatnonzero(leaves)
+    edges = np.concatenate([corners[first], corners[first + 1]], axis=1)
+    return np.where(is_forward[first, None], edges, edges[:, [2, 3, 0, 1]])
+
+
+def _keys(edges: IntArray) -> IntArray:
+    """Return a number for each edge (E, 4) in grid coordinates, different for different edges."""
+    keys = edges[:, 0]
+    for column in (1, 2, 3):
+        keys = (keys << BITS) | edges[:, column]
+    return keys
+
+
+@dataclass(frozen=True, eq=False)
+class ChangingEdges:
+    """Index of changing edges: it is built once; later edges are removed from it or added beside it.
+
+    keys   (E,)  sorted numbers of the edges of the tree when it was built
+    place  (E,)  their rows in the tree
+    whole        the tree when it was built
+    tree         the tree with removed edges infinitely far away
+    added        tree of the added edges, or None
+    """
+
+    keys: IntArray
+    place: IntArray
+    whole: EdgeTree
+    tree: EdgeTree
+    added: EdgeTree | None = None
+
+    @classmethod
+    def build(cls, raster: Raster, edges: IntArray) -> ChangingEdges:
+        """Index the edges (E, 4), in grid coordinates of a raster."""
+        keys = _keys(edges)
+        place = np.argsort(keys)
+        tree = EdgeTree.build(_placed(raster, edges))
+        return cls(keys[place], place, tree, tree)
+
+    def updated(self, raster: Raster, edges: IntArray) -> ChangingEdges:
+        """Return the index after some edges were removed and some added."""
+        keys = _keys(edges)
+        order = np.argsort(keys)
+        now = keys[order]
+        removed = self.place[~_among(self.keys, now)]
+        added = order[~_among(now, self.keys)]
+        if MOST_ADDED * max(added.size, removed.size) > self.keys.size:
+            return self.build(raster, edges)
+        far = self.whole.edges.copy()
+        far[removed] = np.inf
+        more = EdgeTree.build(_placed(raster, edges[added])) if added.size else None
+        return replace(self, tree=replace(self.whole, edges=far), added=more)
+
+    def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the distance (M,), m, of points to the nearest edge."""
+        distance = self.tree.distance(x, y)
+        return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
+
+
+def _among(values: IntArray, others: IntArray) -> BoolArray:
+    """Mark the values that are among others, both sorted."""
+    if not others.size:
+        return np.zeros(values.size, dtype=np.bool_)
+    found: BoolArray = others[np.minimum(np.searchsorted(others, values), others.size - 1)] == values
+    return found
+
+
+def _placed(raster: Raster, edges: IntArray) -> FloatArray:
+    """Return edges (E, 4), in grid coordinates, in metres."""
+    ends = (raster.to_world(edges[:, i].astype(np.float64), edges[:, i + 1].astype(np.float64)) for i in (0, 2))
+    return np.stack([column for point in ends for column in point], axis=1)
+
+
+class CellSpace(FreeSpace):
+    """Free space of the cells of a raster that is not rotated, and of a second free space, if any."""
+
+    raster: Raster
+    rest: FreeSpace | None
+    outline: Callable[[], BaseGeometry]
+    index: ChangingEdges | None
+
+    def __init__(
+        self,
+        raster: Raster,
+        rest: FreeSpace | None,
+        outline: Callable[[], BaseGeometry],
+        before: CellSpace | None = None,
+    ) -> None:
+        """Index the border of the cells.
+
+        Parameters
+        ----------
+        rest : free space of everything else that is blocked, or None
+        outline : function that returns the whole free region, m
+        before : space of a raster on the same grid; its index is reused
+        """
+        vars(self).update(raster=raster, rest=rest, outline=outline)
+        edges = border_edges(raster.cells)
+        index = None if before is None else before.index
+        if len(edges):
+            index = ChangingEdges.build(raster, edges) if index is None else index.updated(raster, edges)
+        else:
+            index = None
+        vars(self).update(index=index, grid_edges=edges)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the index."""
+        edges: IntArray = vars(self)["grid_edges"]
+        return 12 * edges.nbytes
+
+    @cached_property
+    def whole(self) -> FreeSpace:
+        """The free space as one region."""
+        return FreeSpace(self.outline())
+
+    @property
+    def region(self) -> BaseGeometry:
+        """The free region (polygon or multipolygon, m)."""
+        return self.whole.region
+
+    @property
+    def edges(self) -> FloatArray:
+        """The edges (E, 2, 2), m, of its border."""
+        return self.whole.edges
+
+    def distance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the distance (m) to the nearest edge of the border, from either side; inf without a border."""
+        return self.whole.distance(x, y)
+
+    def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Mark points strictly inside the free region."""
+        cells = self.raster.cells
+        free = np.ones(np.shape(x), dtype=np.bool_)
+        spans = []
+        for at, axis in ((x, 0), (y, 1)):
+            lines = self.raster.to_world(*(np.arange(cells.shape[1 - axis] + 1.0),) * 2)[axis]
+            # a point on a line between cells touches both
+            spans.append([np.searchsorted(lines, at, side=side) - 1 for side in ("left", "right")])
+            free &= (at > lines[0]) & (at < lines[-1])
+        last_row, last_column = cells.shape[0] - 1, cells.shape[1] - 1
+        for column in spans[0]:
+            for row in spans[1]:
+                free &= ~cells[np.clip(row, 0, last_row), np.clip(column, 0, last_column)]
+        if self.rest is not None:
+            inside = np.flatnonzero(free)
+            free[inside] = self.rest.contains(x[inside], y[inside])
+        return free
+
+    def clearance(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the distance (m) to the border for points inside, 0 for all others; NaN for NaN."""
+        result = np.where(np.isnan(x) | np.isnan(y), np.nan, 0.0)
+        inside = self.contains(x, y)
+        x, y = x[inside], y[inside]
+        if self.index is not None and x.size:
+            distance = self.index.distance(x, y)
+            result[inside] = distance if self.rest is None else np.minimum(distance, self.rest.distance(x, y))
+        return result
+
+    def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
+        """Mark points (M,) where free space within a distance, m, may differ from a previous free space."""
+        changed = self.changed_cells(before)
+        if changed is None:
+            return super().differs(before, x, y, within)
+        near = np.zeros(x.shape, dtype=np.bool_)
+        for x0, y0, x1, y1 in changed:
+            away = np.hypot(np.maximum(np.maximum(x0 - x, x - x1), 0), np.maximum(np.maximum(y0 - y, y - y1), 0))
+            near |= away <= within
+        return near
+
+    def changed_cells(self, before: FreeSpace) -> FloatArray | None:
+        """Return boxes (B, 4), m, with all cells that differ from those before; None if more than cells differ."""
+        if not isinstance(before, CellSpace) or before.rest is not self.rest:
+            return None
+        return changed_boxes(before.raster, self.raster)
+
+    def shapes_free(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
+        """Mark shapely geometries (N,) in the free region, at least ``margin`` (m) from its border."""
+        if margin <= TOLERANCE or "whole" in vars(self) or not len(shapes):
+            return self.whole.shapes_free(shapes, margin)
+        free = self._beside_cells(shapes, margin)
+        return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
+
+    def _beside_cells(self, shapes: NDArray[np.object_], margin: float) -> BoolArray:
+        """Mark geometries (N,) on free cells, at least ``margin`` (m) from the border of these cells."""
+        points, owner = shapely.get_coordinates(shapes, return_index=True)
+        first = np.searchsorted(owner, np.arange(len(shapes)))
+        free = self.contains(points[first, 0], points[first, 1])
+        edges = _placed(self.raster, vars(self)["grid_edges"])
+        reach = margin + 1.0  # m: more than rounding
+        (x0, y0), (x1, y1) = points.min(axis=0) - reach, points.max(axis=0) + reach
+        low, high = np.minimum(edges[:, :2], edges[:, 2:]), np.maximum(edges[:, :2], edges[:, 2:])
+        near = ((high >= (x0, y0)) & (low <= (x1, y1))).all(axis=1)
+        if near.any():
+            tree = shapely.STRtree(np.asarray(shapely.linestrings(edges[near].reshape(-1, 2, 2)), dtype=object))
+            free[tree.query(shapes, predicate="dwithin", distance=margin - TOLERANCE)[0]] = False
+        return free
+
+
+def changed_boxes(before: Raster, after: Raster) -> FloatArray | None:
+    """Return boxes (B, 4), m, that hold all cells that differ, one for each cluster; None for different grids."""
+    if not on_one_grid(before, after):
+        return None
+    blocks = changed_blocks(before.cells, after.cells)
+    x0, y0 = after.to_world(blocks[:, 1].astype(np.float64), blocks[:, 0].astype(np.float64))
+    x1, y1 = after.to_world(blocks[:, 3].astype(np.float64), blocks[:, 2].astype(np.float64))
+    return np.stack([np.minimum(x0, x1), np.minimum(y0, y1), np.maximum(x0, x1), np.maximum(y0, y1)], axis=1)
+
+
+def on_one_grid(first: Raster, second: Raster) -> bool:
+    """Return whether two rasters have the same cells in the plane, with the same heights."""
+    alike = ("resolution", "origin", "heights")
+    same_cells = first.cells.shape == second.cells.shape
+    return same_cells and all(getattr(first, name) == getattr(second, name) for name in alike)
+
+
+BLOCK = 32  # cells along a side of a block in which changes count as one
+
+
+def changed_blocks(before: BoolArray, after: BoolArray) -> IntArray:
+    """Return the bounds (B, 4) of all differing cells in each block: first row and column, end of rows and columns."""
+    rows, columns = np.nonzero(before != after)
+    if not rows.size:
+        return np.zeros((0, 4), np.int64)
+    blocks = (rows // BLOCK) * (after.shape[1] // BLOCK + 1) + columns // BLOCK
+    _, which = np.unique(blocks, return_inverse=True)
+    bounds = np.full((int(which.max()) + 1, 4), np.iinfo(np.int64).max)
+    bounds[:, 2:] = 0
+    for side, values in ((0, rows), (1, columns)):
+        np.minimum.at(bounds[:, side], which, values)
+        np.maximum.at(bounds[:, side + 2], which, values + 1)
+    return bounds

@@ -1,0 +1,217 @@
+"""Worlds of occupancy cells in memory, and what a changed world takes over from the world before the change."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self, cast
+
+import numpy as np
+from shapely.geometry import MultiPolygon
+from shapely.geometry.base import BaseGeometry
+
+from hpop.base.arrays import BoolArray
+from hpop.base.options import real, whole
+from hpop.base.text import shown
+from hpop.errors import MapError
+from hpop.world.fields.field import TiledField
+from hpop.world.geometry.cells import CellSpace, changed_blocks, on_one_grid
+from hpop.world.geometry.shapes import Raster, check_heights
+from hpop.world.ground import WHOLE, Ground, Heights
+
+if TYPE_CHECKING:
+    from hpop.world.world import World
+
+UNKNOWN, MOST = -1, 100  # values of a nav_msgs/OccupancyGrid
+THRESHOLDS = (19, 65)  # percent up to which a cell is free, and from which it is occupied, as map_saver has them
+
+
+class FromCells:
+    """Constructors of a world from occupancy cells, and their changes."""
+
+    @classmethod
+    def from_cells(
+        cls,
+        occupied: BoolArray,
+        resolution: float,
+        *,
+        origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        height: Heights = WHOLE,
+        keep_out: BaseGeometry | None = None,
+        outside_is_obstacle: bool = True,
+    ) -> Self:
+        """Build a world from occupancy cells (H, W), row 0 at the bottom; see `Raster` for the rest.
+
+        >>> import hpop
+        >>> world = hpop.World.from_cells(np.eye(3, dtype=bool), 0.5)
+        >>> world.clearance(np.array([1.25]), np.array([0.25]))
+        array([0.25])
+        """
+        raster = Raster(occupied, resolution, origin, *check_heights(height))
+        ground = Ground(raster=raster, outside_is_obstacle=outside_is_obstacle)
+        return cls(ground, MultiPolygon() if keep_out is None else keep_out)  # type: ignore[call-arg]  # a World
+
+    @classmethod
+    def from_occupancy_grid(
+        cls,
+        data: Any,
+        resolution: float,
+        origin: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        thresholds: tuple[float, float] = THRESHOLDS,
+        unknown_is_free: bool = False,
+        height: Heights = WHOLE,
+        keep_out: BaseGeometry | None = None,
+    ) -> Self:
+        """Build a world from the data of a nav_msgs/OccupancyGrid in memory.
+
+        Parameters
+        ----------
+        data : (H, W) integers
+            Occupancy in percent, 0 to 100, or -1 for an unknown cell; row 0 at the bottom. Of a message:
+            ``np.reshape(msg.data, (msg.info.height, msg.info.width))``.
+        resolution : float
+            Side of a cell, m.
+        origin : (x, y, yaw) in m, m and rad
+            Lower-left corner of cell [0, 0].
+        thresholds : (free, occupied) in percent
+            A cell is free up to the first and occupied from the second; cells between are unknown.
+        unknown_is_free : bool
+            Whether unknown cells, and everything beyond the grid, are free rather than obstacles.
+        height : (z_min, z_max) in m
+            Heights of all obstacle cells.
+
+        Raises MapError for data of another shape, type or range.
+
+        >>> import hpop
+        >>> world = hpop.World.from_occupancy_grid(np.array([[0, 100], [0, -1]], np.int8), 0.5)
+        >>> world.raster.cells.tolist()
+        [[False, True], [False, True]]
+        """
+        occupied = occupied_cells(data, thresholds, unknown_is_free=bool(unknown_is_free))
+        return cls.from_cells(
+            occupied,
+            resolution,
+            origin=cast("tuple[float, float, float]", origin),
+            height=height,
+            keep_out=keep_out,
+            outside_is_obstacle=not unknown_is_free,
+        )
+
+    def updated(self, data: Any, at: tuple[int, int] = (0, 0), *, thresholds: tuple[float, float] = THRESHOLDS) -> Self:
+        """Return the world with other occupancy in a part of its cells.
+
+        What this world derived from its cells, such as distances, is made again only near cells that change, with the
+        same values as in a world that is built anew. Content stays as it is.
+
+        Parameters
+        ----------
+        data : (h, w) integers or bool
+            Occupancy of the part as in :meth:`from_occupancy_grid`, or True for an occupied cell; row 0 at the bottom.
+        at : (x, y)
+            Column and row of its lower-left cell, as in a map_msgs/OccupancyGridUpdate.
+
+        Raises MapError in a world without cells, for a part that reaches beyond them, and for other data.
+
+        >>> import hpop
+        >>> world = hpop.World.from_cells(np.zeros((3, 4), dtype=bool), 0.5)
+        >>> world.updated([[100, 100]], at=(1, 2)).raster.cells.astype(int).tolist()
+        [[0, 0, 0, 0], [0, 0, 0, 0], [0, 1, 1, 0]]
+        """
+        world = cast("World", self)
+        ground, raster = world.ground, world.raster
+        if raster is None:
+            raise MapError("updated needs a world of cells, such as World.from_occupancy_grid(data, 0.05) has")
+        part = occupied_cells(data, thresholds, unknown_is_free=not ground.outside_is_obstacle)
+        column, row = _corner(at)
+        rows, columns = raster.cells.shape
+        if row + part.shape[0] > rows or column + part.shape[1] > columns:
+            raise MapError(
+                f"the part of {part.shape[1]} x {part.shape[0]} cells at column {column} and row {row} reaches beyond "
+                f"the map of {columns} x {rows} cells; crop it, or build a world of the larger map"
+            )
+        cells = raster.cells.copy()
+        cells[row : row + part.shape[0], column : column + part.shape[1]] = part
+        changed = replace(world, ground=replace(ground, raster=replace(raster, cells=cells)))
+        take_over(world, changed)
+        return cast(Self, changed)
+
+
+def occupied_cells(data: Any, thresholds: tuple[float, float], *, unknown_is_free: bool) -> BoolArray:
+    """Return the occupied cells (H, W) of occupancy in percent, -1 for unknown; bool data are returned as they are.
+
+    Raises MapError for other data.
+    """
+    try:
+        free, occupied = thresholds
+    except (TypeError, ValueError):
+        raise MapError(f"thresholds must be (free, occupied) in percent, got {shown(thresholds)}") from None
+    low, high = (
+        float(real("a threshold", value, 0, MOST, "a number in percent", error=MapError)) for value in (free, occupied)
+    )
+    if low >= high:
+        raise MapError(f"thresholds must rise from free to occupied, got {shown(thresholds)}")
+    try:
+        cells = np.asarray(data)
+    except ValueError:
+        raise MapError(f"data must have rows of one length, got {shown(data)}") from None
+    if cells.ndim != 2 or not cells.size:
+        raise MapError(
+            f"data must be a 2-D array (height, width) with cells, got shape {cells.shape}; of a message take "
+            "np.reshape(msg.data, (msg.info.height, msg.info.width))"
+        )
+    if cells.dtype == np.bool_:
+        return cells
+    if cells.dtype.kind not in "iu":
+        raise MapError(f"data must be integers from {UNKNOWN} to {MOST}, or bool, got {cells.dtype}; round it first")
+    if cells.min() < UNKNOWN or cells.max() > MOST:
+        wrong = cells.min() if cells.min() < UNKNOWN else cells.max()
+        hint = "; data of uint8 holds unknown cells as 255, take data.astype(np.int8)" if wrong == 255 else ""
+        raise MapError(f"data must be from {UNKNOWN} (unknown) to {MOST} percent, got {wrong}{hint}")
+    return cells >= high if unknown_is_free else (cells < 0) | (cells > low)
+
+
+def _corner(at: Any) -> tuple[int, int]:
+    try:
+        column, row = at
+    except (TypeError, ValueError):
+        raise MapError(f"at must be the column and row of a cell, got {shown(at)}") from None
+    column, row = (whole("at", value, 0, MOST_CELLS, "a column and a row", error=MapError) for value in (column, row))
+    return column, row
+
+
+MOST_CELLS = 2**31
+
+
+def take_over(before: World, after: World) -> None:
+    """Cache in a world what another world derived from its cells, made again only near cells that differ.
+
+    Nothing is taken over between worlds with other obstacles or grids. Values equal those that are derived from
+    scratch.
+    """
+    old, new = before.ground, after.ground
+    rasters = old.raster, new.raster
+    if old is new or rasters[0] is None or rasters[1] is None or not on_one_grid(*cast(Any, rasters)):
+        return
+    if old.obstacles != new.obstacles or old.extent.wkb != new.extent.wkb:
+        return
+    for key, value in old.cache.items():
+        if new.cache.find(key) is None:
+            match key:
+                case ("beside cells", _):
+                    new.cache.keep(key, value)
+                case ("free", layer) if isinstance(value, CellSpace):
+                    new.cache.keep(key, new.cell_space(layer, value.rest, before=value))
+                case ("obstruction", radius, z) if isinstance(value, TiledField) and not new.obstacles:
+                    samples = new.obstruction_field(radius, z)
+                    if isinstance(samples, TiledField) and old.outside_is_obstacle == new.outside_is_obstacle:
+                        samples.take_over(value, changed_blocks(rasters[0].cells, rasters[1].cells))
+    if after.keep_out is not before.keep_out or after.content is not before.content:
+        return
+    for key, value in before.cache.items():
+        if after.cache.find(key) is None:
+            match key:
+                case ("closed",) | ("beside cells", _):
+                    after.cache.keep(key, value)
+                case ("free", layer) if isinstance(value, CellSpace):
+                    after.cache.keep(key, new.cell_space(layer, value.rest, after.closed, value))
