@@ -103,8 +103,8 @@ def _joined(before: StateLattice, part: StateLattice, lattice: StateLattice, nea
 def _renumbered(of: StateLattice, lattice: StateLattice) -> Ids:
     """Return the ids (n,) in a lattice of the states of another one with the same grid; negative where missing."""
     number = lattice.number[of.cells].astype(np.int32)
-    ids: Ids = number[:, None] * np.int32(lattice.width) + np.arange(lattice.width, dtype=np.int32)
-    return ids.ravel()
+    ids = number[:, None] * lattice.width + np.arange(lattice.width, dtype=np.int32)
+    return ids.ravel().astype(np.int32, copy=False)
 
 
 def _frozen(array: Any) -> Any:
