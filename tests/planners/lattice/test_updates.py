@@ -58,7 +58,7 @@ def lattice(world: World, robot: Any, **options: Any) -> tuple[Any, Any]:
     return graph, graph.graph(asked)
 
 
-@pytest.mark.seeds(5, of=60)
+@pytest.mark.seeds(2, of=60)
 def test_an_updated_lattice_equals_one_that_is_built_anew(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shapes, people = pieces(rng, 5), (Person(*rng.uniform((1, 1), (8, 5)), 0.3),)

@@ -47,7 +47,7 @@ def test_its_own_time_limit_counts():
     assert starting({"lattice": {"time_limit": 9.0}}) == Lattice(time_limit=9.0)
 
 
-@pytest.mark.cases("EpsilonConstraint")
+@pytest.mark.cases("WeightedSumCorridor")
 @pytest.mark.parametrize("planner", STARTING)
 def test_a_front_that_is_known_serves_as_well_as_the_planner_that_found_it(planner, front, tmp_path):
     front.save(tmp_path / "front.json")
@@ -101,6 +101,6 @@ def test_where_half_of_the_time_gives_no_warm_start_the_rest_is_spent_on_them_to
         return iter([late]) if len(limits) == 1 else stages(planner, problem, progress)
 
     monkeypatch.setattr(Lattice, "stages", late_at_first)
-    found = Smoothing(step=0.5, time_limit=10_000.0).solve(PROBLEM)
+    found = Smoothing(step=1.0, time_limit=10_000.0).solve(PROBLEM)
     assert limits[0] <= 0.5 * 9_000.0 < limits[1] <= 9_000.0
     assert found.trajectories

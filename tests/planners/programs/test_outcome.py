@@ -24,7 +24,7 @@ ROUND = Problem(BLOCK, DifferentialDrive(radius=0.25), (1, 2, 0), (5, 2, 0), ("t
 @pytest.mark.cases("planner1-hpop.planners.programs.epsilon_constraint.program")
 @pytest.mark.parametrize(
     ("planner", "module"),
-    [(Smoothing(step=1.0, intervals=10), driven_program), (EpsilonConstraint(step=1.0, max_points=4), polyline)],
+    [(Smoothing(step=1.0, intervals=10), driven_program), (EpsilonConstraint(step=1.0, max_points=3), polyline)],
 )
 def test_threads_of_a_process_solve_one_program_at_a_time(planner, module, monkeypatch):
     """Two at once end the process: a Dask worker has as many threads as cores.
