@@ -56,7 +56,7 @@ def _ros(folder: Path, write_map: Callable[..., None]) -> Path:
     return folder / "map.yaml"
 
 
-@pytest.mark.cases("ros-options3", "movingai-options2")
+@pytest.mark.cases("ros-options3")
 @pytest.mark.parametrize(
     ("kind", "options"),
     [

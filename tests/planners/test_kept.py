@@ -41,6 +41,7 @@ def until(monkeypatch, costed):
     return set_most
 
 
+@pytest.mark.cases(2)  # a roadmap has a test of its own below
 @pytest.mark.parametrize(
     ("planner", "edges", "what"),
     [
