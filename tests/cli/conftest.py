@@ -14,6 +14,7 @@ from click.testing import CliRunner, Result
 import hpop.view
 from hpop.cli import main
 from hpop.cli.beside import PicturesBeside
+from hpop.view import save
 
 ROOM = """\
 world:
@@ -71,8 +72,9 @@ def room(tmp_path: Path, write_map: Callable[..., None], write: Callable[..., No
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures have few pixels, where a command draws them itself."""
+    """Give pictures few pixels, where a command draws them itself."""
     monkeypatch.setattr(hpop.view, "save_pictures", partial(hpop.view.save_pictures, dpi=40))
+    monkeypatch.setattr(save, "_png", lambda figure, dpi, png=save._png: png(figure, min(dpi, 90)))
 
 
 @pytest.fixture
