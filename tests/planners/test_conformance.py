@@ -62,7 +62,7 @@ REFUSED = [(name, model) for name in AT_HOME for model in MODELS if (name, model
 LESS = {
     *(("roadmap", model) for model in ("differential_drive", "holonomic", "serial_arm")),
     *(("lattice", "pan_tilt"), ("weighted-sum", "pan_tilt")),
-    *(("exact", model) for model in ("differential_drive", "serial_arm")),
+    *(("exact", model) for model in ("differential_drive", "holonomic", "serial_arm")),
     *(("smoothing", "differential_drive"), ("spline", "serial_arm")),  # of which `make test` asks what they find
 }
 

@@ -147,6 +147,7 @@ def test_a_missing_solver_is_said_with_what_to_do(monkeypatch):
         EpsilonConstraint(step=0.5).solve(PAPER)
 
 
+@pytest.mark.cases(1)
 @pytest.mark.parametrize("criteria", [["passing_distance", "turns"], ["passing_distance", "net_misalignment"]])
 def test_the_only_smooth_cost_may_be_a_worst_moment_of_nobody(criteria):
     """The room is empty: every polyline costs nothing."""

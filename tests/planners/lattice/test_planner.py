@@ -167,7 +167,7 @@ MORE = [
 
 @pytest.mark.parametrize(
     ("criteria", "headings", "corner_cutting", "goal_yaw"),
-    [*FRONTS, *(pytest.param(*front, marks=pytest.mark.proof) for front in MORE)],
+    [FRONTS[0], *(pytest.param(*front, marks=pytest.mark.proof) for front in [*FRONTS[1:], *MORE])],
 )
 @pytest.mark.seeds(1, of=SEEDS)
 def test_the_front_equals_full_enumeration_and_its_trajectories_hold_what_they_claim(
