@@ -6,6 +6,7 @@ import ast
 import re
 from collections import defaultdict
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,12 +28,27 @@ def files(room: str) -> list[Path]:
     return [ROOT / room] if room.endswith(".py") else sorted((ROOT / room).rglob("*.py"))
 
 
-def docstrings(path: Path) -> Iterator[tuple[str, str]]:
-    """Yield a name with its place, and the docstring, of a module, its classes and its functions."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            name = f"{path.relative_to(ROOT)}:{node.body[0].lineno if node.body else 1}"
-            yield f"{name} {getattr(node, 'name', 'module')}", ast.get_docstring(node) or ""
+def statements(node: ast.AST) -> Iterator[ast.AST]:
+    """Yield a node and all statements in it; most nodes of a module are expressions, which define nothing."""
+    yield node
+    for child in ast.iter_child_nodes(node):
+        if not isinstance(child, ast.expr):
+            yield from statements(child)
+
+
+@cache
+def definitions(path: Path) -> list[tuple[str, str, str, str]]:
+    """Return kind, name, place and docstring of a module, its classes and its functions."""
+    return [
+        (
+            type(node).__name__,
+            getattr(node, "name", "module"),
+            f"{path.relative_to(ROOT)}:{node.body[0].lineno if node.body else 1}",
+            ast.get_docstring(node) or "",
+        )
+        for node in statements(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
 
 
 def faults(text: str) -> list[str]:
@@ -44,7 +60,12 @@ def faults(text: str) -> list[str]:
 @pytest.mark.parametrize("room", [room for room in ROOMS if room not in EXEMPT])
 def test_docstrings_begin_with_a_verb_or_a_noun_and_are_no_puzzles(room: str) -> None:
     """Ruff's D401 asks for the imperative; here are the words that it lets pass."""
-    found = [f"{name}: {fault}" for path in files(room) for name, text in docstrings(path) for fault in faults(text)]
+    found = [
+        f"{place} {name}: {fault}"
+        for path in files(room)
+        for _, name, place, text in definitions(path)
+        for fault in faults(text)
+    ]
     assert found == []
 
 
@@ -66,7 +87,7 @@ def test_a_class_name_has_one_meaning() -> None:
     """A reader who has met a name once knows it everywhere in hpop."""
     places = defaultdict(list)
     for path in files("hpop"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ClassDef):
-                places[node.name].append(f"{path.relative_to(ROOT)}:{node.lineno}")
+        for kind, name, place, _ in definitions(path):
+            if kind == "ClassDef":
+                places[name].append(place)
     assert {name: where for name, where in places.items() if len(where) > 1 and name not in SEVERAL.split()} == {}
