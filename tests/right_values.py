@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import hpop
 import hpop.preference.scale
-from hpop import export, motions, preference, ros, search, study
+from hpop import batches, export, motions, preference, ros, search, study
 from hpop.base.symbols import lift
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Spending
@@ -294,13 +294,16 @@ def _add_rest(right: Right) -> None:
     field, shares = world.clearance_field(), np.array([[0.25, 0.75]])
     saved = hpop.frontier.Front.of([[1.0, 2], [2, 1]])
     saved.save("plain.json")
+    results = batches.batch([problem], [{"lattice": {"step": 1.0}}], out="batch")
+    types |= {"Results": results, "PlannerSummary": batches.summaries(results)[0]}
     owners |= {
         "hpop.criteria.Learnt": lambda: hpop.criteria.Learnt("learnt.json"),
         "hpop.criteria.LookAt": lambda: hpop.criteria.LookAt(target=(4.0, 3.0, 1.0)),
         "hpop.criteria.Occlusion": lambda: hpop.criteria.Occlusion(target=(4.0, 3.0, 1.0)),
         "hpop.criteria.ViewDistance": lambda: hpop.criteria.ViewDistance(target=(4.0, 3.0, 1.0)),
         "hpop.goals.CameraAt": camera_at, "hpop.goals.CameraAt.states": camera_at, "hpop.goals.LookAt": look_at,
-        "hpop.goals.Region": look_at,
+        "hpop.goals.Region": look_at, "hpop.batches.Results": results,
+        "hpop.batches.PlannerSummary": types["PlannerSummary"],
         "hpop.goals.AnyOf": hpop.goals.AnyOf(camera_at, look_at), "hpop.study.Fitted": fitted,
         "hpop.models.base.Part": hpop.models.base.Part(((0.0, 0.0),), 0.2, 0.0, 1.0),
         "hpop.motions.Phase": motions.Phase(np.ones(2), np.zeros(2), np.ones(2), "cruise"),
@@ -311,6 +314,7 @@ def _add_rest(right: Right) -> None:
         **{f"hpop.Front.{key}": value for key, value in vars(front).items()},
         **{f"hpop.frontier.Front.{key}": value for key, value in vars(saved).items()},
         "hpop.Front.of.costs": front.costs, "hpop.Front.select.weights": {"length": 1.0},
+        "hpop.batches.Results.folder": "batch", "hpop.view.draw_batch.path": Path("figure.png"),
         "hpop.frontier.Front.load.path": "plain.json", "hpop.frontier.dominates.a": [1.0, 2.0],
         "hpop.frontier.dominates.b": [2.0, 1.0], "hpop.Person.along.others": {},
         "hpop.criteria.Learnt.file": "learnt.json",

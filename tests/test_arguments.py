@@ -27,6 +27,7 @@ from tests.right_values import Right, right_values
 
 PACKAGES = [
     "hpop",
+    "hpop.batches",
     "hpop.criteria",
     "hpop.drive",
     "hpop.export",
@@ -74,9 +75,12 @@ RESULTS = [
     "hpop.motions.Instants",
     "hpop.planners.Candidates",
     "hpop.study.Design",
+    "hpop.batches.PlannerSummary",
 ]
 """Classes that hpop makes and nobody else: their constructors check nothing, their methods do."""
 LONG = [
+    "hpop.batch",
+    "hpop.batches.batch",
     "hpop.Problem.solve",
     "hpop.Problem.fronts",
     "hpop.Planning.solve",

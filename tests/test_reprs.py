@@ -132,3 +132,4 @@ def test_points_and_fronts_are_short_whatever_they_hold() -> None:
     assert len(repr(front)) < MOST
     assert repr(front[0]).startswith("<Point 0: turns 1, length 2; 'xxx")
     assert len(repr(front[0])) < MOST
+    assert "\\u200b" in repr(hpop.frontier.Front.of([[1.0], [2.0]], names=("turns\u200b",)))

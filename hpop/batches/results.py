@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.files import replacing
 from hpop.base.lazy import library
 from hpop.base.text import shown
@@ -207,6 +208,7 @@ def _with_text(table: pyarrow.Table, names: set[str]) -> pyarrow.Table:
     return table.cast(arrow.schema(fields))
 
 
+@checked_arguments
 class Results:
     """Results of a batch, read from its folder.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.batches.results import COST, Results
 from hpop.frontier import default_reference, hypervolume
@@ -49,6 +50,7 @@ class _ProblemFronts:
     planners: set[str] = field(default_factory=set)
 
 
+@checked_arguments
 def summaries(results: Results) -> list[PlannerSummary]:
     """Return what each planner of a batch did, in the order of their labels' first cases."""
     counts: dict[str, dict[str, int]] = {}
@@ -97,6 +99,7 @@ def _shares(problems: Any) -> dict[str, list[float]]:
     return shares
 
 
+@checked_arguments
 def summary_lines(found: Sequence[PlannerSummary]) -> list[str]:
     r"""Return the summary as lines of a table.
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.text import shown
+from hpop.base.text import printable, shown
 from hpop.frontier import conditions, storage, union
 from hpop.frontier.choices import Choices
 from hpop.frontier.dominance import (
@@ -257,7 +257,7 @@ class Front(Choices[T], Generic[T]):
         claimed = self.certificate
         if len(claimed) > MOST_CLAIMED:
             claimed = f"{claimed[: MOST_CLAIMED - 3]}..."
-        return f"<Front: {len(self)} points of {criteria}; {self.status}; {claimed}>"
+        return printable(f"<Front: {len(self)} points of {criteria}; {self.status}; {claimed}>")
 
     def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
         """Return the points that meet all conditions on criteria and reported values, as a front of their own.

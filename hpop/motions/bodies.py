@@ -131,7 +131,7 @@ class Instants:
         if self._t is None:
             raise UnsupportedCriterion(
                 "it asks for the time, which the motions of a planner without time do not have; where people move, "
-                "plan by 'lattice' or 'roadmap', which have a clock"
+                "plan by 'exact', 'lattice', 'roadmap' or 'any-angle', which have a clock"
             )
         return self._t
 

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.files import replacing
 from hpop.errors import OptionError
 
@@ -23,6 +24,7 @@ PANELS = (
 )
 
 
+@checked_arguments
 def draw_batch(found: Sequence[PlannerSummary], path: Path) -> None:
     """Write box plots of planning time, front size and hypervolume by planner, as a PNG or PDF."""
     if path.suffix.lower() not in (".png", ".pdf", ".svg"):

@@ -278,8 +278,8 @@ class RRT:
         if moving:
             raise QueryError(
                 f"rrt plans round people who stand, but {' and '.join(moving)} move{'s' * (len(moving) == 1)}. The "
-                "planners lattice and roadmap have a clock. Else give people no velocity to plan round where they are "
-                "now, or leave them out and evaluate the criteria on the trajectory in the world with them."
+                "planners exact, lattice, roadmap and any-angle have a clock. Or give people no velocity, to plan "
+                "round where they are now, or leave them out, and evaluate the criteria on the trajectory among them."
             )
         checked_ends(problem)
         model, start, goal = on_wheels(problem.model), start_of(problem), one_goal(problem, "rrt")

@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
-from hpop.base.options import one_of
-from hpop.base.text import counted, shown
+from hpop.base.options import MOST, one_of
+from hpop.base.text import counted, printable, shown
 from hpop.errors import MapError
 from hpop.world.files import file_source, read_bytes
 from hpop.world.geometry.outlines import check_joinable
@@ -45,6 +45,8 @@ from hpop.world.readers.rooms import (
 )
 from hpop.world.world import World
 
+HEIGHTS = ("min_height", "height")
+"""Properties that give the lower and upper end of an obstacle."""
 Meaning = Literal["obstacles", "free", "outline", "rooms"]
 FAR = 100_000.0
 """Coordinates, m, that no plan has whose origin is in the building: those of projections are larger."""
@@ -291,7 +293,10 @@ def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
             return check_heights(given)
         except MapError as error:
             raise MapError(f"{feature}: property height must be a number or [z_min, z_max]: {error}") from None
-    low, high = (length(properties.get(key)) for key in ("min_height", "height"))
+    for name, value in properties.items():
+        if name not in HEIGHTS and name.lower() in HEIGHTS and value is not None:
+            notes.add(feature, f"{printable(name)} {shown(value)} is not read: name it {name.lower()}")
+    low, high = (_in_bounds(length(properties.get(key))) for key in HEIGHTS)
     if given is None and properties.get("min_height") is None:
         return WHOLE
     if (given is not None and (high is None or high <= 0)) or (
@@ -307,3 +312,8 @@ def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
         notes.add(feature, f"min_height {z_min:g} is not below height {z_max:g}, so of the whole height")
         return WHOLE
     return check_heights((z_min, z_max))
+
+
+def _in_bounds(height: float | None) -> float | None:
+    """Return a height, m, or None if it is farther from the floor than heights may be."""
+    return height if height is not None and abs(height) <= MOST else None

@@ -285,7 +285,7 @@ def _geometry(feature: Feature, data: dict[str, Any], notes: FeatureNotes) -> Ba
     try:
         with np.errstate(invalid="ignore"):
             geometry = shape(data)
-    except ValueError:
+    except (TypeError, ValueError):  # some positions have three numbers, or null in place of the third
         data = {**data, "coordinates": two_numbers(data["coordinates"])}
         with np.errstate(invalid="ignore"):
             geometry = shape(data)

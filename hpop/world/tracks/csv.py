@@ -44,6 +44,7 @@ SECONDS = {
 UNIT = re.compile(r"^(.*?)\s*[/\[(]\s*(\w+)\s*[\])]?$")
 SUFFIX = re.compile(rf"^(.+?)_({'|'.join([*SECONDS, *UNITS])})$")
 RATE = re.compile(r"#+\s*(?:frame\s*rate|fps)\s*[:=]\s*([0-9.,e+-]+)", re.IGNORECASE)
+SAID_UNIT = re.compile(r"#+\s*units?\s*[:=]\s*(mm|cm|m)\b", re.IGNORECASE)
 UNITED = re.compile(r"\s*(?:/\s*(\w+)|[\[(]\s*(\w+)\s*[\])])")
 """A unit behind a title, with or without a blank before it."""
 HEAD = 20_000
@@ -123,10 +124,12 @@ class Comments(NamedTuple):
     """Comments (lines that begin with #) above the first row of a track file.
 
     rate    frames a second, or None
+    unit    of positions, in a comment such as ``# unit: cm``, or None
     titles  of the columns, or ()
     """
 
     rate: float | None
+    unit: str | None
     titles: tuple[str, ...]
 
 
@@ -134,9 +137,10 @@ def comments_of(text: str, source: TrackFile) -> Comments:
     """Return the comments above the rows; MapError for a frame rate that is no number."""
     lines = [line for line in text[:HEAD].splitlines() if line.lstrip().startswith("#")]
     rate = next((found for line in lines if (found := RATE.match(line.strip()))), None)
+    unit = next((found.group(1).lower() for line in lines if (found := SAID_UNIT.match(line.strip()))), None)
     split = [re.split(r"[\s,;]+", UNITED.sub(r"/\1\2", line.strip().lstrip("#").strip())) for line in lines]
     titles = next((words for words in reversed(split) if are_titles(words)), [])
-    return Comments(_rate(rate.group(1), source) if rate else None, tuple(titles))
+    return Comments(_rate(rate.group(1), source) if rate else None, unit, tuple(titles))
 
 
 def _rate(text: str, source: TrackFile) -> float:
@@ -160,8 +164,7 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
     places = _without_titles(first, source) if columns is None else columns.places
     lines = _Lines(text, header)
     table = _Table.of(rows if header else chain([first], rows), places, lines, source)
-    unit: str | None = None
-    second: float | None = None
+    unit, second = said.unit, None
     notes: tuple[str, ...] = ()
     if columns is None:
         table = table.ordered(frames=said.rate is not None)
@@ -169,7 +172,7 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
         notes = (f"has no header, so its columns are taken as {order}; name them in a first line if they are others",)
         source = replace(source, hint=f" It {notes[0]}.")
     else:
-        unit, second = columns.unit, columns.second
+        unit, second = columns.unit or unit, columns.second
         notes = (f"has columns that are not read: {', '.join(columns.unread)}",) if columns.unread else ()
     if "frame" in table.cells:
         times = table.numbers("frame") / source.rate(said.rate)

@@ -116,13 +116,14 @@ def petrack_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | No
     """Return tracks of PeTrack (Boltes and Seyfried, Neurocomputing 100, 2013); MapError for another file.
 
     The text file has comments with the frame rate, such as ``# framerate: 25 fps``, then a row per person and frame,
-    ``id frame x y z``, separated by blanks. The unit is in the comment that names the columns (``x/cm``); the default
-    is m. The pedestrian data archive has such files.
+    ``id frame x y z``, separated by blanks. The unit is in the comment that names the columns (``x/cm``), or in one of
+    its own (``# unit: cm``); the default is m. The pedestrian data archive has such files.
     """
-    unit, rate = UNIT_OF_X.search(text[:HEAD]), comments_of(text, source).rate
+    comments, titled_unit = comments_of(text, source), UNIT_OF_X.search(text[:HEAD])
+    unit = titled_unit.group(1).lower() if titled_unit else comments.unit
     rows = read_numbers(text, source, (4, 5), "id frame x y z")
-    x, y = rows[:, 2:4].T / source.a_metre(unit.group(1).lower() if unit else None)
-    times = rows[:, 1] / source.rate(rate)
+    x, y = rows[:, 2:4].T / source.a_metre(unit)
+    times = rows[:, 1] / source.rate(comments.rate)
     return tracks_of(source, [identity(one) for one in rows[:, 0].tolist()], times, x, y, wanted)
 
 

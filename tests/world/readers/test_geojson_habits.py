@@ -469,6 +469,30 @@ def test_files_of_other_formats_are_named_by_their_ending(tmp_path, name, messag
         World.from_file(tmp_path / name)
 
 
+# Heights and positions that nobody can read
+
+
+@pytest.mark.parametrize(
+    ("given", "note"),
+    [
+        ({"height": 99999999}, "height 99999999, which is no height above 0"),
+        ({"height": "12", "min_height": -5e6}, "height '12', min_height -5000000.0, which is no height above 0"),
+        ({"HEIGHT": 3}, "HEIGHT 3 is not read: name it height"),
+        ({"Min_Height": 1, "height": 3}, "Min_Height 1 is not read: name it min_height"),
+    ],
+)
+def test_heights_beyond_all_bounds_and_in_other_letter_case_are_told(tmp_path, given, note):
+    world = World.from_geojson(write(tmp_path, feature(square(1, 1, 2, 2), **given)), units="m")
+    assert any(f"feature 0: {note}" in said for said in world.notes)
+
+
+def test_positions_whose_third_number_is_null_have_two(tmp_path):
+    ring = [[1, 1, 0], [2, 1, None], [2, 2], [1, 2, None], [1, 1, 0]]
+    world = World.from_geojson(write(tmp_path, feature(ring)), units="m")
+    assert world.obstacles[0].polygon.area == 1.0
+    assert "of which only the first two are read" in world.notes[0]
+
+
 # Rules of zones as text
 
 

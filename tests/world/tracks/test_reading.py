@@ -45,6 +45,15 @@ def test_petrack_files_say_unit_and_frame_rate(tmp_path):
     assert tracks[2] == Track([2.05, 2.15], [-3.0, -2.9], [0.2, 0.2], recorded=True)
 
 
+@pytest.mark.parametrize("said", ["# unit: cm", "#Units = cm"])
+@pytest.mark.parametrize(
+    "rows", ["9 100 450 125 176\n9 125 350 150 176\n", "id,frame,x,y\n9,100,450,125\n9,125,350,150\n"]
+)
+def test_a_unit_in_a_comment_of_its_own_is_read(tmp_path, said, rows):
+    tracks = hpop.read_tracks(written(tmp_path, f"# framerate: 25\n{said}\n{rows}"))
+    assert tracks == {9: Track([4.0, 5.0], [4.5, 3.5], [1.25, 1.5], recorded=True)}
+
+
 def test_petrack_files_without_a_unit_are_in_metres(tmp_path):
     head = "# description: corridor\n# framerate: 25.00\n\n# PersID\tFrame\tX\tY\tZ\n"
     text = f"{head}9\t100\t4.5\t1.25\t1.76\n9\t125\t3.5\t1.5\t1.76\n"
