@@ -15,18 +15,26 @@ import re
 from pathlib import Path
 from typing import Any
 
-from hpop.base.registry import GROUPS, criteria, formats
+from hpop.base.registry import GROUPS, criteria, formats, goals, models
 from hpop.cli import glossary
 from hpop.scenario import json_schema
 
 DOCS = Path(__file__).parent
 HEAD = """# Reference of the criteria
 
-Written by `make reference` from the criteria themselves; do not edit. [Criteria](criteria.md) says how to write one.
+For people who choose, compare or report criteria: each criterion with its formula, unit, source and parameters.
+[Which criterion answers which question](questions.md) helps to choose, and [write a criterion](criteria.md) is the
+guide to your own. `make reference` writes this page from the code; do not edit it.
 
-All are minimised and at least 0. *Adds up by* says how motions make up a trajectory: `sum`; `time-mean`, the sum over
-the duration; `max`, the worst moment; `trajectory`, with memory. A *smooth* one has a gradient. Costs are compared at
-the *quantum*, in the unit.
+All criteria are minimised and at least 0. The small tables say for each:
+
+- *adds up by*: how the costs of motions become that of a trajectory. `sum`; `time-mean`, the sum divided by the
+  duration; `max`, the worst moment; `trajectory`, computed with memory of the past.
+- *requires*: what the robot or the world must have.
+- *smooth*: "yes" if the criterion has a gradient.
+- *quantum*: the smallest difference that counts, in the unit.
+
+In formulas, ∫ ... dt is the integral over the duration T of the trajectory, and (x)₊ is x if x is positive, else 0.
 """
 AGGREGATES = {"sum": "sum", "time-mean": "time-mean", "max": "max (worst moment)", "trajectory": "trajectory (memory)"}
 
@@ -50,8 +58,8 @@ def reference() -> str:
 
 FORMATS = """# Export formats
 
-Written by `make reference` from the formats themselves; do not edit. [For other programs](export.md) says how they are
-used.
+For people who read exported files: the axes, units and columns of each format. [Export](export.md) is the guide.
+`make reference` writes this page from the code; do not edit it.
 """
 
 
@@ -67,9 +75,9 @@ def formats_reference() -> str:
 
 OPTIONS = """# Reference of options
 
-Written by `make reference` from the code; do not edit. Every key and option of a [scenario](command_line.md#scenarios),
-with its default. Python takes the same names. Lengths are in m, times in s, angles in rad; in a scenario an angle may
-also be text such as `90 deg`.
+For people who write scenarios or call planners: every key and option of a [scenario](command_line.md#scenarios), with
+its default. Python has the same names. Lengths are in m, times in s, angles in rad; in a scenario an angle may also be
+text such as `90 deg`. `make reference` writes this page from the code; do not edit it.
 """
 OPTION_SECTIONS = {"Maps": "world", "Robots": "model", "Planners": "planner", "Goals": "goal"}
 ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones"}
@@ -84,7 +92,7 @@ def options_reference() -> str:
         described, forms = named_forms(whole["definitions"][key])
         for name in sorted(forms):
             form = next((one for one in forms[name].get("anyOf", [forms[name]]) if "properties" in one), {})
-            said = described.get(name) or form.get("description", "")
+            said = described.get(name) or form.get("description") or json_schema.summary({**models, **goals}[name])
             parts.append(f"### `{name}`\n\n{text(said)}\n")
             if form:
                 parts.append(f"{options(form, 'option')}\n")
@@ -140,11 +148,32 @@ def entry(cls: Any) -> str:
         "quantum": f"{cls.quantum:g}",
     }
     if cls.world_frame:
-        declared["world frame"] = "knows directions or places by itself"
+        declared["world frame"] = "contains a direction or a place"
+    listed, docstring = listed_meanings(
+        inspect.cleandoc(cls.__doc__), {field.name for field in dataclasses.fields(cls)}
+    )
     tables = [table([declared])]
     if dataclasses.fields(cls):
-        tables.append(table(parameters(cls)))
-    return "\n\n".join([f"### `{cls.name}`", *tables, text(inspect.cleandoc(cls.__doc__))]) + "\n"
+        tables.append(table(parameters(cls, listed)))
+    return "\n\n".join([f"### `{cls.name}`", *tables, text(docstring)]) + "\n"
+
+
+def listed_meanings(docstring: str, names: set[str]) -> tuple[dict[str, str], str]:
+    r"""Return the meanings of parameters that a docstring lists, and the docstring without this list.
+
+    >>> listed_meanings("Gap.\n\nnear, far  m  limits of\n              the gap\n\nUnit m.", {"near", "far"})
+    ({'near': 'm, limits of the gap', 'far': 'm, limits of the gap'}, 'Gap.\n\nUnit m.')
+    """
+    meanings, kept = dict[str, str](), []
+    for paragraph in docstring.split("\n\n"):
+        lines = re.findall(r"^(\w+(?:, \w+)*) {2,}(\S.*(?:\n {3,}.*)*)", paragraph, re.MULTILINE)
+        listed = {name: said for names_, said in lines for name in names_.split(", ")}
+        if not listed or not listed.keys() <= names:
+            kept.append(paragraph)
+            continue
+        for name, said in listed.items():
+            meanings[name] = re.sub(r" {2,}", ", ", re.sub(r"\n +", " ", said)).replace("``", "`")
+    return meanings, "\n\n".join(kept)
 
 
 def table(rows: list[dict[str, str]]) -> str:
@@ -153,15 +182,16 @@ def table(rows: list[dict[str, str]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-def parameters(cls: Any) -> list[dict[str, str]]:
-    """Name, default and unit of each field; the unit is what its line in the source says after the hash."""
-    source = inspect.getsource(cls)
+def parameters(cls: Any, listed: dict[str, str]) -> list[dict[str, str]]:
+    """Return name, default and meaning of each field; the meaning stands in the docstring, or behind the field."""
+    source = "\n".join(inspect.getsource(one) for one in cls.__mro__ if dataclasses.is_dataclass(one))
     rows = []
     for field in dataclasses.fields(cls):
         default = field.default if field.default_factory is dataclasses.MISSING else field.default_factory()
         shown = "none; give it" if default is dataclasses.MISSING else number(default)
         said = re.search(rf"^ +{field.name}: .*?  # (.+)$", source, re.MULTILINE)
-        rows.append({"parameter": f"`{field.name}`", "default": shown, "meaning": said.group(1) if said else ""})
+        meaning = listed.get(field.name) or (said.group(1).replace("``", "`") if said else "")
+        rows.append({"parameter": f"`{field.name}`", "default": shown, "meaning": meaning})
     if not any(row["meaning"] for row in rows):
         rows = [{key: row[key] for key in ("parameter", "default")} for row in rows]
     return rows

@@ -61,14 +61,14 @@ def check_count(weights: Weights | None, criteria: Sequence[Criterion]) -> None:
 class WeightedSum:
     """Supported paths of an SE(2) lattice, or of another graph: the optima of weighted sums of the costs, exactly.
 
-    step            m      between neighbouring positions
-    headings        4, 8 or 16
-    corner_cutting  whether a diagonal may pass between two blocked positions
-    divisions       weights are all multiples of 1 / divisions that sum to 1
-    weights         or lists of one number per cost, in the order of the criteria without those with memory; without
-                    divisions and weights, they are adaptive
-    time_limit      s      to read the map, build the graph and sweep, not to compile; after it the paths found are
-                           returned and called incomplete
+    step            m  distance between neighbouring positions
+    headings        number of headings: 4, 8 or 16
+    corner_cutting  whether a diagonal move may pass between two blocked positions
+    divisions       makes the weights: all multiples of 1 / divisions that add up to 1
+    weights         vectors of weights, each with one number for each cost, in the order of the criteria (none for
+                    criteria with memory). Without divisions and weights, weights are chosen adaptively
+    time_limit      s  for reading the map, building the graph and sweeping, without compiling. When it ends, the paths
+                    found are returned, and the status says that more may exist
     on              a graph family that replaces the lattice: ``{"roadmap": {"samples": 300}}``
 
     A path is supported if no other has a smaller weighted sum for some positive weights. Weights are those of costs

@@ -69,24 +69,34 @@ def _lines(text: str) -> dict[str, str]:
     """Return descriptions by name from the lines of a docstring, each with the indented lines below."""
     found: dict[str, list[str]] = {}
     names: list[str] = []
+    typed: set[str] = set()
     for line in text.split("\n"):
         table, numpy = TABLE.match(line), NUMPY.match(line)
-        if table or numpy:
-            names = (table or numpy).group(1).split(", ")  # type: ignore[union-attr]
-            found |= {name: [table.group(2) if table else numpy.group(2)] for name in names}  # type: ignore[union-attr]
+        if match := table or numpy:
+            names = match.group(1).split(", ")
+            found |= {name: [match.group(2)] for name in names}
+            typed = typed - set(names) if table else typed | set(names)
         elif names and line.startswith("    "):
             for name in names:
                 found[name].append(line.strip())
         else:
             names = []
-    return {name: _plain_text(lines) for name, lines in found.items()}
+    return {name: _plain_text(lines, typed=name in typed) for name, lines in found.items()}
 
 
-def _plain_text(lines: list[str]) -> str:
-    """Join lines to plain text without markup; in NumPy's form the type is dropped if a text follows."""
-    first, *rest = lines
-    is_type = rest and re.fullmatch(r"[\w\[\]|,. ]+|\(.*\)|\".*", first)
-    text = " ".join(" ".join(rest if is_type else lines).split())
+def _plain_text(lines: list[str], *, typed: bool) -> str:
+    """Join lines to plain text without markup; a type in the first line is dropped if a text follows.
+
+    >>> _plain_text(["m  radius of the ball", "round the camera"], typed=False)
+    'm, radius of the ball round the camera'
+    >>> _plain_text(["(x, y), optional", "Point in the room, m."], typed=True)
+    '(x, y): Point in the room, m.'
+    """
+    first, *rest = [re.sub(r"^(\S+) {2,}", r"\1, ", line) for line in lines]
+    if typed and rest and (columns := re.fullmatch(r"(\([^()]*\))[\w, ]*", first)):
+        first = f"{columns[1]}:"
+    is_type = typed and rest and re.fullmatch(r"[\w\[\]|,. ]+|\".*", first)
+    text = " ".join(" ".join(rest if is_type else [first, *rest]).split())
     return re.sub(r":\w+:`~?([^`]+)`|``([^`]+)``", r"\1\2", text)
 
 

@@ -170,7 +170,7 @@ def test_every_parameter_of_all_that_is_registered_says_what_it_is(schema: dict[
 
 def test_units_and_defaults_come_from_the_docstrings(schema: dict[str, Any]) -> None:
     drive = schema["definitions"]["model"]["anyOf"][-1]["properties"]["differential_drive"]["anyOf"][0]["properties"]
-    assert drive["radius"] == {"type": "number", "description": "m of a round footprint", "default": 0.3}
+    assert drive["radius"] == {"type": "number", "description": "m, of a round footprint", "default": 0.3}
     image = schema["definitions"]["world"]["properties"]["image"]
     assert image["properties"]["resolution"]["description"] == "Side of a pixel, m."
     assert image["required"] == ["path", "resolution"]

@@ -56,9 +56,9 @@ class HeadingMismatch(_Mismatch):
                motion
 
     γ is the angle in space between the camera's axis ahead and the velocity v of the camera. Unit rad s; a sum over
-    motions. A head that looks down at the floor while driving pays, a lift that looks ahead pays for a right angle.
-    Standing, turning about the camera, panning and tilting cost nothing. A turn that swings a camera off the axis round
-    does move it sideways, and counts. The integral is within .2 %, ramps included.
+    motions. A head that looks down at the floor while driving has a cost, and so has a camera that a lift raises while
+    it looks ahead (a right angle). Standing, turning about the camera, panning and tilting cost nothing. A turn moves a
+    camera that is off the axis sideways, which counts. The integral is within .2 %, ramps included.
 
     Source: a user who looks in the direction of motion sees what comes, and unexpected vection is what best predicts
     sickness (studies of vection in virtual reality, read as abstracts). A view that is turned back while the base turns
@@ -71,7 +71,7 @@ class HeadingMismatch(_Mismatch):
 class MeanHeadingMismatch(_Mismatch):
     """Angle between the camera's view and its direction of motion, as a mean: (1/T) ∫ γ min(|v|/slow, 1) dt.
 
-    :class:`HeadingMismatch`, which defines γ, divided by the whole duration T, pauses included. Unit rad; a mean over
+    It is :class:`HeadingMismatch`, which defines γ, divided by the whole duration T, with pauses. Unit rad; a mean over
     time.
     """
 

@@ -26,8 +26,8 @@ class NetWinding:
 
     Unit rad; a criterion of the whole trajectory. A user who follows the camera's turns with the body is twisted by
     this angle when the robot arrives. Left and right cancel; four left turns by 90 degrees are a whole turn, though the
-    heading is as before. The headings at start and goal fix the winding up to whole turns, so the criterion chooses
-    between ways round. The winding at the end counts, not the largest on the way.
+    heading is as before. The headings at start and goal determine the winding up to whole turns, so the criterion
+    compares paths that pass obstacles on different sides. The winding at the end counts, not the largest on the way.
 
     Source: Suomalainen et al. (HRI 2022) found that users prefer unwinding turns and find them more comfortable.
     """

@@ -25,9 +25,8 @@ class PassingDistance:
     band    m  obstacles that overlap the heights [camera - band, camera + band] count
 
     d is the distance from the camera to the nearest visible obstacle. Unit m; the worst moment. Unlike ``clearance`` it
-    takes the camera, not the base. It leaves out obstacles away from eye level, such as a kerb or a lintel, everything
-    invisible, such as keep-out zones, and turns in place. It is not weighted by speed; see ``peak_optic_flow`` for
-    that.
+    is measured from the camera, not from the base. Obstacles away from eye level (a kerb, a lintel), keep-out zones,
+    which are invisible, and turns in place do not count. It is not weighted by speed; see ``peak_optic_flow`` for that.
 
     Source: the naturalness of a ride depends on the distance at which walls and objects pass (user studies of immersive
     telepresence, 2020-2022).

@@ -27,8 +27,8 @@ LEAST_TURN = np.deg2rad(1.0)  # rad: smaller changes of heading are not counted
 class Turns:
     """Number of turns of more than one degree, whatever their angle: the paper's N.
 
-    Turns are the camera's, about the vertical, made by its base or by a head that pans; tilts do not count. Turns at
-    start and goal do. Unit 1; a sum over motions. Source: Becerra et al. 2020 (arXiv 2002.10696): few and fast
+    A turn is a rotation of the camera about the vertical, by its base or by a head that pans. Tilts do not count; turns
+    at start and goal do. Unit 1; a sum over motions. Source: Becerra et al. 2020 (arXiv 2002.10696): few and fast
     rotations spare the semicircular canals.
 
     A turn in place is one motion and one turn, so two turns in place in succession count twice; planners here make each

@@ -40,7 +40,7 @@ class CuttingBetween:
     person's path, or a 512th of the motion.
 
     The expected number of crossings does not follow from the distribution of people's positions at each moment. So
-    uncertain positions and several futures raise CriterionError.
+    uncertain positions and several hypotheses raise CriterionError.
     """
 
     def cost(self, m: Motions) -> Column:

@@ -32,8 +32,8 @@ class HallZones:
     border the weight changes over ``softness`` metres (a polynomial of degree 5, half the change at the border itself),
     so that the cost has a gradient. :func:`hpop.criteria.others.metrics.zone_fractions` has sharp zones.
 
-    E is the mean over the person's futures, by weight, each blurred by its deviation. Tables of the blurred weight are
-    within 1e-4 of the integral with the default softness, 3e-3 with .05 m, .01 with .01 m. The mean of the cost is
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position. Tables of the blurred weight
+    are within 1e-4 of the integral with the default softness, 3e-3 with .05 m, .01 with .01 m. The mean of the cost is
     right whether or not a person's deviations at different times are correlated.
     """
 

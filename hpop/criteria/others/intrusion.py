@@ -26,11 +26,11 @@ class WorstIntrusion:
     """Expected number of people nearer than ``distance`` at the worst moment: max over t of Σ_people E[w(gap)].
 
     w is 1 up to ``distance`` between surfaces and falls to 0 over ``softness`` metres beyond it (a polynomial of degree
-    5). E is the mean over the person's futures, by weight, each blurred by its deviation. Unit 1; the worst moment. Of
-    people with certain positions it counts those nearer.
+    5). E is the mean over the person's hypotheses (by weight) and over the uncertain position. Unit 1; the worst
+    moment. If positions are certain, it is the number of people nearer than ``distance``.
 
-    At the worst moment, the cost is an upper bound of the probability that any person is that near. It bounds no
-    probability over the whole path, as no worst moment does; ``expected_contacts`` does.
+    The cost is an upper bound of the probability that any person is that near at the worst moment. It does not bound
+    the probability for the whole path; ``expected_contacts`` does.
 
     The maximum is searched at moments between which the robot and the fastest person together move a quarter of the
     softness, or a sixteenth of a field cell if that is more, and just before a person leaves. Means come from a table,
@@ -55,12 +55,13 @@ class ExpectedContacts:
     """Expected number of contacts at moments ``every`` seconds apart: 1/every ∫ Σ_people E[w(gap)] dt.
 
     w is 1 up to a gap of ``distance`` between surfaces (0 for contact) and falls to 0 over ``softness`` metres beyond
-    it (a polynomial of degree 5). E is the mean over the person's futures, by weight, each blurred by its deviation.
-    Unit 1; a sum over motions.
+    it (a polynomial of degree 5). E is the mean over the person's hypotheses (by weight) and over the uncertain
+    position. Unit 1; a sum over motions.
 
     By Boole's inequality the cost is an upper bound of the probability that any person is that near at any of these
-    moments (averaged over the time of the first of them), however the moments are correlated. It is not a probability
-    itself: a contact that lasts counts several times, so the bound is then loose, and above 1 it claims nothing.
+    moments (averaged over the time of the first of them), however the moments are correlated. The cost is not a
+    probability itself: a long contact counts several times, which makes the bound loose, and a cost above 1 says
+    nothing.
 
     The integral is by Gauss-Legendre quadrature, in pieces in which the robot and the fastest person together move at
     most half the softness, or an eighth of a field cell if that is more, cut where a person comes or leaves.

@@ -27,11 +27,11 @@ class OSpace:
     people who walk while they talk. p is the axis of the base; a second at the centre costs 1 s. A conversation lasts
     while all its people are present. Unit s; a sum over motions.
 
-    Source: the centre of an F-formation by votes (Kendon 1990; a stride of 1.5 m). The width σ = ``sigma``, half a
-    stride, is this library's choice.
+    Source: the centre of an F-formation, to which each person votes with a point ahead (Kendon 1990; a stride of 1.5
+    m). The width σ = ``sigma``, half a stride, is this library's choice.
 
     E is the mean over the positions of the people, with deviations taken as independent, in closed form. People in
-    groups need one future each, because their separate futures do not say what becomes of the conversation.
+    groups may have one hypothesis only, because their separate hypotheses do not say how the conversation continues.
     """
 
     stride: float = 1.5  # m from each person ahead to the centre

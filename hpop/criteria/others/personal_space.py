@@ -42,11 +42,11 @@ class PersonalSpace:
 
     Source: the asymmetric Gaussian of Kirby, Social Robot Navigation, 2010.
 
-    E is the mean over the person's futures, by weight, each blurred by its deviation, in closed form. The mean of the
-    cost is right whether or not a person's deviations at different times are correlated.
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position, in closed form. The mean of
+    the cost is right whether or not a person's deviations at different times are correlated.
 
     ``people="sum"`` adds up the people. "max" takes the person who is disturbed most, as costmaps do, and of several
-    futures the worst one, however small its weight.
+    hypotheses the worst, however small its weight.
     """
 
     people: Combination = "sum"  # over all people, or "max", the person who is disturbed most

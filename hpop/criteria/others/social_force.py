@@ -42,10 +42,10 @@ class SocialForce:
     "social work" of human-aware navigation sums the force over time steps in the same way. At θ = 0, K counts as ±1,
     not as 0 as in the paper: on a straight path to a person θ is 0 up to rounding.
 
-    E is the mean over the person's futures, by weight, and over the uncertain position at the predicted velocity. That
-    mean is an integral over directions of e, with the integral over distances in closed form: within 1e-4 m/s² with the
-    default constants and velocities that differ by up to 4 m/s, whatever the deviation. The mean of the cost is right
-    whether or not a person's deviations at different times are correlated.
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position at the predicted velocity.
+    That mean is an integral over directions of e, with the integral over distances in closed form: within 1e-4 m/s²
+    with the default constants and velocities that differ by up to 4 m/s, whatever the deviation. The mean of the cost
+    is right whether or not a person's deviations at different times are correlated.
     """
 
     strength: float = 4.5  # A, m/s²

@@ -22,14 +22,14 @@ class TimeToCollision:
     """Urgency of the nearest collision with a person: max over t and people of max(0, 1 - TTC/τ), τ the ``horizon``.
 
     TTC = [-p·v - sqrt((p·v)² - |v|²(|p|² - R²))]/|v|² is the time until the two touch at constant velocities: p and v
-    are the position and velocity of the robot relative to a person, R is the sum of their radii. It is ∞ where the two
-    part or would miss each other, and 0 where they touch. So the cost is 1 at contact, and 0 if no collision is nearer
-    than τ. Standing people count as well. The robot is round about its axis; turning in place is no speed. Unit 1; the
-    worst moment.
+    are the position and velocity of the robot relative to a person, R is the sum of their radii. It is ∞ if the two
+    move apart or will miss each other, and 0 if they touch. So the cost is 1 at contact, and 0 if no collision will
+    happen within τ. Standing people count as well. The robot counts as a circle around its axis, and turning in place
+    has no speed. Unit 1; the worst moment.
 
     Source: Karamouzas et al. 2014.
 
-    Of several futures of a person the most urgent one counts, however small its weight. Positions and velocities are
+    Of several hypotheses of a person the most urgent one counts, however small its weight. Positions and velocities are
     the predicted ones, without their deviation; ``worst_intrusion`` takes the deviation into account. The cost has no
     gradient, since it jumps where the robot would just graze a person. A person who leaves counts until that very
     moment.

@@ -31,8 +31,8 @@ class VisibilityToPeople:
     and near people. Deviations: ½(1 - cos α) in place of α and a quadratic decrease, so that the cost has a gradient.
     Walls between robot and person are ignored; hidden places are a criterion of their own in that paper.
 
-    E is the mean over the person's futures, by weight, each blurred by its deviation (two tables within 1e-4 of the
-    integrals); the gaze is that of the predicted path. The mean of the cost is right whether or not a person's
+    E is the mean over the person's hypotheses (by weight) and over the uncertain position, from two tables within 1e-4
+    of the integrals. The gaze is that of the predicted path. The mean of the cost is right whether or not a person's
     deviations at different times are correlated.
     """
 

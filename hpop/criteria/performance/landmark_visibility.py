@@ -49,9 +49,8 @@ class _Unseen:
 class LandmarkBlindness(_Unseen):
     """Time for which landmarks are unseen: ∫ (1 - visibility(t)) dt.
 
-    Seeing no landmark for a second costs 1 s, seeing half of them (by weight) 0.5 s. Unit s; a sum over motions. It is
-    the additive part of :class:`LandmarkVisibility`, which defines the visibility; exact searches minimise it in its
-    place.
+    Seeing no landmark for a second costs 1 s, seeing half of them (by weight) 0.5 s. Unit s; a sum over motions.
+    Searches minimise it in place of :class:`LandmarkVisibility`, the mean, which defines the visibility.
     """
 
 
@@ -73,9 +72,9 @@ class LandmarkVisibility(_Unseen):
     The angles of view (h, v) are the model's ``field_of_view``, or all round if it has none. ``fov`` replaces them by
     one horizontal angle at all elevations, for a viewer of a 360-degree camera who looks in one direction.
 
-    Accuracy: all factors but the view's are one smooth field of the plane, in which the border of a shadow is about two
-    cells wide. The edges of the view are sharp (on symbols smoothed), so the moment at which a landmark comes into view
-    within a motion is known to half a quadrature node (2.5 degrees, a quarter of a cell).
+    Accuracy: all factors except the two angles of view are one smooth field of the plane, in which the border of a
+    shadow is about two cells wide. The edges of the view are sharp (on symbols smoothed), so the moment at which a
+    landmark comes into view is right to half a quadrature node (2.5 degrees, a quarter of a cell).
 
     Where the camera's height changes (in the hand of an arm, on a lift), lines of sight are rays against solids in
     space, and β_i and ε_i are measured from the camera's own axes, roll included. No symbolic form exists then.

@@ -42,8 +42,8 @@ class _Obstructed:
 class Exposure(_Obstructed):
     """Time spent with obstacles round the camera: S = ∫ phi(p(t)) dt, phi the obstructed fraction of a ball round it.
 
-    Two seconds in a ball half filled by obstacles cost 1 s. Unit s; a sum over motions. It is the additive part of
-    :class:`Obstruction` (the paper's V = S/T), which defines phi; exact searches minimise it in its place.
+    Two seconds in a ball half filled by obstacles cost 1 s. Unit s; a sum over motions. Searches minimise it in place
+    of :class:`Obstruction`, the paper's mean V = S/T, which defines phi.
     """
 
 
@@ -75,12 +75,12 @@ class Obstruction(_Obstructed):
 class WorstObstruction(_Obstructed):
     """Largest obstructed fraction on the way: max over t of phi(p(t)), with phi as in :class:`Obstruction`.
 
-    A mean hides a short squeeze through a narrow passage on a long path; the maximum does not. Unit 1; the worst
-    moment. The definition is this project's own.
+    A mean over a long path hides a short narrow passage; the maximum does not. Unit 1; the worst moment. The definition
+    is this project's own.
 
-    The maximum is searched at both ends and in the middle of pieces no longer than a field cell c. Since phi changes by
-    at most 3/(4 r) a metre (the volume that a moving disc sweeps, over that of the ball), at most 3 c / (16 r) is
-    missed.
+    Accuracy: the maximum is taken over the ends and middles of pieces no longer than a cell c of the field. phi changes
+    by at most 3/(4 r) per metre (the volume swept by a moving disc, divided by that of the ball), so the true maximum
+    is larger by at most 3 c / (16 r).
     """
 
     def cost(self, m: Motions) -> Column:

@@ -35,8 +35,8 @@ class _Enclosed:
 class Enclosure(_Enclosed):
     """Time spent in enclosed surroundings: ∫ (1 - A(p(t)) / (pi r²)) dt, A the visible area.
 
-    A second with a wall in front of the lens costs 1 s, a second in the open nothing. Unit s; a sum over motions. It is
-    the additive part of :class:`Openness`, which defines A; exact searches minimise it in its place.
+    A second with a wall in front of the lens costs 1 s, a second in the open nothing. Unit s; a sum over motions.
+    Searches minimise it in place of :class:`Openness`, the mean, which defines A.
     """
 
 

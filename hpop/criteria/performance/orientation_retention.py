@@ -73,8 +73,8 @@ class OrientationRetention(_RoundTurns):
 class NetMisalignment(_RoundTurns):
     """Error of the viewer's idea of the heading at the end: |wrap(Σ_k e_k)|.
 
-    e_k is as in :class:`OrientationRetention`, except that a turn is a maximal stretch of consecutive motions that turn
-    the camera either way; a move without rotation ends it. Errors of opposite sign cancel. Unit rad; a criterion of the
+    e_k is as in :class:`OrientationRetention`, except that consecutive motions that turn the camera, to either side,
+    are one turn. A move without rotation ends the turn. Errors of opposite sign cancel. Unit rad; a criterion of the
     whole trajectory, so graph searches report it and do not minimise it.
     """
 

@@ -32,7 +32,7 @@ class BendingEnergy:
     A corner would cost infinitely much. So a turn in place by Δθ costs |Δθ|/rounding, as much as the arc that rounds
     it. This holds at start and goal too, and where the segments beside it are too short for the arc. A motion that
     bends more sharply than ``rounding`` costs as much as that arc: a motion of length L costs Δθ²/max(L, rounding
-    |Δθ|). Among piecewise-linear trajectories the ranking is that of the total rotation, so use ``turns`` beside it.
+    |Δθ|). Polylines are therefore ranked by their total rotation, so add the criterion ``turns``.
 
     Source: the energy of a thin rod along the path (Euler's elastica; Horn, "The curve of least energy", ACM TOMS 9(4),
     1983).

@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 class CornersGraph(GraphFamily):
     """The visibility roadmap between the corners of a lattice's non-dominated paths.
 
-    step           m      of the lattice
-    headings       4, 8 or 16 of the lattice
-    max_positions  count  corners that are used, those shared by most of the lattice's paths; None uses all
+    step           m  distance between neighbouring positions of the lattice
+    headings       number of headings of the lattice: 4, 8 or 16
+    max_positions  largest number of corners that are used, first those shared by most paths of the lattice; None: all
 
     The lattice is searched exactly, within half of the time limit; among moving people with a clock of 1/20 s and no
     margin. Positions where its paths turn, hold, or bend when pulled taut are linked wherever the robot can go

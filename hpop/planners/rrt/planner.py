@@ -207,12 +207,13 @@ MOST_RUNS = 100_000
 class RRT:
     """Random trajectories under wheel accelerations; of all runs, the one with the fewest curvature sign changes.
 
-    runs            count  of trees, each with its own random numbers (the paper: 1000)
-    seed                   of the random numbers; in Python also `rng`: a seed, a Generator from which one is drawn, or
-                           None for a fresh one (SPEC 7)
-    keep                   "selected": the selected run alone, ties by length; "all": every run, for the front to filter
-    max_extensions  count  of a tree before its run gives up
-    time_limit      s      for all runs; the runs finished by then are used, and unfinished trees are dropped
+    runs            number of trees, each with its own random numbers (the paper: 1000)
+    seed            seed of the random numbers; in Python also `rng`: a seed, a Generator that draws one, or None for a
+                    fresh one (SPEC 7)
+    keep            "selected": only the selected run, the shortest among equals; "all": every run, for the front to
+                    filter
+    max_extensions  number of extensions of a tree, after which its run gives up
+    time_limit      s  for all runs; finished runs are used, unfinished trees are dropped
 
     The reference of the study in Becerra et al. 2020 (arXiv 2002.10696), which leaves open how trees grow. Trees are
     those of OMPL (Sucan, Moll and Kavraki 2012), with the drives of :mod:`hpop.planners.rrt.query`. Wheel accelerations

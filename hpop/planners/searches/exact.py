@@ -41,20 +41,20 @@ COARSE = 0.1  # relative precision of the last stage before the exact one
 class ExactSearch:
     """Options of the exact search, and its solution of a problem on the planner's graph family.
 
-    max_detour      longest duration over the least of any path, or ``{"length": 1.3}``: longest length over the least,
-                    which needs max_turns as well; a time-mean is then optimised itself
-    max_turns       count  paths with more turns are left out; needs the criterion turns
-    eps             every optimal cost vector is covered within a factor 1 + eps; 0 finds them all
-    tolerance       or within these amounts, by the name of a cost: ``{"length": 0.1}``
-    time_limit      s      to read the map, build the graph and search, not to compile; after it the paths found are
-                           returned and called incomplete
-    max_labels      count  partial paths kept by the search
-    max_memory      bytes  of the map, its fields, the graph and the search
-    checkpoint      file in which the search saves its state, and from which it resumes if the file exists
-    clock           s  of a tick, where people move; None: 1/20. Without moving people there is no clock
-    hold            s  of the shortest wait for moving people; None: the robot never waits
-    arrive_by       s  of the latest arrival, among moving people; None: no limit
-    margin          m  of distance kept from people, also from those who stand
+    max_detour  upper limit that makes a mean over time a cost itself: the longest duration, as a multiple of the least
+                duration of any path; or ``{"length": 1.3}``, the same for lengths, which also needs max_turns
+    max_turns   largest number of turns; paths with more are left out. Needs the criterion turns
+    eps         relative error: every optimal cost vector is met within a factor 1 + eps; 0 finds all optimal vectors
+    tolerance   absolute errors that are also allowed, by the name of a cost: ``{"length": 0.1}``
+    time_limit  s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
+                found are returned, and the status says that more may exist
+    max_labels  largest number of partial paths that the search keeps
+    max_memory  bytes  for the map, its fields, the graph and the search
+    checkpoint  file in which the search saves its state, and from which it continues if the file exists
+    clock       s  time step of a search among moving people; None: 0.05
+    hold        s  shortest wait for moving people; None: the robot never waits
+    arrive_by   s  latest arrival, among moving people; None: no limit
+    margin      m  distance to keep from people, also from those who stand
     """
 
     name: ClassVar[str]

@@ -38,9 +38,9 @@ ANCHORS = ("start", "world")
 class LatticeGraph(GraphFamily):
     """The SE(2) lattice of a robot in the plane: grid positions, headings, steps and motions in place.
 
-    step            m      between neighbouring positions
-    headings        4, 8 or 16
-    corner_cutting  whether a diagonal may pass between two blocked positions
+    step            m  distance between neighbouring positions
+    headings        number of headings: 4, 8 or 16
+    corner_cutting  whether a diagonal move may pass between two blocked positions
     anchor          position of the grid: the start ("start"), or the corner of the map with the least x and y
                     ("world"), so that queries with other starts reuse the lattice
 

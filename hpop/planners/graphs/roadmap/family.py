@@ -53,16 +53,16 @@ AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 class RoadmapGraph(GraphFamily):
     """A probabilistic roadmap (Kavraki et al. 1996) of positions, or of configurations of any robot.
 
-    samples     count  free positions, or configurations, drawn uniformly unless there are trees
-    neighbours  count  nearest samples to which each is linked; None takes ceil(2e log n) for n nodes, as PRM* does, and
-                       8 beyond the plane
-    far         count  configurations farther away to which each is linked as well: the nearest within random subsets of
-                       log-uniform size; None takes none in the plane, and 8 beyond it
-    trees       count  pairs of trees that search for guides first (:mod:`.guides`): three of ten samples then lie near
-                       guides, the others where a path may be at most 1.6 times as long as the shortest guide; None
-                       takes none in the plane, and 10 beyond it
-    seed               of the random samples; in Python also `rng`: a seed, a Generator that draws one, or None for a
-                       fresh one (SPEC 7)
+    samples     number of random free positions or configurations
+    neighbours  number of nearest samples to which each sample is linked; None: ceil(2e log n) for n nodes in the plane,
+                as in PRM*, and 8 for other robots
+    far         number of farther samples to which each sample is linked as well: the nearest within random subsets of
+                log-uniform size; None: 0 in the plane, and 8 for other robots
+    trees       number of pairs of random trees that look for paths first (guides, :mod:`.guides`): three of ten samples
+                then lie near guides, the others where a path may be at most 1.6 times as long as the shortest guide;
+                None: 0 in the plane, and 10 for other robots
+    seed        seed of the random samples; in Python also `rng`: a seed, a Generator that draws one, or None for a
+                fresh one (SPEC 7)
 
     Where trees found guides, the graph of the guides is searched first; for positions under a time limit, roadmaps of a
     sixteenth and a quarter of the samples. So even a short time limit leaves a result.

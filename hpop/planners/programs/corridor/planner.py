@@ -47,13 +47,14 @@ DIVISIONS = 6  # default for more than two costs
 class WeightedSumCorridor:
     """Polylines of least weighted cost through corridors of convex free regions, for convex costs.
 
-    step        m      of the lattice that gives the warm starts
-    headings    4, 8 or 16 of that lattice
-    divisions   count  of the simplex lattice of weights
-    weights     rows of one weight per convex cost, in the order of the criteria, instead of the simplex lattice
-    solver      of the convex programs, by cvxpy's name; if it fails, other installed solvers are tried
+    step        m  distance between positions of the lattice that gives the warm starts
+    headings    number of headings of that lattice: 4, 8 or 16
+    divisions   makes the weights: all multiples of 1 / divisions that add up to 1
+    weights     vectors of weights, each with one number for each convex cost, in the order of the criteria; instead of
+                divisions
+    solver      cvxpy's name of the solver; if it fails, other installed solvers are tried
     warm_start  source of the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    time_limit  s      warm starts included
+    time_limit  s  for everything, warm starts included
 
     Around each segment of each warm start a convex region is grown in which the robot is free; paths through the same
     regions share a corridor. Its polylines have a vertex in each overlap of neighbouring regions, so they are free of

@@ -51,16 +51,16 @@ NOTED = 1e-3  # of its cost: a larger remaining gain of a candidate is noted
 class EpsilonConstraint:
     """Polylines of any angles that minimise one cost while the others are bounded by the costs of a warm start.
 
-    step        m      of the lattice that gives the warm starts
-    headings    4, 8 or 16 of that lattice
-    minimise    name of the minimised cost; None takes the length, or the first smooth cost
-    divisions   count  of further bounds between the cost of a warm start and the next better one
-    rounds      count  of programs per bound, each from the last solution; a program moves vertices by at most 1 m, and
-                further rounds are skipped if none moved that far
-    epsilon     bounds for all candidates, by the name of a cost
+    step        m  distance between positions of the lattice that gives the warm starts
+    headings    number of headings of that lattice: 4, 8 or 16
+    minimise    name of the minimised cost; None: the length, or the first smooth cost
+    divisions   number of further bounds between the cost of a warm start and the next better cost
+    rounds      number of programs for each bound, each of which begins at the last solution and moves corners by at
+                most 1 m; a round is skipped if no corner moved that far in the one before
+    epsilon     bounds that hold for all results, by the name of a cost
     warm_start  source of the warm starts: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    max_points  count  of bounds that are tried
-    time_limit  s      warm starts included
+    max_points  largest number of bounds
+    time_limit  s  for everything, warm starts included
 
     Accepts smooth criteria that add up or take the worst moment, and counts of moves and turns; others are refused by
     name. Guarantees that every candidate keeps its bounds within 1e-3 and is free of collisions on the exact geometry.

@@ -41,13 +41,13 @@ RAMPS = (
 class Smoothing:
     """Driven trajectories near polylines, with wheel accelerations as controls and with the turns of the polyline.
 
-    step        m      of the lattice that gives the paths to be smoothed
-    headings    4, 8 or 16 of that lattice
-    minimise    name of the minimised cost; None gives all costs the same weight, each relative to the polyline's cost,
-                but maxima, which are bounded, a hundredth of it
-    intervals   count  of constant wheel accelerations per trajectory; more if its turns need them
+    step        m  distance between positions of the lattice that gives the polylines
+    headings    number of headings of that lattice: 4, 8 or 16
+    minimise    name of the minimised cost; None: all costs with the same weight, relative to the polyline's cost, and
+                worst moments with a hundredth of it, since they are bounded
+    intervals   number of intervals of constant wheel acceleration; more are used if the turns need them
     warm_start  source of the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    time_limit  s      warm starts included
+    time_limit  s  for everything, warm starts included
 
     Accepts smooth criteria that add up or take the worst moment, and counts of moves and turns; others are refused by
     name. Guarantees that every candidate is free of collisions on the exact geometry, within the model's wheel speeds

@@ -43,11 +43,11 @@ HAND_OVER = 1.0  # s after the limit in which workers may finish their step
 class Spline:
     """Splines near paths of a model with joints, which cost no more than the paths; and the paths.
 
-    pieces      count  of cubics in a spline, approximately; each motion of its path becomes at least two
-    minimise    name of the minimised cost; None makes a spline for equal weights of all costs, each relative to the
-                path's cost, and from it one for each cost by itself, if that lowers the cost
+    pieces      approximate number of cubic pieces of a spline; each motion of the path becomes at least two
+    minimise    name of the minimised cost; None: one spline for all costs with equal weights, relative to the path's
+                costs, and then one for each cost if that lowers it
     warm_start  source of the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
-    time_limit  s      warm starts and compiling of kernels included; checked before each step
+    time_limit  s  for everything, warm starts and compiling included; checked before each step
 
     This is sequential linear programming. It starts from the path, slowed down where cubics need it, and moves knots
     and slopes step by step, with distances of bodies and costs replaced by their tangents. A step is accepted only if
