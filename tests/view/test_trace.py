@@ -64,7 +64,6 @@ def curve(axes):
 
 
 @pytest.mark.cases(2)
-@pytest.mark.cases("obstruction", "turns", "clearance", "rotation")
 @pytest.mark.parametrize("name", NAMES)
 def test_a_running_value_ends_at_the_cost_of_the_trajectory(problem, trajectory, name):
     criterion = make_criterion(name)
