@@ -27,6 +27,7 @@ from hpop.view import draw_map, draw_side, save_pictures
 
 ROOT = Path(__file__).resolve().parents[1]
 EXAMPLES = ROOT / "examples"
+pytestmark = pytest.mark.usefixtures("registered_as_before")
 
 
 @pytest.fixture(autouse=True)
