@@ -52,6 +52,7 @@ def print_front(
     saved: Path = Path("front.json"),
     verbose: bool = False,
     preference: Preferring | None = None,
+    most_rows: int = MOST_ROWS,
 ) -> None:
     """Print the front, the executed costs of the marked trajectories, the notes and the certificate.
 
@@ -60,6 +61,7 @@ def print_front(
     saved : file with the whole front
     verbose : whether to print statistics of the search
     preference : of a person; the best trajectory for that person is marked "for you"
+    most_rows : of the table, besides the marked ones
     """
     console = console or Console()
 
@@ -73,7 +75,7 @@ def print_front(
         say(f"note: {note}")
     if len(front):
         names = marks(front, preference)
-        rows = shown_rows(front, MOST_ROWS, names)
+        rows = shown_rows(front, most_rows, names)
         console.print()
         say("The front: of these trajectories none is better in one cost and no worse in the others")
         print_wide(console, _front_table(front, rows, names))

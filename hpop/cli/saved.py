@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,10 +19,12 @@ from hpop.runtime.status import Progress
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
+    from hpop.base.arrays import IntArray
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem
 
 MOST_FAULTS = 20
+MOST_CHECKED = 10_000  # trajectories, which take some 2 s and 100 MB
 PAIR = "NAME=NUMBER"
 
 
@@ -62,6 +64,10 @@ also_option = click.option(
 @click.argument("folder", type=click.Path(path_type=Path))
 @also_option
 @preference_option
+@click.option(
+    "--rows", type=click.IntRange(1), metavar="N", help="Rows of the table, with all marked ones; 20 if left out."
+)
+@click.option("--all", "every", is_flag=True, help=f"Check all trajectories of a front of more than {MOST_CHECKED:,}.")
 @click.option("--web", is_flag=True, help=f"Write {PAGE}, to choose from in a browser, beside the front.")
 @click.option("--open", "opens", is_flag=True, help="Write it and open it in a browser.")
 @verbose_option
@@ -71,12 +77,17 @@ def show(
     folder: Path,
     also: list[str],
     person: Path | None,
+    rows: int | None,
+    every: bool,
     web: bool,
     opens: bool,
     verbose: bool,
     imports: tuple[str, ...],
 ) -> None:
     """Print the front in a FOLDER that `hpop plan` wrote, then re-evaluate its costs and check it for collisions.
+
+    Of a front of more than 10,000 trajectories, 10,000 spread over it are checked, and all of the table; --all checks
+    all.
 
     Of a FOLDER that `hpop batch` wrote, print the summary.
     """
@@ -91,17 +102,23 @@ def show(
     path, front = loaded(folder)
     preference = picking.loaded_preference(person)
     problem = problem_of(path, front)
-    _refuse_faults(path, lost_trajectories(problem, front))
+    most_rows, checked = rows or report.MOST_ROWS, None
+    if len(front) > MOST_CHECKED and not every:
+        checked = _spread(front, report.shown_rows(front, most_rows, report.marks(front, preference)))
+    _refuse_faults(path, lost_trajectories(problem, front, None if also else checked))
     echo(f"as saved in {path}, not yet checked:")
     more = _with_further(problem, front, also)
-    report.print_front(problem, more, saved=path, verbose=verbose, preference=preference)
+    report.print_front(problem, more, saved=path, verbose=verbose, preference=preference, most_rows=most_rows)
     if preference is not None and len(front):
         picking.print_preference(preference, more)
     echo("checking costs, ends and collisions")
     with status.progress_bar() as progress:
-        faults = verify(problem, front, say=lambda doing: progress(Progress(f"checking: {doing}")))
+        faults = verify(problem, front, rows=checked, say=lambda doing: progress(Progress(f"checking: {doing}")))
     _refuse_faults(path, faults)
-    echo(f"verified: costs re-evaluated, ends and collisions checked for {report.how_many(front)}")
+    number = report.how_many(front) if checked is None else f"{checked.size:,} of {report.how_many(front)}"
+    echo(f"verified: costs re-evaluated, ends and collisions checked for {number}")
+    if checked is not None:
+        echo("note: those checked are spread over the front, with all of the table; --all checks all trajectories")
     if web or opens:
         page = results.save_page(problem, more, path, preference)
         echo(f"written: {page}, to choose from in a browser")
@@ -179,6 +196,13 @@ def pick(
         table.to_csv(csv)
         echo(f"written to {csv}: the camera every 0.1 s of the executed trajectory, {len(table):,} rows of")
         echo(f"  {', '.join(table.headings)}")
+
+
+def _spread(front: Front, shown: Iterable[int]) -> IntArray:
+    """Return the rows of a large front that are checked: the shown ones, and others evenly over the front."""
+    import numpy as np
+
+    return np.unique([*np.linspace(0, len(front) - 1, MOST_CHECKED).round().astype(np.int64), *shown])
 
 
 def _refuse_faults(path: Path, faults: list[str]) -> None:

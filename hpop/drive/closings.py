@@ -28,6 +28,7 @@ from hpop.world import World
 from hpop.world.content.content import Zone
 
 BESIDE = 1.0  # m of free space round an area in its own world, beyond the robot's reach
+NEAR = 1.0  # m from the robot's outline, within which a closed area is said to be about the robot
 
 
 def polygon_of(shape: Any, what: str) -> BaseGeometry:
@@ -153,6 +154,16 @@ def _no_door(name: str, known: Any, hint: str) -> str:
 def listed(closed: Sequence[Closing]) -> str:
     """Return the closed areas in words."""
     return ", ".join(map(str, closed)) if closed else "none"
+
+
+def no_way_out(closings: Sequence[Closing], here: States, model: PlanarModel) -> str:
+    """Return in words what is closed about a robot in a state (1,) without a way on, and elsewhere; "" if nothing."""
+    place = shapely.Point(float(here.x[0]), float(here.y[0]))
+    ordered = sorted(closings, key=lambda closing: closing.area.distance(place))
+    near = [closing for closing in ordered if closing.area.distance(place) <= reach_of(model) + NEAR]
+    words = [("about the robot", near), ("elsewhere", ordered[len(near) :])]
+    each = "; ".join(f"closed {where}: {listed(several)}" for where, several in words if several)
+    return f"no path: none is open from where the robot may change its plan; {each}" if each else ""
 
 
 def reach_of(model: PlanarModel) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
-from hpop.drive.closings import Closing, chains_closed, closed_arcs, listed, states_by_place
+from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
 from hpop.planners.base import Candidates
@@ -371,11 +371,14 @@ class DriveGraph:
 
     def candidates(self, node: int, paths: ParetoPaths) -> Candidates:
         """Return paths from a node as candidates of the planner that laid out the graph, with their claim."""
-        query, reason = replace(self.query, start=node, closed=self.closed), ""
-        if paths.status.is_final and self.closings:
-            reason = f"no path: none is open from where the robot may change its plan; closed: {listed(self.closings)}"
+        query = replace(self.query, start=node, closed=self.closed)
+        reason = self.closed_in(node) if paths.status.is_final else ""
         claim, stats = claimed_with_known(paths, query.where), search_stats(paths, paths.gap)
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
+
+    def closed_in(self, node: int) -> str:
+        """Return in words what is closed where no path leads on from a node; "" if nothing is."""
+        return no_way_out(self.closings, self.query.space.states(np.array([node])), self.inner.model)
 
 
 def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:

@@ -32,7 +32,6 @@ from hpop.motions.states import StateSpec
 from hpop.planners.base import Planner
 from hpop.planners.graphs.timed.safety import LEAVING
 from hpop.problems.front import Point
-from hpop.runtime.status import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
@@ -202,7 +201,7 @@ class Execution(EventLog):
             stopping = self.surroundings.with_people_who_stop(commit.places.states, commit.places.times)
         else:
             options, result = self._options_from(commit, now, seconds, answer)
-            if result.candidates.status is not Status.NO_PATH:
+            if len(options) or not result.candidates.status.is_final:
                 return options, result
             stopping = self._replanner.stopping(self.surroundings, commit)
         if stopping is not None:

@@ -231,12 +231,15 @@ class TimedDriveGraph:
         goals, seconds = [*self.untimed.query.goals], self.timed.seconds
         query = on_clock(timing, self.objectives, node, goals, build_seconds=seconds, closed=self.untimed.closed)
         claim, stats = claimed_with_known(paths, query.where, query.rounded), search_stats(paths, paths.gap)
-        return assemble(name, query, paths, claim, notes=at_memory_limit(paths), stats=stats)
+        reason = ""
+        if paths.status is Status.NO_PATH and not timing.is_open_alone(query):
+            reason = self.untimed.closed_in(node)
+        return assemble(name, query, paths, claim, reason=reason, notes=at_memory_limit(paths), stats=stats)
 
 
 def _start(state: States, time: float) -> Start:
     """Return a state (1,) as the start of plans at a time on the clock, s."""
-    return Start(float(state.x[0]), float(state.y[0]), time)
+    return Start(float(state.x[0]), float(state.y[0]), float(state.yaw[0]), time)
 
 
 CLAIM = (

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import MOST
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
@@ -29,10 +30,13 @@ CLOSE = 1e-5  # m or rad: rounding of states written in decimals
 HEADING_CLOSE = 5e-3  # rad: rounding of a yaw of three decimals to the planner's heading
 PROGRESS_EVERY = 100  # trajectories between two progress reports
 TOGETHER = 2**10  # motions checked between two progress reports
+NUMBER = re.compile(r"^trajectory (\d+)")
 MOST_TURNED = 1e4  # rad: larger yaws are invalid, and would take for ever to check
 
 
-def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None = None) -> list[str]:
+def verify(
+    problem: Problem, front: Front, *, rows: IntArray | None = None, say: Callable[[str], None] | None = None
+) -> list[str]:
     """Return the faults of a front of this problem, in words; none if its claims hold.
 
     Independent of the planner: costs come from the criteria, collisions from python-fcl at states no further apart than
@@ -43,8 +47,11 @@ def verify(problem: Problem, front: Front, *, say: Callable[[str], None] | None 
 
     Parameters
     ----------
+    rows : (m,) trajectories to check, rising; by default all
     say : called now and then with the current check and its progress
     """
+    if rows is not None:
+        return _numbered(verify(problem, _part(front, rows), say=say), rows)
     if not len(front):
         return [*_declared_faults(problem, front)]
     table = MotionTable.of(front.trajectories)
@@ -94,8 +101,25 @@ def _numbers(given: Any) -> list[int]:
     return [number for number in given if isinstance(number, int)] if isinstance(given, list) else []
 
 
-def lost_trajectories(problem: Problem, front: Front) -> list[str]:
-    """Return faults of trajectories that leave the map, where they cannot be evaluated, or turn without end."""
+def _part(front: Front, rows: IntArray) -> Front:
+    """Return some trajectories of a front, by rows (m,), as a front of their own."""
+    chosen = np.zeros(len(front), dtype=bool)
+    chosen[rows] = True
+    return front[chosen]
+
+
+def _numbered(faults: Sequence[str], rows: IntArray) -> list[str]:
+    """Return faults of some trajectories of a front, with the numbers (m,) that these have there."""
+    return [NUMBER.sub(lambda found: f"trajectory {rows[int(found[1])]}", fault) for fault in faults]
+
+
+def lost_trajectories(problem: Problem, front: Front, rows: IntArray | None = None) -> list[str]:
+    """Return faults of trajectories that leave the map, where they cannot be evaluated, or turn without end.
+
+    rows  (m,) trajectories to check, rising; by default all
+    """
+    if rows is not None:
+        return _numbered(lost_trajectories(problem, _part(front, rows)), rows)
     return _lost(problem, MotionTable.of(front.trajectories)) if len(front) else []
 
 

@@ -43,8 +43,9 @@ def contact(
 
     For a person who is uncertain or has several futures, it is the first moment at which more than 5 % of the
     prediction is too near. A robot that begins within a margin, or is approached within a second, may leave; so may one
-    that begins in contact, as long as its own motion does not make the gap smaller. Of people who stand, those count by
-    number that the robot leaves (``left``).
+    that begins in contact, as long as its own motion does not make the gap smaller. Where a position is uncertain, a
+    chance of contact above 5 % counts as contact, also if it comes within a second while no gap becomes smaller. Of
+    people who stand, those count by number that the robot leaves (``left``).
     """
     moments = _moments(trajectory)
     for least, what in ((0.0, "touches"), (margin, f"comes within {margin:g} m of")):
@@ -113,7 +114,7 @@ def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], ma
             away = np.flatnonzero(~near & (np.logical_or.accumulate(near) | (times > SOON)))
             near[: away[0] if away.size else near.size] = False
             leaves = not away.size
-        if parts_from and near.size and near[0]:
+        if parts_from and (near[:1] | (uncertain and near[times <= SOON].any())).any():
             near[: _parted(parts, person, states, times, near)] = False
         parts_from = False
         late = np.flatnonzero(near)
@@ -125,18 +126,22 @@ def _first(parts: Sequence[Any], person: Person, moments: Sequence[_Moments], ma
 def _parted(parts: Sequence[Any], person: Person, states: States, times: FloatArray, near: BoolArray) -> int:
     """Return how many moments a robot stays in contact from its beginning without making the gap smaller by itself.
 
-    A person may follow faster than the robot leaves.
+    A person may follow faster than the robot leaves. A chance of contact that comes later must come without any person
+    who comes nearer, as a position becomes less certain.
     """
-    apart = np.flatnonzero(~near)
-    until = int(apart[0]) if apart.size else near.size
+    first = int(np.argmax(near))
+    apart = np.flatnonzero(~near[first:])
+    until = first + int(apart[0]) if apart.size else near.size
     for _, likely in person.hypotheses:
         x, y = (np.broadcast_to(column, times.shape)[:until] for column in likely.at(times))
         positions = np.stack([x, y], axis=1)
         gap = _distance(parts, states.take(np.arange(until)), positions)
-        if gap[0] >= person.radius - TOUCH:  # no contact at the predicted position
+        if gap[0] >= person.radius - TOUCH and not (likely.spread or likely.growth):  # no contact as predicted
             return 0
-        own = _distance(parts, states.take(np.arange(1, until)), positions[:-1]) - gap[:-1]
-        nearer = np.append(0.0, np.cumsum(np.maximum(own, np.diff(gap)).clip(max=0.0)))
+        change = np.diff(gap)
+        if first == 0:
+            change = np.maximum(_distance(parts, states.take(np.arange(1, until)), positions[:-1]) - gap[:-1], change)
+        nearer = np.append(0.0, np.cumsum(change.clip(max=0.0)))
         shrinks = np.flatnonzero(nearer < -TOUCH)
         until = int(shrinks[0]) if shrinks.size else until
     return until

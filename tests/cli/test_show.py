@@ -12,6 +12,7 @@ from click.testing import Result
 
 from hpop.problems.front import Front
 from hpop.scenario import load_scenario
+from tests.worlds import TWO_WALLS
 
 
 def edited(path: Path, change: Callable[[dict], object]) -> None:
@@ -134,3 +135,33 @@ def test_a_map_that_changed_since_the_front_was_saved(
     world = {**(front.problem or {})["world"], "path": str(room / "map.yaml")}
     replace(front, problem={**(front.problem or {}), "world": world}).save(room / "front.json")
     refused(run("show", room / "front.json"), 3, "has changed since this was saved")
+
+
+def test_a_huge_front_is_checked_in_part_and_says_so(
+    run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "walls.yaml").write_text(TWO_WALLS)
+    scenario = load_scenario(tmp_path / "walls.yaml")
+    front, saved = scenario.problem.solve(scenario.planners), tmp_path / "front.json"
+    front.save(saved)
+    monkeypatch.setattr("hpop.cli.saved.MOST_CHECKED", 2)
+    named = {point.index for point in front.named().values()}
+    checked = sorted({0, len(front) - 1} | named)
+    left_out = min({*range(len(front))} - {*checked})
+    said = run("show", saved, "--rows", 1).stdout
+    assert f"{len(named)} of {len(front)} trajectories shown" in said
+    assert f"checked for {len(checked)} of {len(front)} trajectories\n" in said
+    assert "note: those checked are spread over the front, with all of the table; --all checks all" in said
+
+    edited(saved, lambda d: moved_cost(d, left_out, 1e-7))
+    assert "verified" in run("show", saved, "--rows", 1).stdout
+    every = run("show", saved, "--all")
+    assert f"trajectory {left_out}: {front.names[0]} is saved as" in every.stderr
+    edited(saved, lambda d: moved_cost(d, checked[-1], 1e-7))
+    assert f"trajectory {checked[-1]}: {front.names[0]} is saved as" in run("show", saved, "--rows", 1).stderr
+
+
+def moved_cost(data: dict, row: int, by: float) -> None:
+    """Change the first cost of one trajectory."""
+    column = data["points"]["costs"][data["criteria"][0]["name"]]
+    column[row] += by

@@ -107,3 +107,19 @@ def test_a_plan_in_time_begins_in_contact_and_the_gap_does_not_shrink(person: Pe
         free = int(np.argmax(while_there >= 0)) or while_there.size
         assert gap[0] < 0
         assert (np.diff(gap[:free]) >= -1e-6).all()
+
+
+@pytest.mark.parametrize("walks", [False, True], ids=["all stand", "one walks up"])
+def test_a_robot_hemmed_in_is_told_who_is_about_it(walks: bool) -> None:
+    following = drive()
+    ahead = {"velocity": (-0.3, 0.0), "until": 6.0} if walks else {}
+    about = [Person(3.58, 2.0, name="Ann", **ahead), Person(2.44, 2.0, name="Bob")]
+    about += [Person(3.0, 2.56, name="Cem"), Person(3.0, 1.44, name="Dan")]
+    following.world(2.0, people=[*about, Person(12.0, 7.0, name="Eve")])
+    options = final(following, 2.0)
+    assert options.status is Status.NO_PATH
+    (note,) = (note for note in options.front.notes if note.startswith("no path"))
+    near, far = note.split("; closed elsewhere: ")
+    assert "closed about the robot: " in near
+    assert all(f"{name} who stands at" in near for name in ("Ann", "Bob", "Cem", "Dan"))
+    assert far == "Eve who stands at (12.00, 7.00)"

@@ -14,7 +14,7 @@ from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.trajectories.contacts import _distance, contact
 from hpop.trajectories.trajectory import Trajectory
-from hpop.world import Future, Person, World
+from hpop.world import Future, Person, Track, World
 
 ROOM = World.from_polygons([], extent=shapely.box(0, -3, 10, 3))
 ROBOT = DifferentialDrive(radius=0.25, speed=1.0)
@@ -57,11 +57,26 @@ def test_several_futures_count_by_their_weight():
 def test_an_uncertain_place_counts_by_its_share(sigma):
     """Beside a long straight edge the share is that of a half-plane: the robot is a wide box, the person a point."""
     wide = DifferentialDrive(footprint=((20.0, 0.2), (-20.0, 0.2), (-20.0, -0.2), (20.0, -0.2)))
-    stands = Trajectory.from_poses(wide, [(5, 0, 0), (5.01, 0, 0)])
+    along = Trajectory.from_poses(wide, [(4, 0, 0), (6.5, 0, 0)])
     for share, near in ((0.04, False), (0.08, True)):
         aside = 0.2 + 0.01 - sigma * float(norm.ppf(share))
-        person = Person(5.0, aside, radius=0.01, spread=sigma, until=60.0)
-        assert bool(touched(person, stands, robot=wide)) == near
+        comes = Track.through([(2, 5, aside), (60, 5, aside)])  # later than a robot may still be leaving
+        assert bool(touched(Person.along(comes, radius=0.01, spread=sigma), along, robot=wide)) == near
+
+
+@pytest.mark.parametrize(("x", "near"), [(1.65, True), (0.35, False)])
+def test_a_chance_of_contact_at_the_beginning_may_be_left_but_not_grow(x, near):
+    """0.1 m between the surfaces, and a deviation of 0.1 m: a share of some 16 % is in contact."""
+    person = Person(x, 0.0, radius=0.3, spread=0.1, until=60.0, name="Ann")
+    assert touched(person) == ("touches Ann at 0.01 s" if near else "")
+
+
+def test_a_chance_of_contact_that_comes_with_less_certainty_may_be_left():
+    """Less and less surely behind the robot; walking up to it is another thing."""
+    behind = {"x": 0.2, "y": 0.0, "radius": 0.3, "until": 60.0, "name": "Ann"}
+    waits = STRAIGHT.with_hold(at=0, seconds=1.0)
+    assert not touched(Person(**behind, growth=0.2), waits)
+    assert touched(Person(**behind, spread=0.05, velocity=(0.3, 0.0)), waits).startswith("touches Ann at 0.")
 
 
 def test_a_robot_that_turns_sweeps_with_its_corners():

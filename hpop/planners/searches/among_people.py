@@ -81,10 +81,11 @@ def _first_points(candidates: Candidates) -> Candidates:
 def _with_people_who_stop(
     search: ExactSearch, problem: Problem, query: Query, candidates: Candidates, built: BuiltGraph
 ) -> Candidates:
-    """Return candidates; without a path because people walk up to the start, those where people stop before it."""
+    """Return candidates; without a plan because people walk up to the start, those where people stop before it."""
     timing = query.timing
     assert timing is not None
-    if candidates.status is not Status.NO_PATH or not any(timing.timed.safety.coming(timing.departure)):
+    has_none = candidates.status.is_final and not len(candidates.trajectories)
+    if not has_none or not any(timing.timed.safety.coming(timing.departure)):
         return candidates
     attention = timing.timed.attention
     stopping = timed_query(
@@ -95,4 +96,5 @@ def _with_people_who_stop(
         return candidates
     limits = replace(built.ends.space.spending.left(), checkpoint=None)
     stopping_candidates = stopping.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance)
-    return candidates if stopping_candidates.status is Status.NO_PATH else stopping_candidates
+    is_better = len(stopping_candidates.trajectories) or not stopping_candidates.status.is_final
+    return stopping_candidates if is_better else candidates

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -49,61 +50,85 @@ def gaps(problem: Problem, trajectory: Trajectory, step: float = 0.01) -> np.nda
     return np.array(least)
 
 
-# A robot on a small grid with four headings, of which every motion lasts a whole number of half seconds
-
-EVEN = DifferentialDrive(radius=0.1, speed=1.0, acceleration=1.0, turn_rate=math.pi / 2, turn_acceleration=math.pi / 2)
-STEP, HALF = 0.5, 0.5  # m, s
+# Robots on small grids with four headings, all motions of which last a whole number of ticks
 
 
-def plans_in_a_grid(
-    start: tuple[int, int, int], goal: tuple[int, int], size: tuple[int, int], ticks: int, hold: int | None
-) -> Iterator[Trajectory]:
-    """All plans from a (column, row, heading) to a (column, row) that arrive in time, of moves, turns and holds.
+class GridRobot(NamedTuple):
+    """A robot that moves by ``step``, m, on a grid; durations of its motions in ticks of ``tick``, s.
 
-    Positions are (column, row) / 2 m, headings quarter turns, holds last ``hold`` ticks or more. A turn of a quarter
-    lasts 6 ticks, of a half 8. Before a robot moves off at first, it stands for v/2a, which is a tick, also after it
-    has waited.
+    Before it moves off at first it stands for v/2a, ``stands`` ticks, also after it has waited.
     """
+
+    model: DifferentialDrive
+    step: float
+    tick: float
+    move: int
+    quarter: int
+    half: int
+    stands: int
+
+
+EVEN = GridRobot(
+    DifferentialDrive(radius=0.1, speed=1.0, acceleration=1.0, turn_rate=math.pi / 2, turn_acceleration=math.pi / 2),
+    *(0.5, 0.5, 1, 6, 8, 1),
+)
+State = tuple[int, int, int]
+"""Column, row, and heading in quarter turns."""
+Motion = tuple[str, int]
+"""A move, a turn by some quarters, or a hold of some ticks."""
+
+
+def motions_in_a_grid(
+    robot: GridRobot, start: State, goal: tuple[int, int], size: tuple[int, int], ticks: int, hold: int | None
+) -> Iterator[tuple[list[Motion], int]]:
+    """Yield all plans to a (column, row) that arrive in time, with their ticks; holds last ``hold`` ticks or more."""
     columns, rows = size
 
-    def onward(state, tick, motions, held):
+    def onward(state: State, tick: int, motions: list[Motion], *, held: bool) -> Iterator[tuple[list[Motion], int]]:
         if state[:2] == goal:
-            yield motions
+            yield motions, tick
             return
         column, row, heading = state
         dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
-        stood = [] if any(kind != "hold" for kind, _ in motions) else [("hold", 1)]
-        after = tick + len(stood) + 1
+        stood = [] if any(kind != "hold" for kind, _ in motions) else [("hold", robot.stands)]
+        after = tick + len(stood) * robot.stands + robot.move
         if after <= ticks and 0 <= column + dx < columns and 0 <= row + dy < rows:
-            yield from onward((column + dx, row + dy, heading), after, [*motions, *stood, ("move", 1)], False)
-        for quarters, lasts in ((1, 6), (-1, 6), (2, 8)):
+            yield from onward((column + dx, row + dy, heading), after, [*motions, *stood, ("move", 1)], held=False)
+        for quarters, lasts in ((1, robot.quarter), (-1, robot.quarter), (2, robot.half)):
             if tick + lasts <= ticks:
                 turned = (column, row, (heading + quarters) % 4)
-                yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], False)
+                yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], held=False)
         if hold is not None and not held:
             for lasts in range(hold, ticks - tick):
-                yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], True)
+                yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], held=True)
 
-    for motions in onward(start, 0, [], False):
-        yield _trajectory(start, motions)
+    yield from onward(start, 0, [], held=False)
 
 
-def _trajectory(start: tuple[int, int, int], motions: list[tuple[str, int]]) -> Trajectory:
+def plans_in_a_grid(
+    robot: GridRobot, start: State, goal: tuple[int, int], size: tuple[int, int], ticks: int, hold: int | None
+) -> Iterator[Trajectory]:
+    """Yield the plans of :func:`motions_in_a_grid` as trajectories."""
+    for motions, _ in motions_in_a_grid(robot, start, goal, size, ticks, hold):
+        yield _trajectory(robot, start, motions)
+
+
+def _trajectory(robot: GridRobot, start: State, motions: list[Motion]) -> Trajectory:
     column, row, heading = start
-    rows = [(column * STEP, row * STEP, heading * math.pi / 2, 0.0)]
+    rows = [(column * robot.step, row * robot.step, heading * math.pi / 2, 0.0)]
     for kind, amount in motions:
         x, y, yaw, clock = rows[-1]
         if kind == "move":
-            rows.append((x + STEP * round(math.cos(yaw)), y + STEP * round(math.sin(yaw)), yaw, clock))
+            rows.append((x + robot.step * round(math.cos(yaw)), y + robot.step * round(math.sin(yaw)), yaw, clock))
         elif kind == "turn":
             rows.append((x, y, yaw + amount * math.pi / 2, clock))
         else:
-            rows.append((x, y, yaw, clock + amount * HALF))
+            rows.append((x, y, yaw, clock + amount * robot.tick))
     columns = dict(zip(("x", "y", "yaw", "clock"), np.array(rows).T, strict=True))
     kinds = tuple(kind for kind, _ in motions)
     if "hold" not in kinds:
         del columns["clock"]
-    return Trajectory(EVEN, States(**columns), kinds)
+    return Trajectory(robot.model, States(**columns), kinds)
 
 
 def nondominated(costs: np.ndarray) -> np.ndarray:

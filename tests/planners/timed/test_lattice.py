@@ -14,8 +14,6 @@ from hpop.runtime.status import Status
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import (
     EVEN,
-    HALF,
-    STEP,
     gaps,
     in_the_door,
     nondominated,
@@ -96,12 +94,11 @@ def test_what_many_people_cost_who_are_each_too_far_away_to_be_noticed_is_in_the
 def test_the_front_of_a_small_grid_is_that_of_all_plans():
     world = World.from_polygons([], extent=shapely.box(-0.3, -0.3, 2.3, 0.8))
     walks = Person(1.6, 0.85, velocity=(-0.6, 0.0), radius=0.1, until=3.0)
-    problem = Problem(
-        world.with_content(people=[walks]), EVEN, (0, 0, 0), (1.5, 0, None), ["personal_space", "duration", "turns"]
-    )
-    lattice = Lattice(step=STEP, headings=4, clock=HALF, hold=1.0, arrive_by=8.0)
+    crowded = world.with_content(people=[walks])
+    problem = Problem(crowded, EVEN.model, (0, 0, 0), (1.5, 0, None), ["personal_space", "duration", "turns"])
+    lattice = Lattice(step=EVEN.step, headings=4, clock=EVEN.tick, hold=1.0, arrive_by=8.0)
     found = lattice.solve(problem)
-    plans = list(plans_in_a_grid((0, 0, 0), (3, 0), (5, 2), 16, 2))
+    plans = list(plans_in_a_grid(EVEN, (0, 0, 0), (3, 0), (5, 2), 16, 2))
     clear = [plan for plan in plans if (gaps(problem, plan, 0.02) > 0.2).all()]
     assert len(clear) == len(plans) > 50
     costs = trajectory_costs(found.objectives, plans, problem.world)

@@ -195,9 +195,9 @@ class _Assembly:
     def starts(self) -> tuple[Start, ...]:
         """Places and times at which plans begin and a person may be near."""
         begins = ((self.begin, 0.0),) if self.laid is None else self.laid.near
-        at = self.arcs.states.take(self.arcs.place[[node for node, _ in begins]])
+        at = self.arcs.space.states(self.arcs.states_of[[node for node, _ in begins]])
         times = [time for _, time in begins]
-        return tuple(map(Start, at.x.tolist(), at.y.tolist(), times))
+        return tuple(map(Start, at.x.tolist(), at.y.tolist(), np.nan_to_num(at.yaw).tolist(), times))
 
     @cached_property
     def presence(self) -> Presence:

@@ -14,6 +14,7 @@ from scipy.stats import ncx2
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.parts import Part
+from hpop.motions import HOLD
 from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.world.content.people import Person
@@ -31,7 +32,8 @@ class MotionPieces(NamedTuple):
     yaw         (N,)  rad, at the start
     after       (N,)  ticks since the departure of the arc
     lasts       (N,)  ticks
-    turns       (N,)  whether the yaw changes
+    moves       (N,)  whether the robot moves straight
+    stands      (N,)  whether it stands; otherwise it turns in place
     """
 
     row: IntArray
@@ -40,7 +42,8 @@ class MotionPieces(NamedTuple):
     yaw: FloatArray
     after: IntArray
     lasts: IntArray
-    turns: BoolArray
+    moves: BoolArray
+    stands: BoolArray
 
     @classmethod
     def of(cls, leg: LegMotions, clock: TickClock) -> MotionPieces:
@@ -57,15 +60,14 @@ class MotionPieces(NamedTuple):
         rows = np.flatnonzero(leg.of >= 0)
         row = np.empty(ticks.size, np.int64)
         row[leg.of[rows]] = rows
-        turns = np.full(owner.size, leg.kind != "move")
-        return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, turns)
+        moves, stands = (np.full(owner.size, leg.kind == kind) for kind in ("move", HOLD.kind))
+        return cls(row[owner], start, end, leg.start.yaw[owner], after, last - first, moves, stands)
 
     def take(self, rows: IntArray) -> MotionPieces:
         """Return some of the pieces, by rows."""
         start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
-        return MotionPieces(
-            self.row[rows], start, end, self.yaw[rows], self.after[rows], self.lasts[rows], self.turns[rows]
-        )
+        columns = (column[rows] for column in (self.yaw, self.after, self.lasts, self.moves, self.stands))
+        return MotionPieces(self.row[rows], start, end, *columns)
 
 
 class PersonMotion(NamedTuple):
@@ -145,9 +147,14 @@ def to_strips(corners: tuple[Place, ...]) -> FloatArray:
     return np.where(inside, 0.0, np.minimum.reduce(edges))
 
 
-def to_parts(parts: Sequence[Part], corners: FloatArray) -> FloatArray:
-    """Return the distance (N,) of hulls of points (N, c, 2), in the frame of the base, from the nearest part."""
-    hulls = shapely.convex_hull(shapely.multipoints(corners))
+def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -> FloatArray:
+    """Return the distance (N,) of hulls of points from the nearest part of a robot with some yaws (N,), rad.
+
+    corners  x, y (N,), m, of points relative to the robot's axis, in the frame of the map
+    """
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    turned = [np.stack([cos * x + sin * y, cos * y - sin * x], axis=1) for x, y in corners]
+    hulls = shapely.convex_hull(shapely.multipoints(np.stack(turned, axis=1)))
     each = [
         shapely.distance(shapely.convex_hull(shapely.MultiPoint(part.corners)), hulls) - part.radius for part in parts
     ]

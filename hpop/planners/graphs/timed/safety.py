@@ -8,13 +8,14 @@ hypothesis. Two upper bounds of it are used, and either is enough: the half-plan
 sigma), and a disc about the robot that covers it and the person's body (the noncentral chi-squared distribution).
 
 Along a straight move the gap is exact for people who walk straight meanwhile. Other paths of people are replaced by
-their chords, and the gap is reduced by their distance from it. While a robot that is not round turns or stands, it
+their chords, and the gap is reduced by their distance from it. While a robot that is not round turns or waits, it
 counts as the disc that it sweeps.
 
 A robot that starts within a person's margin, or comes into it within a second, may leave but not stay: it must not hold
-there, and for :data:`LEAVING` seconds only contact blocks the arcs that lead away. A round robot that starts in contact
-may leave it by motions that do not reduce the gap. Plans that begin at time 0 do not deviate from the clock there.
-There may be several starts at different times: each place where a drive may change its plan.
+there, and for :data:`LEAVING` seconds only contact blocks the arcs that lead away, or a chance of contact above 5 %. A
+round robot that starts in contact, and any robot that starts with such a chance or gets it within a second, may leave
+by motions that do not reduce the gap. Plans that begin at time 0 do not deviate from the clock there. There may be
+several starts at different times: each place where a drive may change its plan.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from hpop.planners.graphs.timed.pieces import (
     SIGMAS,
     MotionPieces,
     PersonMotion,
+    Place,
     clear_distance,
     strips,
     to_parts,
@@ -51,6 +53,7 @@ TOUCH = 1e-9  # m
 PAIRS = 1 << 20  # of arcs and ticks in one block
 LEAVING = 5.0  # s
 SOON = 1.0  # s
+EARLY = 1e-3  # of a piece, at whose beginning a convex gap is seen to grow
 DOING = "arcs in the way of moving people were computed"
 
 
@@ -66,10 +69,11 @@ class Separation(NamedTuple):
 
 
 class Start(NamedTuple):
-    """A place where plans may begin: x and y, m, and time, s on the clock."""
+    """A place where plans may begin: x and y, m, yaw, rad, and time, s on the clock."""
 
     x: float
     y: float
+    yaw: float
     time: float
 
 
@@ -130,11 +134,11 @@ class Safety:
     def _round(self) -> bool:
         return all(part.on_axis for part in self.parts)
 
-    def needed(self, person: Person, seconds: FloatArray) -> Separation:
-        """Return the distances from a person needed at times (T,)."""
+    def needed(self, person: Person, seconds: FloatArray, margin: float) -> Separation:
+        """Return the distances from a person needed at times (T,) for a margin, m; 0: for no contact."""
         deviation = np.broadcast_to(np.asarray(person.deviation(seconds), float), seconds.shape)
-        disc = self.reach + person.radius + self.margin
-        return Separation(self.margin + SIGMAS * deviation, clear_distance(deviation, disc))
+        disc = self.reach + person.radius + margin
+        return Separation(margin + SIGMAS * deviation, clear_distance(deviation, disc))
 
     @cached_property
     def about_start(self) -> tuple[Person, ...]:
@@ -149,31 +153,41 @@ class Safety:
         """Yield the hypotheses that have a start in their margin within some seconds, each with the first time, s."""
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
-            need = self._axis(person, self.needed(person, start.time + since)) + self.stray
+            need = self._axis(person, self.needed(person, start.time + since, self.margin)) + self.stray
             inside = _apart(start, person, start.time + since) < need
             if inside.any():
                 yield person, float(since[np.argmax(inside)])
 
     @cached_property
     def touched(self) -> tuple[Person, ...]:
-        """Hypotheses in contact with the robot at its start."""
+        """Hypotheses in contact with the robot at its start, or with a chance above 5 % of contact within a second."""
         pairs = ((start, person) for start in self.starts for person in self.people)
         return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
 
     def _touches(self, start: Start, person: Person) -> bool:
-        apart = float(_apart(start, person, np.array([start.time]))[0])
-        return apart < self.reach + person.radius - TOUCH
+        is_certain = not (person.spread or person.growth)
+        since = np.zeros(1) if is_certain else self.clock.seconds(np.arange(self.clock.within(SOON) + 1))
+        seconds = start.time + since
+        need = self.needed(person, seconds, 0.0)
+        near = _apart(start, person, seconds) < need.axis - TOUCH
+        return bool((near & (self._gap(start, person, seconds) < need.gap - TOUCH)).any())
+
+    def _gap(self, start: Start, person: Person, seconds: FloatArray) -> FloatArray:
+        """Return the gaps (T,), m, between the surfaces of the robot at a start and a person, where that is there."""
+        x, y = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
+        return to_parts(self.parts, np.full(x.size, start.yaw), [(x - start.x, y - start.y)]) - person.radius
 
     def refuse_contact(self) -> None:
         """Raise QueryError where a robot that is not round would start in contact with a person."""
         for start in () if self._round else self.starts:
+            now = np.array([start.time])
             for person in self.people:
-                (apart,) = _apart(start, person, np.array([start.time])).tolist()
-                if self._touches(start, person):
+                (gap,) = self._gap(start, person, now).tolist()
+                if gap < -TOUCH and np.isfinite(_apart(start, person, now)).all():
                     raise QueryError(
                         f"the start ({start.x:.3f}, {start.y:.3f}) is not usable: {person.name or 'a person who moves'}"
-                        f" is there at time {start.time:g}, {apart:.2f} m from the robot's axis, which needs "
-                        f"{self.reach + person.radius:.2f} m. Move one of them, or plan for when they are apart."
+                        f" is there at time {start.time:g}, and overlaps the robot's outline by {-gap:.3f} m. Move "
+                        "one of them, or plan for when they are apart."
                     )
 
     @cached_property
@@ -188,7 +202,8 @@ class Safety:
         lasts = np.ones_like(ticks)
         places = KDTree(np.stack([x, y], axis=1))
         for person in self.people:
-            walk, need = PersonMotion.of(person, ticks, lasts, self.clock), self._needed_on(person, ticks, lasts)
+            walk = PersonMotion.of(person, ticks, lasts, self.clock)
+            need = self._needed_on(person, ticks, lasts, self.margin)
             near = self._axis(person, need) + self.stray + walk.stray
             (x0, y0), (x1, y1) = walk.ends
             walked = np.hypot(x1 - x0, y1 - y0)
@@ -221,7 +236,7 @@ class Safety:
     def _near(self, pieces: MotionPieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
         """Yield pieces, with the ticks at which their arcs depart, that may be near a person."""
         seconds = self.clock.seconds(np.arange(self.horizon + 1))
-        need = self.needed(person, seconds)
+        need = self.needed(person, seconds, self.margin)
         near = float(self._axis(person, need).max()) + self.stray
         (ax, ay), (bx, by) = pieces.start, pieces.end
         half = 0.5 * float(np.hypot(bx - ax, by - ay).max(initial=0.0))
@@ -240,23 +255,29 @@ class Safety:
     def _hits(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
         """Mark pieces (N,), which begin at ticks (N,), that come too near to a person."""
         walk = PersonMotion.of(person, tick, pieces.lasts, self.clock)
-        need = self._needed_on(person, tick, pieces.lasts)
+        need = self._needed_on(person, tick, pieces.lasts, self.margin)
         seen = walk.seen_from(pieces)
         near, stray = self._axis(person, need), self.stray
         distance = to_segments(*seen[0], *seen[1]) - walk.stray
         hit: BoolArray = walk.there & (distance < near + stray - TOUCH)
-        some = np.flatnonzero(hit & ~pieces.turns)
+        some = np.flatnonzero(hit & pieces.moves)
         corners = strips(pieces.take(some), seen, some, stray)
         hit[some] = to_strips(corners) - walk.stray[some] < near[some] - TOUCH
         if self._round:
             return hit
         own = np.flatnonzero(hit[some])
-        some = some[own]
-        cos, sin = np.cos(pieces.yaw[some]), np.sin(pieces.yaw[some])
-        turned = [np.stack([cos * x[own] + sin * y[own], cos * y[own] - sin * x[own]], axis=1) for x, y in corners]
-        gap = to_parts(self.parts, np.stack(turned, axis=1)) - person.radius
-        hit[some] = gap - walk.stray[some] < need.gap[some] - TOUCH
+        some, corners = some[own], _of_rows(corners, own)
+        hit[some] = self._outline_gaps(pieces, some, corners, person, walk) < need.gap[some] - TOUCH
+        some = np.flatnonzero(hit & pieces.stands)
+        ends = _of_rows(seen, some)
+        hit[some] = self._outline_gaps(pieces, some, ends, person, walk) - stray < need.gap[some] - TOUCH
         return hit
+
+    def _outline_gaps(
+        self, pieces: MotionPieces, rows: IntArray, corners: tuple[Place, ...], person: Person, walk: PersonMotion
+    ) -> FloatArray:
+        """Return the gaps (N,), m, of a person within a hull of points from the robot, in some pieces without turns."""
+        return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
 
     def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
         """Mark pieces (N,) that leave a person who is near or comes near, without contact, soon after a start.
@@ -264,27 +285,48 @@ class Safety:
         A piece that begins at a start only goes ahead of it, as the robot has at most stood or turned there before.
         """
         walk = PersonMotion.of(person, tick, pieces.lasts, self.clock)
-        need = self._needed_on(person, tick, pieces.lasts)
-        begin, end = walk.seen_from(pieces)
+        need, touch = (self._needed_on(person, tick, pieces.lasts, margin) for margin in (self.margin, 0.0))
+        seen = begin, end = walk.seen_from(pieces)
         comes = person.speed * (SLACK + SOON)
         inside = np.hypot(*begin) < self._axis(person, need) + self.stray + comes
-        distance = to_segments(*begin, *end)
-        some = np.flatnonzero(inside & ~pieces.turns)
+        near, distance = self._axis(person, touch), to_segments(*begin, *end)
+        some = np.flatnonzero(inside & pieces.moves)
         moves = pieces.take(some)
-        each = [np.hypot(moves.start[0] - x, moves.start[1] - y) < TOUCH for x, y, _ in self.starts]
-        at_start = np.logical_or.reduce(each)
-        distance[some] = to_strips(strips(moves, (begin, end), some, self.stray, at_start))
-        clear = distance - walk.stray >= self.reach + person.radius - TOUCH
-        if self._round and person in self.touched:
-            (x, y), (to_x, to_y) = begin, end
-            in_contact = np.hypot(x, y) < self.reach + person.radius
-            clear |= in_contact & (x * (to_x - x) + y * (to_y - y) >= -TOUCH) & (walk.stray <= TOUCH)
+        each = [np.hypot(moves.start[0] - start.x, moves.start[1] - start.y) < TOUCH for start in self.starts]
+        corners = strips(moves, seen, some, self.stray, np.logical_or.reduce(each))
+        distance[some] = to_strips(corners)
+        clear = distance - walk.stray >= near - TOUCH
+        if not self._round:
+            own = np.flatnonzero(~clear[some])
+            some, corners = some[own], _of_rows(corners, own)
+            clear[some] = self._outline_gaps(pieces, some, corners, person, walk) >= touch.gap[some] - TOUCH
+            some = np.flatnonzero(inside & pieces.stands)
+            ends = _of_rows(seen, some)
+            clear[some] |= self._outline_gaps(pieces, some, ends, person, walk) >= touch.gap[some] - TOUCH
+        if person in self.touched:
+            clear |= self._parts_from(pieces, seen, person, touch) & (walk.stray <= TOUCH)
         leaves: BoolArray = inside & clear & (tick <= self._left_by)
         return leaves
 
-    def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray) -> Separation:
-        """Return the largest distances needed at the ends and in the middle of some ticks."""
-        each = [self.needed(person, self.clock.seconds(tick + share * lasts)) for share in (0.0, 0.5, 1.0)]
+    def _parts_from(
+        self, pieces: MotionPieces, seen: tuple[Place, Place], person: Person, touch: Separation
+    ) -> BoolArray:
+        """Mark pieces (N,) that begin in contact, or so near that a robot behind its plan is, and never reduce the gap.
+
+        The gap of a robot that does not turn is convex in time.
+        """
+        (x, y), (to_x, to_y) = seen
+        if self._round:
+            in_contact = np.hypot(x, y) < self._axis(person, touch) + self.stray
+            return np.asarray(in_contact & (x * (to_x - x) + y * (to_y - y) >= -TOUCH))
+        soon = x + EARLY * (to_x - x), y + EARLY * (to_y - y)
+        gap, then = (to_parts(self.parts, pieces.yaw, [place]) - person.radius for place in (seen[0], soon))
+        in_contact = gap < touch.gap + self.stray
+        return np.asarray(in_contact & (then >= gap - TOUCH) & (pieces.moves | pieces.stands))
+
+    def _needed_on(self, person: Person, tick: IntArray, lasts: IntArray, margin: float) -> Separation:
+        """Return the largest distances for a margin, m, needed at the ends and in the middle of some ticks."""
+        each = [self.needed(person, self.clock.seconds(tick + share * lasts), margin) for share in (0.0, 0.5, 1.0)]
         return Separation(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Separation._fields))
 
     def _widened(self, table: BoolArray) -> BoolArray:
@@ -299,6 +341,11 @@ class Safety:
         wide = table.copy()
         wide[some] = counts[:, 2 * slack + 1 :] - counts[:, :width] > 0
         return wide
+
+
+def _of_rows(places: tuple[Place, ...], rows: IntArray) -> tuple[Place, ...]:
+    """Return some rows of places."""
+    return tuple((x[rows], y[rows]) for x, y in places)
 
 
 def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -115,7 +115,8 @@ class Timing:
         """Return paths as trajectories with holds, without those that come too near to people when executed."""
         steps = [paths.steps(i) for i in range(len(paths))]
         every = TimedPlans(self.timed, steps, self.begins, self.late_start)
-        kept = np.flatnonzero(~self._in_contact(every))
+        contacts = self._contacts(every)
+        kept = np.array([i for i, fault in enumerate(contacts) if not fault], dtype=np.int64)
         plans, costs, claim = replace(every, steps=[steps[i] for i in kept.tolist()]), paths.costs[kept], ""
         if kept.size < len(paths):
             claim = f", without {len(paths) - kept.size} that are in people's way as they are executed"
@@ -134,31 +135,44 @@ class Timing:
                 {**shared, "edges": steps - holds, "holds": holds, "drift": round(off, 6)} for steps, holds, off in own
             ),
             claim=claim,
-            notes=(*self._touching, *self._stopping),
+            notes=(*self._touching, *self._stopping, *(self._none_left(contacts) if not kept.size else ())),
             stats=self.timed.counts,
         )
 
-    def _in_contact(self, plans: TimedPlans) -> BoolArray:
-        """Mark plans (n,) that come too near to people; plans proven clear by the search are not checked again."""
-        in_contact = np.zeros(len(plans.steps), dtype=bool)
-        doubtful = (plans.drift > SLACK) | (plans.late > SLACK)
+    def _contacts(self, plans: TimedPlans) -> list[str]:
+        """Return in words how each plan comes too near to people; "" if it does not.
+
+        Plans proven clear by the search are not checked again.
+        """
+        contacts = [""] * len(plans.steps)
+        doubtful: BoolArray = (plans.drift > SLACK) | (plans.late > SLACK)
         if self.timed.ramps is None or self.timed.safety.about_start:
             doubtful[:] = True
         rows = np.flatnonzero(doubtful)
         parts = self.timed.arcs.inner.model.platform
         people = with_stops(self.people, self.stopping, *self._at_start)
         for i, trajectory in zip(rows.tolist(), plans.trajectories(rows), strict=True):
-            motions = (trajectory, trajectory.execution())
-            in_contact[i] = any(contact(parts, people, motion, self.options.margin) for motion in motions)
-        return in_contact
+            faults = (contact(parts, people, way, self.options.margin) for way in (trajectory, trajectory.execution()))
+            contacts[i] = next(filter(None, faults), "")
+        return contacts
+
+    def _none_left(self, contacts: Sequence[str]) -> Iterator[str]:
+        """Yield a note if every plan comes too near to people."""
+        if contacts:
+            margin = "give a smaller margin, or " if self.options.margin > 0 else ""
+            yield (
+                f"no plan is left of {len(contacts)}: each comes too near to people, such as one that {contacts[0]}; "
+                f"{margin}ask for another start or goal, or later"
+            )
 
     # The departure
 
     @property
     def departure(self) -> Start:
         """Place and time at which plans begin."""
-        at = self.timed.arcs.states.take(self.timed.arcs.place[[self.start]])
-        return Start(float(at.x[0]), float(at.y[0]), self.begins)
+        arcs = self.timed.arcs
+        at = arcs.space.states(arcs.states_of[[self.start]])
+        return Start(float(at.x[0]), float(at.y[0]), float(np.nan_to_num(at.yaw[0])), self.begins)
 
     @property
     def _at_start(self) -> tuple[tuple[float, float], float]:
@@ -169,10 +183,15 @@ class Timing:
     @property
     def _touching(self) -> tuple[str, ...]:
         """A note on the people in contact with the robot at its start."""
-        names = [person.name or "somebody" for person in self.timed.safety.touched]
-        if not names:
-            return ()
-        return (f"the robot starts in contact with {some(names)}; it may leave, where the gap does not shrink",)
+        touched = self.timed.safety.touched
+        each = [[p for p in touched if bool(p.spread or p.growth) is uncertain] for uncertain in (False, True)]
+        begins = "the robot starts in contact with", "the robot starts with a chance above 5 % of contact with"
+        leaves = "it may leave, where the gap does not shrink"
+        return tuple(
+            f"{begin} {some([*dict.fromkeys(person.name or 'a person' for person in people)])}; {leaves}"
+            for begin, people in zip(begins, each, strict=True)
+            if people
+        )
 
     @cached_property
     def stopping(self) -> list[int]:
@@ -188,11 +207,15 @@ class Timing:
         """A note on the people who are predicted to stop before the robot."""
         return (taken_to_stop(self.people, self.stopping),) if self.stopping else ()
 
-    def what_blocks(self, query: Query) -> str:
-        """Say in words why there is no path."""
+    def is_open_alone(self, query: Query) -> bool:
+        """Return whether there are paths without people who move."""
         graph = query.graph if query.closed is None else query.graph.without(query.closed)
         alone = pareto_paths(graph, self.start, query.goals, budget=Budget(max_labels=10**6), eps=1.0)
-        if alone.status is Status.NO_PATH:
+        return alone.status is not Status.NO_PATH
+
+    def what_blocks(self, query: Query) -> str:
+        """Say in words why there is no path."""
+        if not self.is_open_alone(query):
             return query.space.what_separates(query.start, query.goals)
         why, remedies = ["people who move are in their way, now or later"], list[str]()
         if near := [*self.timed.safety.coming(self.departure)]:
