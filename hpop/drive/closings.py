@@ -157,7 +157,7 @@ def listed(closed: Sequence[Closing]) -> str:
 
 
 def no_way_out(closings: Sequence[Closing], here: States, model: PlanarModel) -> str:
-    """Return in words what is closed about a robot in a state (1,) without a way on, and elsewhere; "" if nothing."""
+    """Return in words the closed areas about a robot in a state (1,) without a path on, and the others; "" for none."""
     place = shapely.Point(float(here.x[0]), float(here.y[0]))
     ordered = sorted(closings, key=lambda closing: closing.area.distance(place))
     near = [closing for closing in ordered if closing.area.distance(place) <= reach_of(model) + NEAR]

@@ -372,12 +372,12 @@ class DriveGraph:
     def candidates(self, node: int, paths: ParetoPaths) -> Candidates:
         """Return paths from a node as candidates of the planner that laid out the graph, with their claim."""
         query = replace(self.query, start=node, closed=self.closed)
-        reason = self.closed_in(node) if paths.status.is_final else ""
+        reason = self.closed_in(node) if paths.status is Status.NO_PATH else ""
         claim, stats = claimed_with_known(paths, query.where), search_stats(paths, paths.gap)
         return assemble(self.name, query, paths, claim, reason=reason, stats=stats)
 
     def closed_in(self, node: int) -> str:
-        """Return in words what is closed where no path leads on from a node; "" if nothing is."""
+        """Return the closed areas in words, where no path leads on from a node; "" without closed areas."""
         return no_way_out(self.closings, self.query.space.states(np.array([node])), self.inner.model)
 
 

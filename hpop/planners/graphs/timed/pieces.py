@@ -66,8 +66,8 @@ class MotionPieces(NamedTuple):
     def take(self, rows: IntArray) -> MotionPieces:
         """Return some of the pieces, by rows."""
         start, end = ((x[rows], y[rows]) for x, y in (self.start, self.end))
-        columns = (column[rows] for column in (self.yaw, self.after, self.lasts, self.moves, self.stands))
-        return MotionPieces(self.row[rows], start, end, *columns)
+        after, lasts, moves, stands = self.after[rows], self.lasts[rows], self.moves[rows], self.stands[rows]
+        return MotionPieces(self.row[rows], start, end, self.yaw[rows], after, lasts, moves, stands)
 
 
 class PersonMotion(NamedTuple):
