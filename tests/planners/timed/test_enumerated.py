@@ -169,7 +169,10 @@ def is_safe(case: Case, drive: Drive, people: Sequence[Person]) -> bool:
             return False
         touching = least < 0
         if touching.any():
-            grows = np.diff(gap(case, drive, person, times)) >= 0
+            steps = (column[:-1] + 0.01 * np.diff(column) for column in drive[:3])  # a gap may shrink only at first
+            soon = gap(case, Drive(*steps, drive.kind[:-1]), person, times[:-1] + 0.01 * DT)
+            now = gap(case, drive, person, times)
+            grows = (np.diff(now) >= 0) & (soon >= now[:-1])
             if exact[0] >= 0 or not is_prefix(touching) or not grows[: touching.sum()].all():
                 return False
     return True
