@@ -1,6 +1,7 @@
-"""A telepresence robot tours a museum: every optimal trade-off between camera obstruction, turns and length.
+"""Plan a tour through a museum: every optimal trade-off between obstruction of the camera, turns and length.
 
-The criteria are those of Becerra et al. 2020 (arXiv 2002.10696): V, N and D, with a ball of 2 m round the camera.
+The criteria are V, N and D of Becerra et al. 2020 (arXiv 2002.10696). V is the mean share of a ball of 2 m around the
+camera that obstacles fill.
 """
 
 from pathlib import Path
@@ -12,11 +13,11 @@ HERE = Path(__file__).parent
 
 
 def main(folder: Path = Path("out/01_museum")) -> hpop.Front:
-    """Plan, choose, look."""
-    # World: 30 x 20 m, rooms with exhibits of several heights, and a hallway that two statues make narrow.
+    """Plan the tour, choose from the front, and draw it."""
+    # World: 30 x 20 m, rooms with exhibits of several heights, and a hallway with a narrow passage between two statues.
     world = hpop.World.from_geojson(HERE / "museum.geojson")
 
-    # Criteria: the paper's three. Rotation() or {"exposure": {"radius": 1.5}} would do as well as a name.
+    # Criteria: names, or names with parameters such as {"exposure": {"radius": 1.5}}, or objects such as Rotation().
     problem = hpop.Problem(
         world=world,
         model=hpop.DifferentialDrive(radius=0.3, camera_height=1.2),
@@ -25,11 +26,11 @@ def main(folder: Path = Path("out/01_museum")) -> hpop.Front:
         criteria=["obstruction", "turns", "length"],
     )
 
-    # Plan: the whole Pareto front of an SE(2) lattice, exactly.
+    # Plan: the whole Pareto front of a lattice, a grid of poses 0.25 m apart.
     front = problem.solve(planner="lattice", step=0.25)
     print(f"{len(front)} optimal trajectories ({front.status}); {front.certificate}")
 
-    # Choose: a compromise, or what a user asks for at run time.
+    # Choose: a compromise, the trajectory nearest to a wish, and the shortest.
     for label, point in {
         "knee": front.knee(),
         "about 3 turns": front.nearest({"turns": 3}),
@@ -38,7 +39,7 @@ def main(folder: Path = Path("out/01_museum")) -> hpop.Front:
         costs = ", ".join(f"{name} {value:.2f}" for name, value in (point.costs | point.reported).items())
         print(f"{label}: {costs}")
 
-    # Look: the map, the front, and what happens along the way.
+    # Save the front, and draw the map, the front, and the costs along the path.
     folder.mkdir(parents=True, exist_ok=True)
     front.save(folder / "front.json")
     save_pictures(problem, front, folder)

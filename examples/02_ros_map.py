@@ -1,4 +1,4 @@
-"""Plan on a map of a real building, as a robot's map_server has it: pass the map's YAML file, start and goal.
+"""Plan on a ROS map of a real building. Pass the YAML file of the map, and x and y of start and goal in metres.
 
 python examples/02_ros_map.py map.yaml 2.0 3.0 21.0 9.0
 """
@@ -18,10 +18,10 @@ def main(
     folder: Path = Path("out/02_ros_map"),
 ) -> hpop.Front:
     """Plan from a pose that heads along +x to a position with any heading."""
-    # World: unknown cells count as obstacles; a keep-out mask would be keep_out="mask.yaml".
+    # World: unknown cells count as obstacles. Add keep_out="mask.yaml" if you have a keep-out mask.
     world = hpop.World.from_ros_map(map_file)
 
-    # Criteria: with the duration listed, every trajectory found is optimal for the mean obstruction as well.
+    # Criteria: with the duration among them, every trajectory found is also optimal for the mean obstruction.
     problem = hpop.Problem(
         world=world,
         model=hpop.DifferentialDrive(radius=0.25, camera_height=1.2),
@@ -30,13 +30,13 @@ def main(
         criteria=["obstruction", "turns", "duration"],
     )
 
-    # Plan: stop after a minute at the latest; the status says whether the front is complete.
+    # Plan: stop after a minute at the latest. The status says whether the front is complete.
     front = problem.solve(planner="lattice", step=0.25, time_limit=60.0)
     print(f"{len(front)} optimal trajectories ({front.status}); {front.certificate}")
     for note in front.notes:
         print(f"note: {note}")
 
-    # Look
+    # Save and draw the front.
     folder.mkdir(parents=True, exist_ok=True)
     front.save(folder / "front.json")
     save_pictures(problem, front, folder)

@@ -11,20 +11,20 @@ import hpop
 @hpop.criterion("glare", group="C", unit="s", aggregate="sum", requires=("camera",), world_frame=True)
 @dataclass(frozen=True)
 class Glare:
-    """Seconds of glare: the view's centre is near the sun, weighted by the fourth power of the cosine between."""
+    """Seconds of glare, weighted by the fourth power of the cosine between the direction of view and the sun."""
 
-    azimuth: float = 0.0  # rad, where the sun stands
+    azimuth: float = 0.0  # rad, direction of the sun
 
     def cost(self, m: hpop.Motions) -> np.ndarray:
-        """Time integral (M,) of the weight, s."""
+        """Return the time integral of the weight (M,), s."""
         return m.integrate(lambda s: np.maximum(np.cos(s.camera.yaw - self.azimuth), 0.0) ** 4)
 
 
 def main() -> hpop.Front:
-    """Check the criterion, plan with it beside two built-in ones, and look."""
+    """Check the criterion, plan with it and two built-in criteria, and print the costs."""
     from hpop.testing import check_criterion
 
-    check_criterion(Glare())  # finite, >= 0, the same on edges, trajectories and CasADi symbols
+    check_criterion(Glare())  # costs are finite, >= 0, and agree on edges, trajectories and CasADi symbols
 
     world = hpop.World.from_geojson(Path(__file__).parent / "museum.geojson")
     problem = hpop.Problem(

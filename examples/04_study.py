@@ -1,8 +1,8 @@
-"""The three trajectories of the study in Becerra et al. 2020 (arXiv 2002.10696), on another museum, and its people.
+"""Plan the three trajectories of the study in Becerra et al. 2020 (arXiv 2002.10696) in another museum, and analyse it.
 
-Users compared the path with the least turns, the shortest path, and what a common planner makes: an RRT under wheel
-accelerations, of many runs the one whose curvature changes its sign least often. They felt best with the first, worst
-with the last. Needs OMPL: pip install 'hpop[rrt]'. The people's answers are SIMULATED here: no person gave them.
+Participants compared the path with the least turns, the shortest path, and the path of a common planner: an RRT under
+wheel accelerations, of many runs the one whose curvature changes its sign least often. They felt best with the first
+and worst with the last. Needs OMPL: pip install 'hpop[rrt]'. The answers here are SIMULATED: no person gave them.
 """
 
 from pathlib import Path
@@ -18,14 +18,19 @@ from hpop.problems.named_rows import NamedRow
 
 HERE = Path(__file__).parent
 LINES = {"least turns": ("#009E73", "-"), "shortest": ("#0072B2", "--"), "RRT": ("#D55E00", "-.")}
-PAPER = {"before": 5.61, "least turns": 9.35, "shortest": 14.96, "RRT": 20.57}  # its medians of the SSQ
-FELT = {"before": 0.1, "least turns": 0.35, "shortest": 0.65, "RRT": 0.9}  # chosen so that medians come near these
+PAPER = {"before": 5.61, "least turns": 9.35, "shortest": 14.96, "RRT": 20.57}  # medians of the SSQ in the paper
+FELT = {
+    "before": 0.1,
+    "least turns": 0.35,
+    "shortest": 0.65,
+    "RRT": 0.9,
+}  # levels of simulated answers, so that medians come near those of the paper
 LIKED = {"least turns": 0.3, "shortest": 0.6, "RRT": -0.9}  # preferred is not most comfortable
 
 
 def main(folder: Path = Path("out/04_study"), runs: int = 10, step: float = 0.5) -> dict[str, hpop.Trajectory]:
-    """Plan all three, compare them in a table, draw them on one map, ask 36 people that a program makes up."""
-    # World and criteria: V, N and D of the paper; the sign changes of the curvature are reported beside.
+    """Plan all three, compare them in a table, draw them on one map, and simulate a study with 36 people."""
+    # World and criteria: V, N and D of the paper. The sign changes of the curvature are only reported.
     problem = hpop.Problem(
         world=hpop.World.from_geojson(HERE / "museum.geojson"),
         model=hpop.DifferentialDrive(radius=0.3, camera_height=1.2),
@@ -34,25 +39,25 @@ def main(folder: Path = Path("out/04_study"), runs: int = 10, step: float = 0.5)
         criteria=["obstruction", "turns", "length", "curvature_sign_changes"],
     )
 
-    # Plan: two optima of one front, and the baseline (the paper: 1000 runs). executor= spreads the runs over processes.
+    # Plan: two optima of one front, and the baseline (1000 runs in the paper). executor= spreads runs over processes.
     front = problem.solve(planner="lattice", step=step)
     baseline = problem.solve(planner="rrt", runs=runs, seed=1)
     orders = {"least turns": ["turns", "length"], "shortest": ["length", "turns"]}
     optima = {name: front.lexicographic(order) for name, order in orders.items()}
     trajectories = {name: point.item for name, point in optima.items()} | {"RRT": baseline.best("length").item}
 
-    # Compare: on curves N counts the stretches in which the heading changes to one side.
+    # Compare. On a curve, each stretch that turns to one side counts as a turn.
     rows = {name: problem.evaluate(trajectory) for name, trajectory in trajectories.items()}
     print(f"{'':11} {'V':>6} {'N':>4} {'D (m)':>6} {'sign changes':>13}")
     for name, (v, n, d, flips) in ((name, row.values()) for name, row in rows.items()):
         print(f"{name:11} {v:6.3f} {n:4.0f} {d:6.1f} {flips:13.0f}")
     print(baseline.certificate)
 
-    # Look.
+    # Draw all three on one map.
     folder.mkdir(parents=True, exist_ok=True)
     draw(problem, trajectories, rows).savefig(folder / "study.png", dpi=150)
 
-    # Ask: three women and three men in each of the six orders.
+    # Study: three women and three men in each of the six orders.
     design = study.Design.of(
         front,
         [NamedRow(point, name) for name, point in optima.items()],
@@ -67,11 +72,11 @@ def main(folder: Path = Path("out/04_study"), runs: int = 10, step: float = 0.5)
 
 
 def analyse(design: study.Design, folder: Path) -> None:
-    """Simulate answers, repeat the paper's tests on them, and print what it prints beside."""
+    """Simulate answers, repeat the paper's tests on them, and print the results beside those of the paper."""
     letters = {condition.name: condition.id for condition in design.conditions}
     felt = {letters.get(name, name): level for name, level in FELT.items()}
     answers = study.simulate(design, felt, liking={letters[name]: level for name, level in LIKED.items()}, seed=14)
-    study.analyse(design, answers).save(folder / "report")  # Friedman, Wilcoxon, Holm; look at report.html
+    study.analyse(design, answers).save(folder / "report")  # Friedman, Wilcoxon, Holm: see report.html
     result = study.analyse(design, answers, method="paper")
     medians = {str(row["stimulus"])[0]: float(row["median"]) for row in result.tables["scores"][1:4]}
     medians["before"] = float(result.tables["scores"][0]["median"])
@@ -79,9 +84,9 @@ def analyse(design: study.Design, folder: Path) -> None:
     for name, printed in PAPER.items():
         print(f"{name:19} {medians[letters.get(name, name)]:9.2f} {printed:6.2f}")
 
-    # The identities of Kruskal-Wallis and Dunn for equal groups tie the paper's printed figures together as well.
+    # For groups of equal size, the statistics of Kruskal-Wallis and Dunn obey two identities, also those of the paper.
     z = [float(pair["z"]) for pair in result.tables["pairs"]]
-    printed_z = norm.isf(np.array([0.566, 0.008, 0.277]) / 3 / 2)  # from p by Bonferroni: z12, z13, z23 in size
+    printed_z = norm.isf(np.array([0.566, 0.008, 0.277]) / 3 / 2)  # absolute z12, z13, z23 from Bonferroni's p
     chi2 = float(result.tables["test"][0]["chi-square"])
     print(f"{'Kruskal-Wallis':19} {chi2:9.3f} {9.035:6.3f}")
     print(f"{'2/3 sum of z^2':19} {2 / 3 * np.square(z).sum():9.3f} {2 / 3 * np.square(printed_z).sum():6.3f}")

@@ -1,7 +1,7 @@
-"""A museum tour with a camera on a pan-tilt head: what is seen, rotation, looking where one drives, and length.
+"""Plan a museum tour with a camera on a pan-tilt head: view of the exhibits, rotation, looking ahead, and length.
 
-While the base turns, the head may turn back by the same angle, so that the view stays still: users feel better
-(Suomalainen et al., HRI 2022). What that spares in rotation it costs in looking where one drives; the front has both.
+While the base turns, the head may turn back by the same angle, so that the view stays still and viewers feel better
+(Suomalainen et al., HRI 2022). But then the viewer does not look where the robot drives. The front trades off both.
 """
 
 from math import radians
@@ -17,11 +17,11 @@ EXHIBITS = [Landmark(22.0, 19.6, z=1.6, facing=radians(-90)), Landmark(25.1, 18.
 
 
 def main(folder: Path = Path("out/05_pan_tilt"), step: float = 0.5) -> hpop.Front:
-    """Plan, choose, look."""
-    # World: the museum of example 01, with what is worth seeing.
+    """Plan the tour, print the best trajectory in each cost, and draw the front."""
+    # World: the museum of example 01 with landmarks, which are points worth seeing.
     world = hpop.World.from_geojson(HERE / "museum.geojson").with_content(landmarks=[*PAINTINGS, *EXHIBITS])
 
-    # Robot: at the pace of a visitor, with a camera that sees 110 degrees; a cable stops the head at both sides.
+    # Robot: it drives as slowly as visitors walk. Its camera sees 110 degrees, and a cable limits the pan.
     head = hpop.PanTilt(
         hpop.DifferentialDrive(radius=0.3, camera_height=1.2, speed=0.5, acceleration=0.5),
         pan=(radians(-170), radians(170)),
@@ -29,7 +29,7 @@ def main(folder: Path = Path("out/05_pan_tilt"), step: float = 0.5) -> hpop.Fron
         field_of_view=(radians(110), radians(70)),
     )
 
-    # Criteria: the mean share of the exhibits that is not seen is represented on the lattice by its integral over time.
+    # Criteria: landmark_visibility is a mean over time, so the search minimises its sum, landmark_blindness.
     problem = hpop.Problem(
         world=world,
         model=head,
@@ -38,18 +38,18 @@ def main(folder: Path = Path("out/05_pan_tilt"), step: float = 0.5) -> hpop.Fron
         criteria=["landmark_visibility", "rotation", "heading_mismatch", "length"],
     )
 
-    # Plan: at each position of the lattice the base has 8 headings, and the head 7 pans and 3 tilts. Half a minute.
+    # Plan for half a minute. At each position of the lattice the base has 8 headings, the head 7 pans and 3 tilts.
     front = problem.solve(planner="lattice", step=step)
     print(f"{len(front)} optimal trajectories ({front.status}); {front.certificate}")
 
-    # Choose: who sees most, who turns least, who looks where she drives; and how often the head turns back.
+    # Choose: the best view of the exhibits, the least rotation, and the best view ahead; count the head's motions.
     for name in ("landmark_blindness", "rotation", "heading_mismatch"):
         best = front.best(name)
         costs = ", ".join(f"{cost} {value:.2f}" for cost, value in (best.costs | best.reported).items())
         kinds = {kind: best.item.kinds.count(kind) for kind in ("turn", "unwind", "pan", "tilt")}
         print(f"least {name}: {costs}; " + ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number))
 
-    # Look: wedges on the map show where the camera looks.
+    # Save and draw the front. Wedges on the map show where the camera looks.
     folder.mkdir(parents=True, exist_ok=True)
     front.save(folder / "front.json")
     save_pictures(problem, front, folder)

@@ -1,6 +1,6 @@
-"""An arm with a camera in its hand inspects three cans: quick, with little turning of the view, looking at the can.
+"""Inspect three cans with a camera in the hand of an arm: quickly, with little rotation, looking at the can.
 
-From can to can one chooses anew: each way has a front of its own, and begins where the one before it ended.
+Each can has its own front, from which the knee is chosen. The next plan begins where this trajectory ends.
 """
 
 from math import radians
@@ -27,8 +27,8 @@ CANS = {"below": (0.66, -0.2, 0.0785), "left": (0.7, 0.25, 0.4285), "right": (0.
 
 
 def main(folder: Path = Path("out/06_arm"), samples: int = 1000) -> list[hpop.Front]:
-    """Plan from can to can, choose, look."""
-    # World: a shelf on a table; boxes and cylinders in space, by their centres.
+    """Plan from can to can, choose the knee, and draw each front."""
+    # World: a shelf on a table, made of boxes and cylinders, which are placed by their centres.
     boards = [Solid(Box(size), pose_at(place), name) for name, (size, place) in BOARDS.items()]
     cans = [Solid(Cylinder(0.033, 0.115), pose_at(place), f"can {name}") for name, place in CANS.items()]
     world = hpop.World.from_solids([*boards, *cans])
@@ -45,7 +45,7 @@ def main(folder: Path = Path("out/06_arm"), samples: int = 1000) -> list[hpop.Fr
 
     start, fronts = arm.space.named["home"], []
     for name, place in CANS.items():
-        # Goal: wherever the camera sees the can upright from near, found by inverse kinematics.
+        # Goal: any state in which the camera sees the can upright, from 0.15 to 0.3 m away.
         problem = hpop.Problem(
             world=world,
             model=arm,
@@ -54,11 +54,11 @@ def main(folder: Path = Path("out/06_arm"), samples: int = 1000) -> list[hpop.Fr
             criteria=["duration", "rotation", {"look_at": {"target": place}}],
         )
 
-        # Plan: paths on a random roadmap, edges proved free; each becomes splines, none worse than its path.
+        # Plan: collision-free paths on a random roadmap, then splines that are no worse than these paths.
         front = problem.solve(planner="spline", warm_start={"roadmap": {"samples": samples}})
         print(f"can {name}: {len(front)} trajectories ({front.status}); {front.certificate}")
 
-        # Choose: the knee, from which the next one begins.
+        # Choose: the knee. The next plan begins at its end.
         knee = front.knee()
         print(", ".join(f"{cost} {value:.2f}" for cost, value in knee.costs.items()))
         save_pictures(problem, front, folder / name)

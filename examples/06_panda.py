@@ -1,7 +1,8 @@
-"""A Panda reaches into a bookshelf: a problem of MotionBenchMaker, quick, turning the view little, looking at the can.
+"""Plan for a Panda that reaches into a bookshelf: quickly, with little rotation of the view, looking at the can.
 
-It needs the problems (kavrakilab/vamp: panda.srdf and problems.tar.bz2 of resources/panda, unpacked), and the arm's
-meshes: `pip install example-robot-data trimesh`. HPOP_DATA is the folder that has mbm_panda in it.
+The problem is one of MotionBenchMaker. You need panda.srdf and the unpacked problems.tar.bz2 from kavrakilab/vamp,
+resources/panda, and the meshes of the arm: `pip install example-robot-data trimesh`. HPOP_DATA names the folder that
+contains mbm_panda.
 """
 
 import importlib.metadata
@@ -24,7 +25,7 @@ PLANNER = {"spline": {"warm_start": {"roadmap": {"samples": 2000}}}}
 
 
 def panda_urdf() -> Path:
-    """Return the Panda's URDF in the wheel, which has its meshes; FileNotFoundError where it is not installed."""
+    """Return the Panda's URDF, which comes with its meshes; FileNotFoundError if the package is not installed."""
     with suppress(importlib.metadata.PackageNotFoundError):
         for file in importlib.metadata.files("example-robot-data") or []:
             if file.match("panda_description/urdf/panda.urdf"):
@@ -33,8 +34,8 @@ def panda_urdf() -> Path:
 
 
 def main(folder: Path = Path("out/06_panda"), number: int = 1, planner: Any = PLANNER) -> hpop.Front:
-    """Plan, choose, look."""
-    # World: the boards and cans of a scene as MoveIt has it; and what is asked in it.
+    """Plan and draw the front."""
+    # World: the boards and cans of a MoveIt scene. The start and the goal come from its request.
     problems = DATA / "problems/bookshelf_small_panda"
     if not problems.is_dir():
         raise FileNotFoundError(f"no folder {problems}; set HPOP_DATA to the folder that has mbm_panda in it")
@@ -44,7 +45,7 @@ def main(folder: Path = Path("out/06_panda"), number: int = 1, planner: Any = PL
     goal = {joint["joint_name"]: joint["position"] for joint in asked["goal_constraints"][0]["joint_constraints"]}
     start = {name: at for name, at in zip(joints["name"], joints["position"], strict=True) if name in goal}
 
-    # Robot: fingers as far out as they go; a URDF has no accelerations. The camera is beside the fingers.
+    # Robot: the fingers are fully open, and the camera is beside them. A URDF has no accelerations, so they are given.
     urdf = panda_urdf()
     arm = SerialArm.from_urdf(
         urdf,
@@ -56,13 +57,13 @@ def main(folder: Path = Path("out/06_panda"), number: int = 1, planner: Any = PL
         fixed={"panda_finger_joint1": 0.04, "panda_finger_joint2": 0.04},
     )
 
-    # Criteria: the can is the one nearest to where the hand shall be.
+    # Criteria: the camera should look at the can that is nearest to the goal of the hand.
     hand = arm.pose("tool", arm.space.state(goal))
     cans = [tuple(solid.pose[:3, 3]) for solid in world.ground.solids if solid.name.startswith("Can")]
     target = min(cans, key=lambda can: dist(can, (hand.x[0], hand.y[0], hand.z[0])))
     problem = hpop.Problem(world, arm, start, goal, ["duration", "rotation", {"look_at": {"target": target}}])
 
-    # Plan: paths on a random roadmap, edges proved free; each becomes splines, none worse than its path.
+    # Plan: collision-free paths on a random roadmap, then splines that are no worse than these paths.
     front = problem.solve(planner)
     print(f"{len(front)} trajectories ({front.status}); {front.certificate}")
 

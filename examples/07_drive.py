@@ -1,6 +1,6 @@
-"""A plan is driven, and chosen anew on the way: the viewer wishes for fewer turns, a visitor stops, a passage closes.
+"""Drive a plan and change it on the way: the viewer wishes for fewer turns, a visitor stops, and a passage closes.
 
-After each of these the options are the exact front of the rest of the way, from where the robot can leave its plan.
+After each event, the options are the exact front of the remaining path, from where the robot can leave its plan.
 """
 
 from pathlib import Path
@@ -13,7 +13,7 @@ from hpop.view import draw_drive, draw_encounters
 
 
 def main(folder: Path = Path("out/07_drive"), step: float = 0.5) -> hpop.Trajectory:
-    """Plan among visitors, drive, print what could be chosen, draw it."""
+    """Plan among visitors, drive, print the options after each event, and draw the drive."""
     # World: the museum, and a visitor who comes along the hallway and is predicted to go on for 20 s.
     museum = hpop.examples.museum()
     ada = hpop.world.Person(24.0, 10.0, velocity=(-0.6, 0.0), name="Ada", until=20.0)
@@ -22,14 +22,14 @@ def main(folder: Path = Path("out/07_drive"), step: float = 0.5) -> hpop.Traject
         model=museum.model,
         start=museum.start,
         goal=museum.goal,
-        criteria=["turns", "duration", "hall_zones"],  # without the duration to wait would cost nothing
+        criteria=["turns", "duration", "hall_zones"],  # without the duration, waiting would cost nothing
     )
 
-    # Plan: the exact front, on a clock since somebody moves.
+    # Plan: the exact front in space and time, since a person moves.
     front = problem.solve("lattice", step=step)
     print(f"{len(front)} plans; {front.certificate}")
 
-    # Drive what comes least near to her. Times are told, so the drive takes no longer than its decisions.
+    # Drive the trajectory that disturbs the visitor least. The clock is simulated, so the drive takes no real time.
     drive = hpop.follow(problem, front, "least hall_zones")
     events = [
         Event(2.0, "wish", "fewer turns"),
@@ -47,7 +47,7 @@ def main(folder: Path = Path("out/07_drive"), step: float = 0.5) -> hpop.Traject
         happenings.append(happening)
     print(f"driven in {drive.plan.duration:.1f} s")
 
-    # Look: what there was to choose from, and the drive among the visitors as they were predicted.
+    # Draw the options after each event, and the quickest plan among the visitors as predicted.
     folder.mkdir(parents=True, exist_ok=True)
     draw_drive(drive, happenings).savefig(folder / "drive.png", dpi=150)
     draw_encounters(problem, front.best("duration").item, name="the quickest").savefig(folder / "plan.png", dpi=150)

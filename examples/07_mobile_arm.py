@@ -1,7 +1,8 @@
-"""Drive, stop, look: a base carries an arm to a shelf, and the camera in its hand looks at the can behind the divider.
+"""Plan for an arm on a mobile base, whose camera shall look at the can behind the divider of a shelf.
 
-The arm is folded while the base drives, and the base stands while the arm moves. A table is in the way; what is quick,
-what turns the view least and what sees the can soonest go round it in different ways, and end at different places.
+The arm is folded while the base drives, and the base stands while the arm moves. A table is in the way. The quickest
+trajectory, the one that rotates the view least and the one that sees the can soonest pass it on different sides and end
+at different places.
 """
 
 from math import pi, radians
@@ -29,7 +30,7 @@ CANS = {"left": (4.75, 2.5, 0.818), "right": (4.75, 1.9, 0.818)}
 
 
 def main(folder: Path = Path("out/07_mobile_arm"), samples: int = 800) -> hpop.Front:
-    """Plan, choose, look."""
+    """Plan, print the best trajectory in each cost, and draw the front."""
     # World: a room of 5 x 4 m with a table and a shelf.
     solids = [Solid(Box(size), pose_at(centre), name) for name, (size, centre) in BOXES.items()]
     solids += [Solid(Cylinder(0.033, 0.115), pose_at(centre), f"can {name}") for name, centre in CANS.items()]
@@ -49,7 +50,7 @@ def main(folder: Path = Path("out/07_mobile_arm"), samples: int = 800) -> hpop.F
     base = hpop.DifferentialDrive(radius=0.25, body_height=0.4, speed=0.5, acceleration=0.5)
     robot = hpop.MobileArm(arm, base, folded="home")
 
-    # Criteria: the time, how far the view turns, and how far it is off the can all along.
+    # Criteria: the duration, the rotation of the view, and the angle between the view and the can over time.
     problem = hpop.Problem(
         world=world,
         model=robot,
@@ -58,11 +59,11 @@ def main(folder: Path = Path("out/07_mobile_arm"), samples: int = 800) -> hpop.F
         criteria=["duration", "rotation", {"look_at": {"target": BEHIND_THE_DIVIDER}}],
     )
 
-    # Plan: the exact front of a roadmap. Ten seconds.
+    # Plan for ten seconds: the exact front of a random roadmap.
     front = problem.solve(planner="roadmap", samples=samples)
     print(f"{len(front)} optimal trajectories ({front.status}); {front.certificate}")
 
-    # Choose: who is there first, whose view turns least, who sees the can soonest.
+    # Choose: the quickest, the least rotation of the view, and the soonest view of the can.
     for name in front.names:
         best = front.best(name)
         costs = ", ".join(f"{cost} {value:.2f}" for cost, value in best.costs.items())
@@ -70,7 +71,7 @@ def main(folder: Path = Path("out/07_mobile_arm"), samples: int = 800) -> hpop.F
             f"least {name}: {costs}; {best.item.kinds.count('move')} drives, {best.item.kinds.count('reach')} reaches"
         )
 
-    # Look: the map, the view from the side, and the joints along time.
+    # Save the front, and draw the map, the view from the side, and the joints over time.
     folder.mkdir(parents=True, exist_ok=True)
     front.save(folder / "front.json")
     save_pictures(problem, front, folder)

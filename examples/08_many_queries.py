@@ -1,4 +1,4 @@
-"""Fifty queries on one map: the graph is built for the first, and the other forty-nine only join their ends to it."""
+"""Answer fifty queries on one map. The first one builds the graph; the others only join their start and goal to it."""
 
 from time import process_time
 
@@ -9,7 +9,7 @@ from hpop.errors import QueryError
 
 
 def main(step: float = 0.25, queries: int = 50, seed: int = 1) -> list[hpop.Front]:
-    """Plan between random places of the museum, print what the first and the other queries take."""
+    """Plan between random places of the museum, and print the time of the first query and of the others."""
     museum = hpop.examples.museum()
     planning = hpop.Planning(
         world=museum.world,
@@ -27,7 +27,7 @@ def main(step: float = 0.25, queries: int = 50, seed: int = 1) -> list[hpop.Fron
         try:
             fronts.append(planning.solve((*start, 0.0), (*goal, None)))
         except QueryError:
-            continue  # one of the two places is within a wall, or too near to one
+            continue  # the start or the goal is inside a wall, or too near to one
         seconds.append(process_time() - begun)
 
     first, others = seconds[0], float(np.median(seconds[1:]))

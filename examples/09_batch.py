@@ -1,4 +1,4 @@
-"""Two hundred problems on four floors, each solved by three planners, and the figure that a paper prints of them."""
+"""Solve two hundred problems on four floors with three planners, and draw a figure that compares the planners."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -41,7 +41,7 @@ def problems(floors: int, pairs: int) -> Iterator[hpop.Problem]:
 
 
 def main(out: str = "out/09_batch", floors: int = 4, pairs: int = 50, workers: int = 2) -> hpop.batches.Results:
-    """Solve all problems, print what each planner did, and draw the figure."""
+    """Solve all problems, print a summary of each planner, and draw the figure."""
     results = hpop.batch(list(problems(floors, pairs)), PLANNERS, out=out, workers=workers)
     of_planners = summaries(results)
     print(*summary_lines(of_planners), sep="\n")

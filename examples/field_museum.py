@@ -1,4 +1,4 @@
-"""A robot guide among visitors: five aspects at once in a gallery of the Field Museum, Chicago.
+"""Plan for a robot guide among visitors in a gallery of the Field Museum, Chicago, with five costs.
 
 python examples/field_museum.py DATA_FOLDER
 
@@ -15,13 +15,13 @@ from hpop.view import save_pictures
 from hpop.world.content import Landmark, Person
 from hpop.world.readers import geojson_content
 
-# Metres from EPSG:3857, which stretches lengths by 1 / cos(latitude); (0, 0) is the south-west corner.
+# Conversion of EPSG:3857 to metres: it stretches lengths by 1 / cos(latitude). (0, 0) is the south-west corner.
 METRES = {"scale": 0.7447, "origin": (-9753627.0, 5140874.0)}
 NORTH, EAST, SOUTH, WEST = pi / 2, 0.0, -pi / 2, pi
 
 
 def museum(data: Path) -> hpop.World:
-    """Return the main level: closed areas are keep-out zones, labels and cases are landmarks; visitors stand."""
+    """Return the main level: closed areas are keep-out zones, labels and cases are landmarks, visitors stand still."""
     building = hpop.World.from_geojson(data / "main_level_outline.geojson", polygons="outline", **METRES)
     labels, areas = data / "main_level_labels.geojson", data / "main_level_areas.geojson"
     content, notes = geojson_content.read(landmarks=labels, zones=areas, **METRES)
@@ -48,7 +48,7 @@ def museum(data: Path) -> hpop.World:
 
 
 def main(data: Path, folder: Path = Path("out/field_museum"), step: float = 0.5) -> hpop.Front:
-    """Plan along the north wall of the bird gallery: see the cases, and leave people and walls their space."""
+    """Plan along the north wall of the bird gallery: see the cases, and keep away from people and walls."""
     problem = hpop.Problem(
         world=museum(data),
         model=hpop.DifferentialDrive(radius=0.3, camera_height=1.2),

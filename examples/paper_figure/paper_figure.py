@@ -1,8 +1,9 @@
-"""The structure of the paper's example (Becerra et al. 2020): from V = 0 with N = 8 to the shortest path with N = 0.
+"""Plan the paper's example (Becerra et al. 2020): from V = 0 with N = 8 to the shortest path with N = 0.
 
-Three walls with a narrow slit each stand between start and goal, both heading along +x. Straight through the slits is
-shortest and needs no turn, but the camera comes close to the walls. Round all three walls its 2 m ball meets nothing,
-at the price of eight turns. The paper's own map is not published. Floor and ceiling are no obstacles.
+Three walls with a narrow slit each stand between start and goal, which both head along +x. The straight path through
+the slits is shortest and needs no turn, but the camera comes close to the walls. The path round all three walls takes
+eight turns, but no obstacle comes into the ball of 2 m around the camera. The paper's own map is not published, so this
+map only has its structure. Floor and ceiling are no obstacles.
 """
 
 from pathlib import Path
@@ -17,7 +18,7 @@ LENGTHS = {6.5: (1.5, 14.0), 11.75: (6.0, 18.5), 17.0: (1.5, 14.0)}  # x of each
 
 
 def museum() -> hpop.World:
-    """Return a closed room of 20.75 x 17 m; every path round leaves at least 2.25 m on both sides."""
+    """Return a closed room of 20.75 x 17 m in which each way round a wall has at least 2.25 m on both sides."""
     inner, outer = shapely.box(1.5, 1.5, 22.25, 18.5), shapely.box(1.25, 1.25, 22.5, 18.75)
     walls = [shapely.difference(outer, inner)]
     for x, (low, high) in LENGTHS.items():
@@ -26,7 +27,7 @@ def museum() -> hpop.World:
 
 
 def main(folder: Path = Path("out/paper_figure")) -> hpop.Front:
-    """Plan, print the three kinds of optimum and draw them."""
+    """Plan, print the three kinds of optimal trajectories, and draw them."""
     problem = hpop.Problem(
         world=museum(),
         model=hpop.DifferentialDrive(radius=0.3, camera_height=1.2),

@@ -1,1 +1,1 @@
-"""A criterion, a robot and a map reader that hpop finds by their entry points."""
+"""Criterion, robots, planner and map reader that hpop finds by their entry points."""

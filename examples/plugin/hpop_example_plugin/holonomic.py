@@ -1,4 +1,4 @@
-"""A holonomic base: omnidirectional wheels carry it in any direction, and it may turn on its way."""
+"""Holonomic base on omnidirectional wheels, which slides in any direction and may turn on its way."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from hpop.models.laws import rest_to_rest
 from hpop.motions import Law, Leg, Phase, States, StateSpace
 
 MAST_RADIUS = 0.05  # m
-STILL = 1e-9  # m: states no further apart are one
+STILL = 1e-9  # m, distance up to which two states count as equal
 
 
 @dataclass(frozen=True)
 class Slide:
-    """Straight in any direction at cruise speed, the yaw changing evenly on the way, or not at all.
+    """Law of straight motion in any direction at cruise speed, with an even rotation or none.
 
-    The slower of the two, way or turn, sets the pace. What stopping at corners takes is in the execution alone.
+    The slower of the two, the path or the rotation, sets the duration. Time for stopping at corners is only in the
+    execution.
     """
 
     speed: float  # m/s
@@ -35,7 +36,7 @@ class Slide:
     varies = frozenset({"x", "y", "yaw"})
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """One phase at an even pace."""
+        """Return one phase at constant speed."""
         duration = self.metres(start, end) / self.speed
         return (Phase(duration, 0.0 * duration, 1.0 + 0.0 * duration, "cruise"),)
 

@@ -1,4 +1,4 @@
-"""A search of one's own, on any graph of hpop: the best path in the order in which the criteria are listed."""
+"""Lexicographic search on any graph of hpop: the best path in the order in which the criteria are listed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from hpop.search import Graph
 @planner("lexicographic")
 @dataclass(frozen=True)
 class Lexicographic(OnGraph):
-    """The path that is least in the first criterion, of equal ones in the second, and so on.
+    """Search for the path with the least first criterion, among equals the least second criterion, and so on.
 
     on  the graph family with its options: ``{"roadmap": {"samples": 300}}``
 

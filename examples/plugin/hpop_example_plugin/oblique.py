@@ -1,4 +1,4 @@
-"""Oblique: metres driven at an angle to the walls."""
+"""Criterion that measures the metres driven at an angle to the walls."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,9 @@ from hpop.errors import CriterionError
 @hpop.criterion("oblique", group="O", unit="m", aggregate="sum", world_frame=True)
 @dataclass(frozen=True)
 class Oblique:
-    """∫ sin²(2(ψ - axis)) ds: metres driven at an angle to the building, most at 45 degrees, none along its walls.
+    """Metres driven at an angle to the walls: ∫ sin²(2(ψ - axis)) ds, full at 45 degrees and 0 along the walls.
 
-    People can tell better where a robot is going that keeps to the directions of a room.
+    A robot that drives along the directions of a room is easier to predict for people.
     """
 
     axis: float = 0.0  # rad, the direction of the walls
@@ -23,5 +23,5 @@ class Oblique:
             raise CriterionError(f"'axis' must be an angle in rad, got {self.axis!r}")
 
     def cost(self, m: hpop.Motions) -> np.ndarray:
-        """Weighted length (M,), m; the heading changes along curves."""
+        """Return the weighted length (M,), m; the heading changes along curves."""
         return m.integrate(lambda s: np.abs(s.speed) * np.sin(2.0 * (s.base.yaw - self.axis)) ** 2)

@@ -1,4 +1,4 @@
-"""Floor plans drawn with letters in a text file."""
+"""Reader of floor plans that are drawn with letters in a text file."""
 
 from pathlib import Path
 

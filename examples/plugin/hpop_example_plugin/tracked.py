@@ -1,4 +1,4 @@
-"""A tracked vehicle with its camera at the end of a boom, which a lift raises and a hinge slews."""
+"""Tracked vehicle with its camera at the end of a boom, which a lift raises and a hinge slews."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ BOOM_WIDTH = 0.06  # m, its height as well
 class Tracked(PlanarModel):
     """Tracks under a box; states x, y (m), yaw (rad), lift (m) and slew (rad).
 
-    length, width  m      of the box, which reaches from the floor up to ``height``
-    track_width    m      from the middle of one track to that of the other
-    camera_height  m      of the camera above the floor while the lift is down
-    lift           m      by which it rises at most
-    boom           m      from the mast, in the middle of the box, to the camera
-    slew           rad    by which the boom turns to either side at most
+    length, width  m      size of the box, which reaches from the floor up to ``height``
+    track_width    m      distance between the middles of the tracks
+    camera_height  m      height of the camera above the floor while the lift is down
+    lift           m      largest rise of the lift
+    boom           m      length of the boom, from the mast in the middle of the box to the camera
+    slew           rad    largest turn of the boom to either side
     speed, acceleration, turn_rate, turn_acceleration  m/s, m/s², rad/s and rad/s²
     """
 
