@@ -85,13 +85,17 @@ def smoothing(problem: hpop.Problem, step: float) -> dict[str, Any]:
     job = SmoothingJob(problem, objectives, None, 60)
     with Clock() as clock:
         outcomes = [job.solve(polyline) for polyline in polylines]
-    found = [(before, o.found.trajectory) for before, o in zip(polylines, outcomes, strict=True) if o.found is not None]
+    found = [
+        (before, o.candidate.trajectory)
+        for before, o in zip(polylines, outcomes, strict=True)
+        if o.candidate is not None
+    ]
     before, after = (
         trajectory_costs([Turns(), Duration(), *objectives], [pair[side] for pair in found], problem.world)
         for side in (0, 1)
     )
     executed = trajectory_costs([Duration()], [b.execution() for b, _ in found], problem.world)[:, 0]
-    planned = np.array([o.found.planned for o in outcomes if o.found is not None])
+    planned = np.array([o.candidate.planned for o in outcomes if o.candidate is not None])
     off = np.abs(planned - after[:, 2:]) / np.maximum(after[:, 2:], 1e-6)
     ratio = np.median(after[:, 2:] / np.maximum(before[:, 2:], 1e-9), axis=0)
     builds = [o.seconds["build"] for o in outcomes if o.seconds["build"] > 0]
@@ -127,7 +131,9 @@ def harder(problem: hpop.Problem, step: float) -> dict[str, dict[str, Any]]:
         job = SmoothingJob(asked, edge_objectives(asked.criteria, "smoothing").optimised, None, 60)
         with Clock() as clock:
             outcomes = [job.solve(polyline) for polyline in polylines]
-        pairs = [(p.execution(), o.found.trajectory) for p, o in zip(polylines, outcomes, strict=True) if o.found]
+        pairs = [
+            (p.execution(), o.candidate.trajectory) for p, o in zip(polylines, outcomes, strict=True) if o.candidate
+        ]
         before, after = (
             trajectory_costs(job.criteria[:1], [pair[side] for pair in pairs], problem.world)[:, 0] for side in (0, 1)
         )

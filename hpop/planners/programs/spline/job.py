@@ -17,19 +17,24 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.motions import JointCollision, States
 from hpop.planners.programs.outcome import ONE_PROGRAM, ImprovedTrajectory, Outcome
 from hpop.planners.programs.spline.knots import LAW, Knots, PieceCosts, SplineLaw
-from hpop.planners.programs.spline.step import Aim, StepPrograms
+from hpop.planners.programs.spline.step import Aim, Step, StepProgram, StepPrograms
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-FRACTIONS = np.linspace(0.125, 1.0, 8)  # of each piece, at which the distance of bodies is bounded
+FRACTIONS = np.linspace(0.05, 1.0, 20)  # of each piece, at which the distance of bodies is bounded
 APART = 0.15  # m: bodies that are farther apart bound no step
 MARGIN = 0.004  # m: least distance of bodies in a step; the certificate needs 1 mm
-FIRST, LAST, MOST = 0.2, 0.0005, 0.6  # rad or m: size of the trust region, at first, at least and at most
+FIRST, LAST, MOST = 0.2, 2e-5, 0.6  # rad or m: size of the trust region, at first, at least and at most
 SHRINKS, GROWS = 0.35, 1.7  # factors on the trust region after a failed step and after a good one
-STEPS = 60  # at most
-GAIN = 2e-3  # relative: a smaller gain of a step ends the search
+ROUND, LEAST_ROUND = 0.3, 1e-4  # share of the trust region, and rad or m, over which a kink of a cost is rounded
+STEPS, RECENT = 60, 6  # at most; the search ends if as many steps as the second gain little together
+SLOWEST = 2.0  # times the duration of the path: a spline takes no longer where the duration is no criterion
+REST = 2e-4  # of the merit: a smaller predicted gain ends the search, as does a smaller gain of the recent steps
+ENOUGH = 0.05  # of its predicted gain is the least that a step must gain
+SETTLED = 1e-3  # of the merit: a spline is settled if the next step is predicted to gain less
+WIDE = FIRST * SHRINKS  # rad or m: least size of the trust region for that prediction
 QUADRATURE = 0.01  # relative: difference of planned and reported costs
 CUT_SHORT = "cut short"  # counts paths that the deadline ended
 NOTHING_LESS = "no step costs less than its path"
@@ -38,9 +43,15 @@ SPREAD = 1e-2  # weight of the costs that are not minimised
 
 @dataclass(eq=False)
 class _PathRun:
-    """Work on one path: its splines so far, and the steps towards the next one, all of them free."""
+    """Work on one path: its splines so far, and the steps towards the next one, all of them free.
+
+    longest  s  duration of the path
+    settled  whether the next step would gain almost nothing
+    """
 
     counts: Counter[str]
+    longest: float = 0.0
+    settled: bool = False
     splines: list[ImprovedTrajectory] = field(default_factory=list)
     steps: list[Knots] = field(default_factory=list)
 
@@ -129,6 +140,7 @@ class SplineJob:
     def _splined(self, path: Trajectory, pieces: PieceCosts, run: _PathRun) -> tuple[ImprovedTrajectory, ...] | str:
         if not path.duration:
             return "goes nowhere"
+        run.longest = path.duration
         (bounds,) = trajectory_costs(self.criteria, [path], self.problem.world)[:, list(self.smooth)]
         reason = ""
         for evenly in (False, True):  # from the path itself, else from a slower spline
@@ -146,9 +158,9 @@ class SplineJob:
             if self._is_late(run.counts):
                 return "" if run.splines else reason or "no time was left"
             # Each search starts from the last result; the first one, of equal weights, is near to all others.
-            run.steps = [knots]
+            run.steps, run.settled = [knots], False
             try:
-                for better in self._improved(knots, pieces, Aim(weights, bounds, scale), run.counts):
+                for better in self._improved(knots, pieces, Aim(weights, bounds, scale), run):
                     run.steps.append(better)
             finally:  # also after Ctrl-C, as all steps are certified
                 knots, worse = self._record(run, pieces, bounds)
@@ -160,15 +172,17 @@ class SplineJob:
         last = run.steps[-1]
         if len(run.steps) == 1:  # the start is the path, or was recorded already
             return last, NOTHING_LESS
-        spline, reason = self._candidate(last, pieces, bounds)
+        spline, reason = self._candidate(last, pieces, bounds, run.settled)
         within = [knots for knots in run.steps[1:-1] if (pieces.costs(knots) <= bounds).all()] if reason else []
         if within:
-            spline, reason = self._candidate(within[-1], pieces, bounds)
+            spline, reason = self._candidate(within[-1], pieces, bounds, False)
         if not reason:
             run.splines.append(spline)
         return last, reason
 
-    def _candidate(self, knots: Knots, pieces: PieceCosts, bounds: FloatArray) -> tuple[ImprovedTrajectory, str]:
+    def _candidate(
+        self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, settled: bool
+    ) -> tuple[ImprovedTrajectory, str]:
         """Return a spline as a candidate, and the costs in which it is worse than its path, in words, or ""."""
         trajectory = knots.trajectory(self.problem.model, pieces.law)
         (costs,) = trajectory_costs(self.criteria, [trajectory], self.problem.world)
@@ -177,9 +191,8 @@ class SplineJob:
         names = [self.criteria[j].name for j, more in zip(self.smooth, worse, strict=True) if more]
         planned = costs.copy()
         planned[list(self.smooth)] = pieces.costs(knots)
-        spline = ImprovedTrajectory(
-            trajectory, planned, QUADRATURE * np.abs(costs) + quanta, {"pieces": knots.shares.size}
-        )
+        provenance = {"pieces": knots.shares.size, "settled": settled}
+        spline = ImprovedTrajectory(trajectory, planned, QUADRATURE * np.abs(costs) + quanta, provenance)
         return spline, f"no better than its path in {', '.join(names)}" if names else ""
 
     def _weights(self) -> list[FloatArray]:
@@ -190,35 +203,72 @@ class SplineJob:
             return [alone[self.smooth.index(self.minimise)]]
         return [np.full(count, 1.0 / count), *(alone if count > 1 else [])]
 
-    def _improved(self, knots: Knots, pieces: PieceCosts, aim: Aim, counts: Counter[str]) -> Iterator[Knots]:
-        """Yield steps that each lower the merit and are free, until the gain is small or the time is over."""
+    def _improved(self, knots: Knots, pieces: PieceCosts, aim: Aim, run: _PathRun) -> Iterator[Knots]:
+        """Yield steps that each lower the merit and are free, until no step gains or the time is over."""
+        counts, longest = run.counts, max(SLOWEST * run.longest, knots.duration)
         space = self.problem.model.space
         turning = np.array([name in space.turning for name in pieces.law.names])
         low, high = np.where(turning, -np.inf, space.low), np.where(turning, np.inf, space.high)
         steps = StepPrograms(knots.shares, pieces.law, low, high)
-        merit, distance = aim.merit(pieces.costs(knots)), FIRST
+        costs, distance, multipliers = pieces.costs(knots), FIRST, np.zeros(aim.weights.size)
+        merits = [merit := aim.merit(costs)]
         for _ in range(STEPS):
             counts["steps"] += 1
             apart = self._collision.separations(self._states(knots, pieces.law), APART)
-            program = steps.of(knots, aim, pieces.slopes(knots), apart, MARGIN, FRACTIONS)
+            bends = pieces.curvature(knots, (aim.weights + multipliers) / aim.scale, max(LEAST_ROUND, ROUND * distance))
+            program = steps.of(knots, aim, pieces.slopes(knots), bends, apart, MARGIN, FRACTIONS)
+            if len(merits) > RECENT and merits[-1 - RECENT] - merit < REST * merit:
+                run.settled = self._rests(program, longest, merit)
+                return
             while True:
                 if self._is_late(counts):
                     return
                 counts["programs"] += 1
-                moved = self._moved(knots, program.within(distance), pieces.law)
-                if moved is not None:
-                    costs = pieces.costs(moved)
+                step = program.within(distance, longest)
+                if step is not None:
+                    if step.gain <= REST * merit and distance >= WIDE:
+                        run.settled = True
+                        return
+                    moved, costs = self._taken(step, knots, pieces, aim)
+                    if (costs > aim.bounds).any():
+                        moved, costs = self._corrected(program, distance, longest, costs - step.costs, (moved, costs))
                     lower = aim.merit(costs)
-                    if lower < merit and self._is_free(moved):
+                    if lower <= merit - ENOUGH * step.gain and step.gain > 0 and self._is_free(moved):
                         break
                 distance *= SHRINKS
                 if distance < LAST:
+                    run.settled = self._rests(program, longest, merit)
                     return
-            gain, knots, merit = merit - lower, moved, lower
+            good = merit - lower > 0.5 * step.gain
+            knots, merit, multipliers = moved, lower, step.multipliers
+            merits.append(merit)
             yield knots
-            if gain < GAIN * merit and distance >= FIRST * SHRINKS and (costs <= aim.bounds).all():
-                return
-            distance = min(MOST, distance * GROWS)
+            distance = min(MOST, distance * (GROWS if good else 1.0))
+
+    def _rests(self, program: StepProgram, longest: float, merit: float) -> bool:
+        """Return whether a step within a wide trust region is predicted to gain almost nothing."""
+        step = program.within(WIDE, longest)
+        return step is not None and step.gain <= SETTLED * merit
+
+    def _corrected(
+        self, program: StepProgram, distance: float, longest: float, drift: FloatArray, first: tuple[Knots, FloatArray]
+    ) -> tuple[Knots, FloatArray]:
+        """Return the spline and costs of a step whose bounds take account of a drift, or of the first if it is better.
+
+        This is a second-order correction: the first step has shown by how much costs leave their tangents.
+        """
+        step = program.within(distance, longest, drift)
+        if step is None:
+            return first
+        second = self._taken(step, program.knots, self.built["pieces"], program.aim)
+        return min(first, second, key=lambda result: program.aim.merit(result[1]))
+
+    def _taken(self, step: Step, knots: Knots, pieces: PieceCosts, aim: Aim) -> tuple[Knots, FloatArray]:
+        """Return the spline after a step and its costs (k,), with the duration of the step or the least, if better."""
+        quickest = knots.moved(step.values, step.slopes, pieces.law)
+        slower = quickest.lasting(max(quickest.duration, knots.duration + step.duration))
+        tried = [(moved, pieces.costs(moved)) for moved in (quickest, slower)]
+        return min(tried, key=lambda result: aim.merit(result[1]))
 
     def _is_late(self, counts: Counter[str]) -> bool:
         """Return whether the time is over; if so, count the path."""
@@ -226,9 +276,6 @@ class SplineJob:
         if late:
             counts[CUT_SHORT] = 1
         return late
-
-    def _moved(self, knots: Knots, move: tuple[FloatArray, FloatArray] | None, law: SplineLaw) -> Knots | None:
-        return None if move is None else knots.moved(*move, law)
 
     @property
     def _collision(self) -> JointCollision:

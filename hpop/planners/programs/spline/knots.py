@@ -1,18 +1,18 @@
-"""Splines as knots, which linear programs move, and the costs of their pieces.
+"""Splines as knots, which quadratic programs move, and the costs of their pieces.
 
 Along the share u of the total time T the joints q pass through knots, on a Hermite cubic from each knot to the next.
 With slopes m = dq/du, speeds are q' = (dq/du) / T and accelerations q'' = (d²q/du²) / T². So their limits,
 
     |dq/du| <= v T,    |d²q/du²| <= a T²,
 
-are linear in knots and slopes. In T the first is linear and the second convex, so that its tangent is conservative.
-Durations of pieces and speeds, in which they are not linear, are no variables.
+are linear in knots and slopes at any u. In T the first is linear and the second convex, so that its tangent is
+conservative. Durations of pieces and speeds, in which they are not linear, are no variables.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -102,12 +102,17 @@ class Knots:
         width, secants, first, last = self.shares[:, None], self.secants, self.slopes[:-1], self.slopes[1:]
         return (6.0 * secants - 4.0 * first - 2.0 * last) / width, (-6.0 * secants + 2.0 * first + 4.0 * last) / width
 
-    def quickest(self, law: SplineLaw) -> Knots:
-        """Return this curve with the least duration that the limits of speeds and accelerations allow."""
+    @property
+    def peaks(self) -> tuple[FloatArray, FloatArray]:
+        """Fraction (N, n) of each piece at which a slope is extreme, 0.5 if nowhere, and the slope (N, n) there."""
         begin, end = self.bends
         changes = begin * end < 0
-        at = np.where(changes, begin / np.where(changes, begin - end, 1.0), 0.0)
-        peak = self.slopes[:-1] + self.shares[:, None] * at * (begin + 0.5 * at * (end - begin))
+        at = np.where(changes, begin / np.where(changes, begin - end, 1.0), 0.5)
+        return at, self.slopes[:-1] + self.shares[:, None] * at * (begin + 0.5 * at * (end - begin))
+
+    def quickest(self, law: SplineLaw) -> Knots:
+        """Return this curve with the least duration that the limits of speeds and accelerations allow."""
+        (begin, end), (_, peak) = self.bends, self.peaks
         speeds, accelerations = np.array(law.speeds), np.array(law.accelerations)
         by_speed = max((np.abs(slopes) / speeds).max() for slopes in (self.slopes, peak))
         by_acceleration = max((np.abs(bends) / accelerations).max() for bends in (begin, end))
@@ -138,6 +143,10 @@ class Knots:
         moved[1:-1] += values
         sloped[1:-1] += slopes
         return Knots(moved, sloped, self.shares, 0.0).quickest(law)
+
+    def lasting(self, duration: float) -> Knots:
+        """Return this curve with another duration, s."""
+        return replace(self, duration=duration)
 
     def trajectory(self, model: Model, law: SplineLaw) -> Trajectory:
         """Return the trajectory of the spline."""
@@ -264,6 +273,30 @@ class PieceCosts:
             if criterion.aggregate == "max":
                 change[j, np.arange(count) != each[j].argmax()] = 0.0
         return Slopes(self._total(each), change)
+
+    def curvature(self, knots: Knots, weights: FloatArray, rounded: float) -> FloatArray:
+        """Return the convex part (N, 4 n + 1, 4 n + 1) of the curvature of a weighted sum of costs, piece by piece.
+
+        Second derivatives are differences of gradients at points ``rounded`` apart (rad, m, or share of the greatest
+        speed and of the time), so that a kink is a bend of that width. Negative eigenvalues are replaced by 0.
+        """
+        count, n, columns = knots.shares.size, len(self.law.names), knots.columns()
+        width = len(columns)
+        slopes = np.array(self.law.speeds) * knots.duration
+        units = np.concatenate([np.ones(n), slopes, np.ones(n), slopes, [knots.duration]])
+        moved = columns[:, None] + rounded * np.hstack([np.zeros((width, 1)), np.diag(units)])[:, :, None]
+        many = count * (width + 1)
+        result = self._functions[1].map(many)(moved.reshape(width, many), np.tile(knots.shares, width + 1)[None])
+        each = result[0].full().reshape(-1, width + 1, count)
+        gradients = np.nan_to_num(result[1].full().reshape(-1, width + 1, count, width))
+        for j, criterion in enumerate(self.criteria):
+            if criterion.aggregate == "max":
+                gradients[j, :, np.arange(count) != each[j, 0].argmax()] = 0.0
+        summed = np.tensordot(weights, gradients, axes=1)  # (width + 1, N, width)
+        bends = np.moveaxis((summed[1:] - summed[0]) / rounded, 0, 1) * units  # by units in both directions
+        values, vectors = np.linalg.eigh(0.5 * (bends + np.swapaxes(bends, 1, 2)))
+        vectors = vectors / units[:, None]
+        return np.asarray((vectors * np.maximum(values, 0.0)[:, None, :]) @ np.swapaxes(vectors, 1, 2))
 
     def _total(self, each: FloatArray) -> FloatArray:
         """Return costs (k,) from those of the pieces (k, N)."""

@@ -49,19 +49,21 @@ class Spline:
     warm_start  source of the paths: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s  for everything, warm starts and compiling included; checked before each step
 
-    This is sequential linear programming. It starts from the path, slowed down where cubics need it, and moves knots
-    and slopes step by step, with distances of bodies and costs replaced by their tangents. A step is accepted only if
-    the evaluated costs are lower and the collision model certifies the spline as free throughout, so every step is a
-    valid plan. The first answers are the paths, in the stages of their planner. After a limit or Ctrl-C the answer has
-    all paths and all splines certified so far. (Workers return the splines of a path together: at Ctrl-C those of
-    unfinished paths are lost, and a limit waits one second for them.)
+    This is sequential quadratic programming. It starts from the path, slowed down where cubics need it, and moves
+    knots, slopes and the total time step by step, with distances of bodies replaced by their tangents and costs by
+    their tangents and convex curvature. A step is accepted only if the evaluated costs are lower and the collision
+    model certifies the spline as free throughout, so every step is a valid plan. The first answers are the paths, in
+    the stages of their planner. After a limit or Ctrl-C the answer has all paths and all splines certified so far.
+    (Workers return the splines of a path together: at Ctrl-C those of unfinished paths are lost, and a limit waits one
+    second for them.)
 
     Accepts any criteria that add up along edges or take the worst moment, at least one of them with a gradient on
     symbols; the others are not optimised, with a note. Guarantees that every spline is certified free, keeps the
     limits of joints, speeds and accelerations, and costs no more than its path in any criterion with a gradient. Every
     path stays among the candidates, as a spline may be worse in the other criteria; paths without a spline are counted.
-    Each spline is a local improvement, no local optimum: steps end when they get small, which leaves some per cent for
-    costs with kinks, such as rotations. Cost: 0.2 to 1 s per spline.
+    A spline takes at most twice as long as its path. Each is a local improvement: steps end when they gain little.
+    ``settled`` in the provenance is true if the next step is predicted to gain at most 1e-3, and a note counts the
+    splines for which it is false, often those of costs with kinks, such as rotations. Cost: 0.2 to 5 s per spline.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"spline"})
@@ -210,7 +212,13 @@ class _SplineRun:
         left = len(self.warm.trajectories) - len(self._finished)
         omissions = [f"{status}: {counted(left, 'path')} not smoothed"] if left else []
         accepted = trusted(self._candidates(status, (*notes, *omissions)), self.job.problem, NAME)
-        return replace(accepted, stats={**accepted.stats, "seconds": self.spending.seconds()})
+        unsettled = sum(not origin.get("settled", True) for origin in accepted.provenance)
+        note = f"spline: {counted(unsettled, 'spline')} stopped before it settled, so a better one may be near"
+        return replace(
+            accepted,
+            notes=(*accepted.notes, *([note] if unsettled else [])),
+            stats={**accepted.stats, "seconds": self.spending.seconds()},
+        )
 
     def _candidates(self, status: Status, notes: Sequence[str]) -> Candidates:
         """Return the splines and paths, with notes on all failures."""

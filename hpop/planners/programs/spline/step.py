@@ -1,8 +1,7 @@
-"""One step of sequential linear programming, which moves the knots of a spline to lower its costs.
+"""One step of sequential quadratic programming, which moves the knots of a spline to lower its costs.
 
-Costs and distances of bodies are replaced by their tangents, so a step is limited to a trust region (Fletcher and Sainz
-de la Maza 1989, doi 10.1007/BF01582292). Any step keeps the limits of speeds and accelerations, since they are linear
-in knots and slopes or lie above their tangents (:mod:`.knots`).
+Distances of bodies and limits of speeds are replaced by their tangents, costs by tangents and the convex part of their
+curvature. So a step is limited to a trust region (Nocedal and Wright, Numerical Optimization, 2006, chapter 18).
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from hpop.planners.programs.spline.knots import Knots, Slopes, SplineLaw, hermit
 
 PENALTY = 10.0  # weight of the excess of a cost over its bound, larger than any sum of weights
 FASTER = 4.0  # bound on the change of a slope, as a share of the greatest slope, per size of the trust region
-LIKELY = 0.05  # share of the trust region: rows that a step of this size can violate are added at once
-BROKEN = 1e-7  # m or the row's unit: largest accepted violation of a row
-SOLVER = {"output_flag": False, "solver": "simplex", "presolve": "off", "parallel": "off"}
+LIKELY = 0.2  # share of the trust region: rows that a step of this size can violate are added at once
+BROKEN = 1e-6  # m or the row's unit: largest accepted violation of a row
+SOLVED = ("Solved", "AlmostSolved")  # Clarabel's statuses of a usable solution
 
 
 class Aim(NamedTuple):
@@ -50,8 +49,27 @@ class Constraints(NamedTuple):
     bounds: FloatArray
 
 
+class Step(NamedTuple):
+    """Step of a program.
+
+    values       (N - 1, n)  change of the inner knots, rad or m
+    slopes       (N - 1, n)  change of their slopes
+    duration     s           change of the total time
+    gain         predicted reduction of the merit
+    multipliers  (k,)        of the bounds of the costs
+    costs        (k,)        by their tangents
+    """
+
+    values: FloatArray
+    slopes: FloatArray
+    duration: float
+    gain: float
+    multipliers: FloatArray
+    costs: FloatArray
+
+
 class StepPrograms:
-    """Linear programs of splines with given shares of the time.
+    """Quadratic programs of splines with given shares of the time.
 
     Variables are the knots between start and goal, each with its slopes, and the total time.
     """
@@ -70,12 +88,20 @@ class StepPrograms:
         return np.column_stack([knots[:-1], knots[1:], np.full(count, self.size - 1)])
 
     def of(
-        self, knots: Knots, aim: Aim, slopes: Slopes, apart: Separations, margin: float, fractions: FloatArray
+        self,
+        knots: Knots,
+        aim: Aim,
+        slopes: Slopes,
+        bends: FloatArray,
+        apart: Separations,
+        margin: float,
+        fractions: FloatArray,
     ) -> StepProgram:
         """Return the programs at one spline.
 
         Parameters
         ----------
+        bends : (N, 4 n + 1, 4 n + 1) curvature of the merit by the variables of each piece
         apart : separations at fractions of the pieces, fraction by fraction
         margin : m, least distance of bodies, or their present distance if that is less
         """
@@ -86,25 +112,34 @@ class StepPrograms:
         for j in range(slopes.costs.size):
             moves = self.indices >= 0
             np.add.at(gradients[j], self.indices[moves], slopes.gradients[j][moves])
+        row, column = (np.broadcast_to(side, bends.shape) for side in (self.indices[:, :, None], self.indices[:, None]))
+        free = (row >= 0) & (column >= 0)
+        curvature = sparse.csr_array((bends[free], (row[free], column[free])), shape=(self.size, self.size))
         matrix = sparse.vstack([row.matrix for row in rows]).tocsr()
-        return StepProgram(
-            self, knots, aim, slopes.costs, gradients, matrix, np.concatenate([row.bounds for row in rows])
-        )
+        bounds = np.concatenate([row.bounds for row in rows])
+        return StepProgram(self, knots, aim, slopes.costs, gradients, curvature, matrix, bounds)
 
     def _limits(self, knots: Knots) -> list[Constraints]:
-        """Return the limits of speeds, accelerations and joints at the control points, which contain each piece."""
+        """Return the limits of speeds, accelerations and joints at control points, which contain each piece.
+
+        For its speeds a piece is split where they are extreme, so that the control points touch them there.
+        """
         count, n, duration = self.shares.size, self.joints, knots.duration
         width = self.shares[:, None]
         ones, zero = np.ones((count, 1)), np.zeros((count, 1))
         begin, end = knots.bends
         control = 3.0 * knots.secants - knots.slopes[:-1] - knots.slopes[1:]
+        u = knots.peaks[0]
+        v = 1.0 - u
+        before, after = v * knots.slopes[:-1] + u * control, v * control + u * knots.slopes[1:]
         reach = width / 3.0
         first, last = knots.values[:-1] + reach * knots.slopes[:-1], knots.values[1:] - reach * knots.slopes[1:]
         fast, quick = self.speeds * duration, self.accelerations * duration**2
         speeds, accelerations = (self.speeds, fast), (2.0 * self.accelerations * duration, quick)
         rates = [
             ((zero, zero, zero, ones), knots.slopes[1:], speeds),
-            ((-3.0 / width, -ones, 3.0 / width, -ones), control, speeds),
+            ((-3.0 * u / width, 1.0 - 2.0 * u, 3.0 * u / width, -u), before, speeds),
+            ((-3.0 * v / width, -v, 3.0 * v / width, u - v), after, speeds),
             ((-6.0 / width**2, -4.0 / width, 6.0 / width**2, -2.0 / width), begin, accelerations),
             ((6.0 / width**2, 2.0 / width, -6.0 / width**2, 4.0 / width), end, accelerations),
         ]
@@ -119,7 +154,7 @@ class StepPrograms:
         return rows
 
     def _rows(self, weights: Any, growth: FloatArray, room: FloatArray) -> Constraints:
-        """Return a row per piece and joint: weights (N, 1) of its four columns in a piece, and growth (n,) with T."""
+        """Return a row per piece and joint: weights of its four columns in a piece, and growth (n,) with T."""
         count, n = room.shape
         entries = np.zeros((count, n, 4 * n + 1))
         each = np.arange(n)
@@ -148,15 +183,16 @@ class StepPrograms:
 
 @dataclass(frozen=True, eq=False)
 class StepProgram:
-    """Linear programs at one spline, for trust regions of any size.
+    """Quadratic programs at one spline, for trust regions of any size.
 
     costs      (k,)
     gradients  (k, V)  by the variables
+    curvature  (V, V)  of the merit, sparse, positive semidefinite
     matrix     (R, V)  of the constraints
     bounds     (R,)    of the constraints, none negative, so that a step of 0 is feasible
 
     Few constraints bind. So a program begins with those that a step is likely to violate, and adds those that its
-    solution violates until there are none. The solver continues from its last basis, also for a smaller trust region.
+    solution violates until there are none.
     """
 
     steps: StepPrograms
@@ -164,6 +200,7 @@ class StepProgram:
     aim: Aim
     costs: FloatArray
     gradients: FloatArray
+    curvature: Any
     matrix: Any
     bounds: FloatArray
 
@@ -171,56 +208,74 @@ class StepProgram:
     def _sizes(self) -> Any:
         return abs(self.matrix)
 
-    @cached_property
-    def _solver(self) -> Any:
-        """Program with the constraints of the costs alone."""
-        highspy: Any = import_module("highspy")  # on first use
-        solver = highspy.Highs()
-        for option, value in SOLVER.items():
-            solver.setOptionValue(option, value)
-        aim, count = self.aim, len(self.gradients)
-        for weight in (aim.weights / aim.scale) @ self.gradients:
-            solver.addCol(weight, 0.0, 0.0, 0, [], [])
-        for _ in range(count):
-            solver.addCol(PENALTY, 0.0, np.inf, 0, [], [])
-        _add(solver, np.hstack([self.gradients, -np.diag(aim.scale)]), aim.bounds - self.costs)
-        return solver
+    def within(self, distance: float, longest: float, drift: FloatArray | float = 0.0) -> Step | None:
+        """Return the best step, or None if the solver fails.
 
-    @cached_property
-    def _added(self) -> BoolArray:
-        """True for each constraint (R,) that the solver has."""
-        return np.zeros(self.bounds.size, dtype=bool)
-
-    def within(self, distance: float) -> tuple[FloatArray, FloatArray] | None:
-        """Return the best step of knots and slopes, (N - 1, n) each; joints move by a distance at most, rad or m.
-
-        The result is None where the solver fails.
+        Parameters
+        ----------
+        distance : rad or m, by which joints move at most
+        longest : s, bound on the total time
+        drift : (k,) of the costs from their tangents, if an earlier step has shown it
         """
-        steps, knots, solver, added = self.steps, self.knots, self._solver, self._added
+        steps, knots = self.steps, self.knots
         inner, n = knots.shares.size - 1, steps.joints
         sloped = FASTER * distance * steps.speeds * knots.duration
         reach = np.append(np.tile(np.concatenate([np.full(n, distance), sloped]), inner), distance * knots.duration)
-        solver.changeColsBounds(reach.size, np.arange(reach.size, dtype=np.int32), -reach, reach)
-        more = ~added & (self._sizes @ reach * LIKELY > self.bounds)
+        later = min(reach[-1], max(0.0, longest - knots.duration))
+        added = self._sizes @ reach * LIKELY > self.bounds
         while True:
-            if more.any():
-                _add(solver, self.matrix[more], self.bounds[more])
-                added |= more
-            solver.run()
-            if solver.modelStatusToString(solver.getModelStatus()) != "Optimal":
+            solved = self._solved(reach, later / reach[-1], added, drift)
+            if solved is None:
                 return None
-            solution = np.array(solver.getSolution().col_value)[: reach.size]
-            more = ~added & (self.matrix @ solution > self.bounds + BROKEN)
+            move, multipliers = solved
+            more = ~added & (self.matrix @ move > self.bounds + BROKEN)
             if not more.any():
                 break
-        moved = solution[:-1].reshape(inner, 2 * n)
-        return moved[:, :n], moved[:, n:]
+            added |= more
+        predicted = self.aim.merit(self.costs + self.gradients @ move) + 0.5 * move @ self.curvature @ move
+        joints = move[:-1].reshape(inner, 2 * n)
+        gain = self.aim.merit(self.costs) - float(predicted)
+        return Step(
+            joints[:, :n], joints[:, n:], float(move[-1]), gain, multipliers, self.costs + self.gradients @ move
+        )
 
+    def _solved(
+        self, reach: FloatArray, later: float, added: BoolArray, drift: FloatArray | float
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return the solution (V,) and the multipliers (k,) of the costs' bounds; None if the solver fails.
 
-def _add(solver: Any, matrix: Any, bounds: FloatArray) -> None:
-    """Add constraints, matrix x <= bounds, to a program."""
-    from scipy import sparse  # on first use
+        The solver's variables are the step as shares of its reach, and the excess of each cost as a share of its scale.
+        """
+        from scipy import sparse  # on first use
 
-    rows = sparse.csr_array(matrix)
-    first, columns = rows.indptr[:-1].astype(np.int32), rows.indices.astype(np.int32)
-    solver.addRows(bounds.size, np.full(bounds.size, -np.inf), bounds, rows.nnz, first, columns, rows.data)
+        clarabel: Any = import_module("clarabel")  # on first use
+        aim, size, count = self.aim, reach.size, len(self.gradients)
+        some, every, each = self.matrix[added].tocoo(), np.arange(size), np.arange(count)
+        first = np.cumsum([0, count, some.shape[0], size, size])  # row of each group
+        parts = [
+            (np.repeat(each, size), np.tile(every, count), (self.gradients / aim.scale[:, None] * reach).ravel()),
+            (each, size + each, -np.ones(count)),
+            (first[1] + some.row, some.col, some.data * reach[some.col]),
+            (first[2] + every, every, np.ones(size)),
+            (first[3] + every, every, -np.ones(size)),
+            (first[4] + each, size + each, -np.ones(count)),
+        ]
+        row, column, data = (np.concatenate(column) for column in zip(*parts, strict=True))
+        total = int(first[4]) + count
+        rows = sparse.csc_matrix((data, (row, column)), shape=(total, size + count))
+        above = np.append(np.ones(size - 1), later)
+        bounds = [(aim.bounds - drift - self.costs) / aim.scale, self.bounds[added], above, np.ones(size), 0.0 * each]
+        bends = self.curvature.tocoo()
+        upper = bends.row <= bends.col
+        row, column = bends.row[upper], bends.col[upper]
+        shape = (size + count, size + count)
+        curvature = sparse.csc_matrix((bends.data[upper] * reach[row] * reach[column], (row, column)), shape=shape)
+        slope = np.append((aim.weights / aim.scale) @ self.gradients * reach, np.full(count, PENALTY))
+        settings = clarabel.DefaultSettings()
+        settings.verbose = False
+        cones = [clarabel.NonnegativeConeT(total)]
+        problem = (curvature, slope, rows, np.concatenate(bounds), cones, settings)
+        solution = clarabel.DefaultSolver(*problem).solve()
+        if str(solution.status) not in SOLVED:
+            return None
+        return np.array(solution.x)[:size] * reach, np.maximum(0.0, np.array(solution.z)[:count])
