@@ -23,7 +23,7 @@ from hpop.trajectories.trajectory import Trajectory
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
-FRACTIONS = np.linspace(0.05, 1.0, 20)  # of each piece, at which the distance of bodies is bounded
+FRACTIONS = np.linspace(0.125, 1.0, 8)  # of each piece, at which the distance of bodies is bounded
 APART = 0.15  # m: bodies that are farther apart bound no step
 MARGIN = 0.004  # m: least distance of bodies in a step; the certificate needs 1 mm
 FIRST, LAST, MOST = 0.2, 2e-5, 0.6  # rad or m: size of the trust region, at first, at least and at most
@@ -34,6 +34,7 @@ SLOWEST = 2.0  # times the duration of the path: a spline takes no longer where 
 REST = 2e-4  # of the merit: a smaller predicted gain ends the search, as does a smaller gain of the recent steps
 ENOUGH = 0.05  # of its predicted gain is the least that a step must gain
 SETTLED = 1e-3  # of the merit: a spline is settled if the next step is predicted to gain less
+INSIDE = 1e-5  # rad or m: joints stay so far from their limits, for the error of the solver
 WIDE = FIRST * SHRINKS  # rad or m: least size of the trust region for that prediction
 QUADRATURE = 0.01  # relative: difference of planned and reported costs
 CUT_SHORT = "cut short"  # counts paths that the deadline ended
@@ -209,7 +210,7 @@ class SplineJob:
         space = self.problem.model.space
         turning = np.array([name in space.turning for name in pieces.law.names])
         low, high = np.where(turning, -np.inf, space.low), np.where(turning, np.inf, space.high)
-        steps = StepPrograms(knots.shares, pieces.law, low, high)
+        steps = StepPrograms(knots.shares, pieces.law, low + INSIDE, high - INSIDE)
         costs, distance, multipliers = pieces.costs(knots), FIRST, np.zeros(aim.weights.size)
         merits = [merit := aim.merit(costs)]
         for _ in range(STEPS):
