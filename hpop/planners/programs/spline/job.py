@@ -254,7 +254,7 @@ class SplineJob:
     def _corrected(
         self, program: StepProgram, distance: float, longest: float, drift: FloatArray, first: tuple[Knots, FloatArray]
     ) -> tuple[Knots, FloatArray]:
-        """Return the spline and costs of a step whose bounds take account of a drift, or of the first if it is better.
+        """Return the spline and costs of a step with bounds corrected by a drift, or of the first step if it is better.
 
         This is a second-order correction: the first step has shown by how much costs leave their tangents.
         """
