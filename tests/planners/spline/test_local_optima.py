@@ -42,6 +42,7 @@ def test_the_search_improves_a_spline_whose_knots_were_displaced(tmp_path):
 def test_few_of_many_random_splines_can_be_improved_and_those_are_not_called_settled(tmp_path):
     settled, gains = splines_and_gains(range(24), tmp_path)
     assert len(settled) >= 14
-    assert settled.sum() >= len(settled) / 2
-    assert (gains[settled] > 1e-3).sum() <= 1
+    assert settled.sum() >= len(settled) / 3
+    assert (gains[settled] > 1e-3).sum() <= 2
+    assert gains[settled].max() <= 3e-3
     assert gains.max() <= 0.02
