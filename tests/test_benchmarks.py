@@ -106,7 +106,6 @@ def test_every_instance_of_make_bench_has_a_reference(module, label_counts):
     assert titles == set(label_counts.read())
 
 
-@pytest.mark.proof
 def test_the_smallest_museum_needs_no_more_labels_than_its_reference(module, label_counts, monkeypatch):
     lattice = module("lattice")
     monkeypatch.setattr(lattice, "RUNS", 1)

@@ -215,7 +215,6 @@ def test_what_does_not_converge_is_tried_again_without_exact_second_derivatives(
     assert outcome.candidate.planned == pytest.approx(exact.candidate.planned, rel=0.02)
 
 
-@pytest.mark.proof
 def test_candidates_that_ended_in_a_flat_valley_are_told_of(monkeypatch):
     solve, refined = DrivenProgram.solve, DrivenProgram.refined
 
