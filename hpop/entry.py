@@ -1,7 +1,8 @@
-"""The command ``hpop`` as a process: everything around :func:`hpop.cli.main`, from the first import to the last line.
+"""Process of the command ``hpop``: everything around :func:`hpop.cli.main`, from the first import to the last output.
 
-Ctrl-C is answered without a traceback while modules are still imported. A search goes on if the reader of its output
-leaves (``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
+Ctrl-C is answered without a traceback even while modules are imported. A search goes on if the reader of its output
+ends
+(``hpop plan ... | head -1``) or the terminal is closed. No code from the current folder is run.
 """
 
 from __future__ import annotations
@@ -15,17 +16,17 @@ from typing import IO, Any
 INTERRUPTED = 130
 BAD_FILE = 4
 NUMBA_SETTINGS = ".numba_config.yaml"
-LEFT = (errno.EPIPE, errno.EIO)  # a pipe without a reader, a closed terminal
+LEFT = (errno.EPIPE, errno.EIO)  # errors of a pipe without a reader, and of a closed terminal
 
 
 def main() -> None:
     """Run the command line."""
     try:
-        _open_streams()
+        _open_closed_streams()
         _distrust_current_folder()
         os.environ["MPLBACKEND"] = "agg"  # pictures are files, whatever a desktop or a notebook draws with
-        sys.stdout, sys.stderr = _patient(sys.stdout), _patient(sys.stderr)
-        _refuse_epoch()
+        sys.stdout, sys.stderr = _tolerant_stream(sys.stdout), _tolerant_stream(sys.stderr)
+        _drop_invalid_epoch()
         from hpop.cli import main as command  # click takes a tenth of a second
 
         command(prog_name="hpop")  # also where it is run as python -m hpop
@@ -35,11 +36,12 @@ def main() -> None:
 
 
 def _distrust_current_folder() -> None:
-    """Import no module from the current folder, in this process and its children: a stranger may have written it.
+    """Import no module from the current folder, in this process and its children, because anyone may have written it.
 
-    Numba reads settings from the current folder, which can name a folder of compiled code, and has no switch for that:
-    if there are any, the command ends. Matplotlib's are undone once it is imported (:mod:`hpop.view`), and IPOPT's are
-    turned off where its options are set.
+    Numba also reads settings from the current folder, which can name a folder of compiled code, and offers no switch to
+    turn
+    this off; if such a file exists, the command ends. Matplotlib's settings are undone once it is imported
+    (:mod:`hpop.view`), and IPOPT's are turned off where its options are set.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if os.path.exists(NUMBA_SETTINGS):
@@ -50,7 +52,7 @@ def _distrust_current_folder() -> None:
         sys.exit(BAD_FILE)
 
 
-def _refuse_epoch() -> None:
+def _drop_invalid_epoch() -> None:
     """Drop a SOURCE_DATE_EPOCH that is no whole number, with a note: NumPy and Matplotlib would raise an error."""
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     if epoch is not None and not (epoch.isascii() and epoch.isdigit()):
@@ -60,10 +62,10 @@ def _refuse_epoch() -> None:
         )
 
 
-def _open_streams() -> None:
-    """Open standard streams that are closed (``hpop plan ... >&-``) on the null device.
+def _open_closed_streams() -> None:
+    """Open closed standard streams (``hpop plan ... >&-``) on the null device.
 
-    Otherwise the next files that are opened take their numbers, and prints of any library are written into these files.
+    Otherwise the next opened files would take their numbers, and any library's prints would go into these files.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         try:
@@ -77,8 +79,8 @@ def _open_streams() -> None:
             setattr(sys, name, io.TextIOWrapper(buffered, encoding="utf-8", line_buffering=True))
 
 
-class _Patient(io.FileIO):
-    """Stream that goes on without a reader and discards the output; any other fault raises OutputError once."""
+class _TolerantStream(io.FileIO):
+    """Stream that discards the output once its reader has ended; any other error raises OutputError once."""
 
     failed = False
 
@@ -95,10 +97,10 @@ class _Patient(io.FileIO):
         return len(memoryview(data).cast("B"))
 
 
-def _patient(stream: Any) -> IO[str]:
-    """Return the stream as a :class:`_Patient` one; characters that its encoding lacks are escaped."""
+def _tolerant_stream(stream: Any) -> IO[str]:
+    """Return a stream as a :class:`_TolerantStream`; characters that its encoding lacks are escaped."""
     try:
-        raw = _Patient(stream.fileno(), "w", closefd=False)
+        raw = _TolerantStream(stream.fileno(), "w", closefd=False)
     except (AttributeError, OSError):  # closed, or no file
         return stream  # type: ignore[no-any-return]
     return io.TextIOWrapper(

@@ -52,7 +52,7 @@ class QueryError(HpopError, ValueError):
 
 
 class UnknownName(HpopError, LookupError):
-    """Error for a name that no criterion, planner or model has."""
+    """Error for a name of a criterion, planner or model that is not registered."""
 
     exit_code = 7
 
@@ -161,7 +161,7 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def own_location(error: BaseException) -> str:
-    """Return the file and line of an error in the innermost of the user's code; "" if none of it is involved."""
+    """Return the file and line of an error in the innermost frame of user code; "" if no user code is involved."""
     if isinstance(error, SyntaxError) and error.filename and Path(error.filename).is_file():
         return f"{error.filename}, line {error.lineno}" if error.lineno else error.filename
     libraries = [Path(__file__).parent, *(Path(sysconfig.get_path(key)) for key in ("stdlib", "purelib", "platlib"))]
@@ -173,7 +173,9 @@ def own_location(error: BaseException) -> str:
 
 
 def own_failure(subject: str, error: BaseException) -> str:
-    """Return where the user's code raised an error, and which error.
+    """Return a sentence on an error in user code: the location and the error.
+
+    subject  the failed plugin in words
 
     >>> own_failure("criterion 'mine'", ZeroDivisionError("division by zero"))
     "criterion 'mine' failed: ZeroDivisionError: division by zero"

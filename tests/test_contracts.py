@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.base.registry import completed
+from hpop.base.registry import with_optional_members
 from hpop.criteria.base import make_criterion
 from hpop.errors import QueryError
 from hpop.motions import Model, States, collision_of, laws_of
@@ -68,9 +68,9 @@ def test_what_a_plugin_says_stays_whether_its_class_or_its_instance_says_it() ->
             self.field_of_view = (1.0, 0.5)
 
     told, defaults = Told(), {"notes": (), "field_of_view": None, "joints": ()}
-    assert completed(told, defaults) is told
+    assert with_optional_members(told, defaults) is told
     assert (told.notes, told.field_of_view, told.joints) == (("assumed",), (1.0, 0.5), ())
-    completed(Told, defaults)
+    with_optional_members(Told, defaults)
     assert Told().field_of_view == (1.0, 0.5)
 
 

@@ -29,7 +29,7 @@ def test_what_a_command_leaves_is_not_looked_through(monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(registry, "own", dict)
     monkeypatch.delitem(sys.modules, garbage.COUNTING, raising=False)
     kept = [[] for _ in range(100)]  # type: ignore[var-annotated]
-    garbage.leave()
+    garbage.stop_collecting()
     assert gc.get_freeze_count() > len(kept)
 
 
@@ -39,12 +39,12 @@ def test_where_somebody_elses_code_is_registered_the_end_of_python_is_as_ever(mo
 
     theirs.__module__ = "somebody.elses"
     monkeypatch.setattr(readers, "own", lambda: {"theirs": theirs})
-    garbage.leave()
+    garbage.stop_collecting()
     assert not gc.get_freeze_count()
 
 
 def test_where_a_library_prints_what_is_left_the_end_of_python_is_as_ever() -> None:
     """OMPL's bindings name each object that Python has not collected, in some thirty lines on a user's terminal."""
-    command = "from hpop.runtime import garbage; garbage.seldom(); import ompl.base"
+    command = "from hpop.runtime import garbage; garbage.collect_rarely(); import ompl.base"
     done = subprocess.run([sys.executable, "-P", "-c", command], capture_output=True, text=True, check=True)
     assert done.stderr == ""

@@ -130,7 +130,7 @@ def test_each_of_many_workers_elsewhere_is_sent_the_shared_data(seed: int, monke
         def submit(self, *arguments: Any) -> Future[Any]:  # type: ignore[override]
             machine = str(draw.choice(list(memories)))
             monkeypatch.setattr(module, "_held", memories[machine])
-            monkeypatch.setattr(module, "_name", lambda: machine)
+            monkeypatch.setattr(module, "_worker_name", lambda: machine)
             return super().submit(*arguments)
 
     far = Far()

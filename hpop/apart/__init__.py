@@ -1,5 +1,5 @@
-"""Readers of foreign file formats that run in a process of their own, with the libraries that know the formats.
+"""Readers of foreign file formats, each run in a process of its own, with the library that knows the format.
 
-A module here has ``extract(data, options)``, which returns a `ChildAnswer` from a file's bytes. It knows numbers and
-words, not worlds, and imports little, since a process starts for each file.
+Each module here has a function ``extract(data, options)``, which returns a `ChildAnswer` from the bytes of a file. It
+returns numbers and words, not worlds, and imports little, since a process starts for each file.
 """

@@ -1,4 +1,4 @@
-"""Reader of the occupancy grid in a bag of ROS 1 or ROS 2, by rosbags."""
+"""Reader of an occupancy grid in a ROS 1 or ROS 2 bag, by rosbags."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hpop.apart.child import ChildAnswer, ChildRefused
-from hpop.apart.lines import said
+from hpop.apart.lines import counts_text
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 USUAL = "/map"
@@ -23,7 +23,7 @@ LEVEL = 1e-3
 
 
 def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
-    """Return the last grid on a topic of the bag at ``options["path"]``: percent of occupancy, -1 where unknown."""
+    """Return the last grid on a topic of the bag at ``options["path"]``: occupancy in percent, -1 for unknown cells."""
     try:
         from rosbags import rosbag1, rosbag2  # of an extra
         from rosbags.typesys import Stores, get_typestore  # of an extra
@@ -38,14 +38,14 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
             bag: Any = stack.enter_context(rosbag1.Reader(path) if is_first else rosbag2.Reader(path))
         except (FileNotFoundError, rosbag1.ReaderError, rosbag2.ReaderError) as error:
             raise ChildRefused(
-                f"it is no bag that can be read ({str(error)[:200]}); expected a .bag of ROS 1, or of ROS 2 a folder "
+                f"it cannot be read as a bag ({str(error)[:200]}); expected a ROS 1 .bag file, or for ROS 2 a folder "
                 "with metadata.yaml, a .mcap or a .db3"
             ) from None
         topics: Counter[str] = Counter()
         for connection in bag.connections:
             topics[f"{connection.topic} {connection.msgtype}"] += connection.msgcount
         grids = sorted({connection.topic for connection in bag.connections if connection.msgtype == GRID})
-        topic = _chosen(options["topic"], grids, topics)
+        topic = _topic_to_read(options["topic"], grids, topics)
         last, count = b"", 0
         chosen = [each for each in bag.connections if each.topic == topic and each.msgtype == GRID]
         for _, _, message in bag.messages(connections=chosen):
@@ -76,9 +76,9 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     )
 
 
-def _chosen(asked: str | None, grids: list[str], topics: Counter[str]) -> str:
-    """Return the topic to read."""
-    there = f"its topics are {said(topics, 30)}" if topics else "it has no topics"
+def _topic_to_read(asked: str | None, grids: list[str], topics: Counter[str]) -> str:
+    """Return the topic to read: the requested topic, or the only topic with a grid."""
+    there = f"its topics are {counts_text(topics, 30)}" if topics else "it has no topics"
     if not grids:
         raise ChildRefused(f"it has no map, a {GRID}; {there}")
     if asked is None:

@@ -1,8 +1,9 @@
-"""The child process that reads a file of a foreign format: it bounds its memory and time, reads, and answers.
+"""Child process that reads a file of a foreign format within bounds of memory and time.
 
-Its input is a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, and the file's bytes.
-Memory is address space, the libraries' own included; seconds are of the processor. Its output is a `ChildAnswer`:
-words and arrays of numbers, no object that could run code.
+Its input is a line of JSON, ``{"module": .., "options": .., "memory": .., "seconds": ..}``, followed by the bytes of
+the
+file. ``memory`` bounds the address space, including the libraries; ``seconds`` is processor time. Its output is a
+`ChildAnswer`: words and arrays of numbers, and no object that could run code.
 """
 
 from __future__ import annotations
@@ -18,28 +19,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 KINDS = ("<f8", "<i8", "|i1")
-"""Kinds of numbers that are passed on."""
+"""NumPy kinds of the arrays that may be returned."""
 DISK = 1024**3
 """Largest temporary file, in bytes: some libraries unpack compressed data into one."""
 MODULES = ("bag", "dxf", "pdf")
 
 
 class ChildRefused(Exception):
-    """Refusal of a file that is not what it should be; the text is for the user."""
+    """Refusal of a file that is not as expected; the text is for the user."""
 
 
 class ChildAnswer(NamedTuple):
-    """Contents of a file.
+    """Contents of a file, as a child process returns them.
 
-    words   numbers, texts, lists and mappings, as JSON has them
-    arrays  by name
+    words   numbers, texts, lists and mappings, as in JSON
+    arrays  arrays by name
     """
 
     words: dict[str, Any]
     arrays: Mapping[str, NDArray[Any]]
 
     def packed(self) -> bytes:
-        """Return a line of JSON and the arrays' bytes."""
+        """Return the answer as bytes: a line of JSON, followed by the bytes of the arrays."""
         header = {
             "words": self.words,
             "arrays": [[name, array.dtype.str, list(array.shape)] for name, array in self.arrays.items()],
@@ -48,8 +49,8 @@ class ChildAnswer(NamedTuple):
         return json.dumps(header).encode() + b"\n" + b"".join(bodies)
 
 
-def unpacked(data: bytes) -> ChildAnswer:
-    """Return the answer in bytes; raise `ChildRefused` with the text of a refusal, ValueError for anything else."""
+def unpack(data: bytes) -> ChildAnswer:
+    """Return the answer that bytes hold; raise `ChildRefused` for a refusal, ValueError for anything else."""
     line, _, body = data.partition(b"\n")
     header = json.loads(line)
     if "refused" in header:
@@ -66,12 +67,12 @@ def unpacked(data: bytes) -> ChildAnswer:
 
 
 def refusal(text: str) -> bytes:
-    """Return a refusal as bytes."""
+    """Return a refusal, with a text for the user, as bytes."""
     return json.dumps({"refused": text}).encode() + b"\n"
 
 
-def bound(memory: int, seconds: int) -> None:
-    """Bound the memory (bytes) and time (s) of this process, where the system can."""
+def set_limits(memory: int, seconds: int) -> None:
+    """Limit the memory (bytes) and processor time (s) of this process, where the system can."""
     try:
         import resource  # not on every system
     except ImportError:  # no such limits on this system
@@ -83,8 +84,8 @@ def bound(memory: int, seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def said(asked: dict[str, Any], data: bytes) -> bytes:
-    """Return the answer to a request about a file's bytes, or the refusal, as bytes."""
+def answer_bytes(asked: dict[str, Any], data: bytes) -> bytes:
+    """Return the answer to a request about the bytes of a file, or the refusal, as bytes."""
     try:
         if asked["module"] not in MODULES:
             raise ValueError(asked["module"])
@@ -94,17 +95,17 @@ def said(asked: dict[str, Any], data: bytes) -> bytes:
     except ChildRefused as error:
         return refusal(str(error))
     except MemoryError:
-        return refusal(f"it takes more than {asked['memory'] / 1e9:.2g} GB of memory to read; make it smaller")
+        return refusal(f"reading it takes more than {asked['memory'] / 1e9:.2g} GB of memory; make it smaller")
     except Exception as error:  # of a library, on a file that may be anything
         return refusal(f"it cannot be read ({type(error).__name__}: {str(error)[:200]}); is it broken?")
 
 
 def serve() -> None:
-    """Read the request and answer; never returns."""
+    """Read the request from standard input and write the answer; end the process."""
     asked = json.loads(sys.stdin.buffer.readline())
-    bound(asked["memory"], asked["seconds"])
+    set_limits(asked["memory"], asked["seconds"])
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # prints of a library do not belong to the answer
-    out.write(said(asked, sys.stdin.buffer.read()))
+    out.write(answer_bytes(asked, sys.stdin.buffer.read()))
     out.flush()
     os._exit(0)  # without clean-up, in which a library may hang

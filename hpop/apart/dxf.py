@@ -27,11 +27,11 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     try:
         drawing, _ = recover.read(io.BytesIO(data))
     except DXFError as error:
-        raise ChildRefused(f"it is no DXF drawing that can be read ({str(error)[:200]})") from None
+        raise ChildRefused(f"it cannot be read as a DXF drawing ({str(error)[:200]})") from None
     lines = Lines(options["layers"])
     frozen = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_frozen()}
     hidden = frozen | {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off()}
-    walk = _Walk(lines, frozen if options["layers"] is None else set())
+    walk = _EntityWalk(lines, frozen if options["layers"] is None else set())
     for placed in walk.within(drawing.modelspace(), None, "", 0):
         _add(placed, placed.layer.casefold() not in hidden, lines)
     return lines.answer(
@@ -41,40 +41,48 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     )
 
 
-class _Placed(NamedTuple):
-    """Entity, the matrix from its block to the drawing, or None, and its layer."""
+class _PlacedEntity(NamedTuple):
+    """Entity with its layer, and the matrix from its block to the drawing (None for the identity)."""
 
     entity: Any
     matrix: Any
     layer: str
 
 
-class _Walk:
-    """Walk through the entities of a drawing.
+class _EntityWalk:
+    """Walk through the visible entities of a drawing, including those in blocks.
 
-    frozen  layers, in lower case; references to blocks on them are hidden, whatever the layers of the blocks' contents
+    lines   collector of lines, which counts entities that are left out
+    frozen  names of frozen layers, in lower case; references to blocks on these layers are hidden with all their
+    contents
     """
 
     def __init__(self, lines: Lines, frozen: set[str]) -> None:
         self._lines, self._frozen = lines, frozen
 
-    def within(self, entities: Any, matrix: Any, around: str, deep: int) -> Iterator[_Placed]:
-        """Yield visible entities, those of blocks at each insertion; layer 0 of a block is its reference's.
+    def within(self, entities: Any, matrix: Any, around: str, deep: int) -> Iterator[_PlacedEntity]:
+        """Yield visible entities, those of a block once for each reference to the block.
 
-        Matrices are multiplied here: ezdxf turns a reference within a stretched block into one that it can say.
+        Layer 0 within a block stands for the layer of the reference. Matrices are multiplied here, because ezdxf
+        changes a
+        reference within a stretched block into a form that it can represent.
+
+        matrix  from ``entities`` to the drawing, or None
+        around  layer of the reference
+        deep    depth of nested blocks
         """
         lines = self._lines
         for entity in entities:
-            lines.look()
+            lines.count_entity()
             layer = str(entity.dxf.get("layer", "0"))
             layer = around if layer == "0" and around else layer
             kind = entity.dxftype()
             if entity.dxf.get("invisible", 0):  # group 60, such as the states of a dynamic block that are not chosen
                 lines.left_out["invisible"] += 1
             elif kind == "MLINE":
-                yield from (_Placed(part, matrix, layer) for part in self._parts(entity))
+                yield from (_PlacedEntity(part, matrix, layer) for part in self._parts(entity))
             elif kind != "INSERT":
-                yield _Placed(entity, matrix, layer)
+                yield _PlacedEntity(entity, matrix, layer)
             elif layer.casefold() in self._frozen:
                 lines.left_out[HIDDEN] += 1
             elif deep == MOST_DEEP:
@@ -85,13 +93,13 @@ class _Walk:
                 lines.left_out["references to other drawings (XREF)"] += 1
             else:
                 for reference in entity.multi_insert() if entity.mcount > 1 else (entity,):
-                    lines.look()
+                    lines.count_entity()
                     own = reference.matrix44()
                     whole = own if matrix is None else own @ matrix
                     yield from self.within(block, whole, layer, deep + 1)
 
     def _parts(self, wall: Any) -> list[Any]:
-        """Return the lines, arcs and fills of an MLINE, the wall tool of AutoCAD."""
+        """Return the lines, arcs and fills of an MLINE, AutoCAD's tool for walls."""
         try:
             return list(wall.virtual_entities())
         except (TypeError, ValueError, ArithmeticError, LookupError, AttributeError):
@@ -99,7 +107,8 @@ class _Walk:
             return []
 
 
-def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
+def _add(placed: _PlacedEntity, shown: bool, lines: Lines) -> None:
+    """Add the lines of an entity; ``shown``: whether its layer is shown."""
     from ezdxf import path  # of an extra
 
     entity, matrix, layer = placed
@@ -116,7 +125,7 @@ def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
     except (TypeError, ValueError, ArithmeticError):  # a mesh, a circle without a radius
         lines.left_out[f"{kind} without a line"] += 1
         return
-    lines.add(layer, [points for each in paths for points in _flat(each)], filled=solid)
+    lines.add(layer, [points for each in paths for points in _polylines(each)], filled=solid)
     if kind in WIDE and entity.has_width:
         for corners in _band(entity, lines):
             placed_corners = corners if matrix is None else matrix.transform_vertices(corners)
@@ -124,7 +133,7 @@ def _add(placed: _Placed, shown: bool, lines: Lines) -> None:
 
 
 def _band(polyline: Any, lines: Lines) -> list[Any]:
-    """Return the quadrilaterals (groups 40, 41 and 43) that a wide polyline fills, of four corners each."""
+    """Return the quadrilaterals that a polyline with widths (groups 40, 41 and 43) fills, four corners each."""
     from ezdxf.math import Vec3  # of an extra
     from ezdxf.render.trace import TraceBuilder  # of an extra
 
@@ -139,8 +148,8 @@ def _band(polyline: Any, lines: Lines) -> list[Any]:
     return found
 
 
-def _flat(path: Any) -> Iterator[list[tuple[float, float]]]:
-    """Yield the parts of a path as points (x, y), curves within a share of their size."""
+def _polylines(path: Any) -> Iterator[list[tuple[float, float]]]:
+    """Yield the parts of a path as points (x, y); curves are flattened within a tolerance relative to their size."""
     for part in path.sub_paths() if path.has_sub_paths else (path,):
         corners = [(v.x, v.y, v.z) for v in part.control_vertices()]
         if not corners:

@@ -1,4 +1,7 @@
-"""Lines and filled areas of a drawing, collected layer by layer up to a bound, and clipped to their visible parts."""
+"""Collector of the lines and filled areas of a drawing.
+
+Counted by layer, bounded in number, clipped to visible parts.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,9 @@ import numpy as np
 from hpop.apart.child import ChildAnswer, ChildRefused
 
 MOST_POINTS = 500_000
-"""Points of all lines."""
+"""Largest number of points of all lines."""
 MOST_THINGS = 1_000_000
-"""Things of a drawing that are looked at, references to blocks or forms included."""
+"""Largest number of entities that are read, including references to blocks or forms."""
 MOST_DEEP = 16
 """Blocks within blocks."""
 FARTHEST = 1e12
@@ -25,16 +28,16 @@ SAG = 5e-4
 
 
 HIDDEN = "on layers that are off or frozen"
-"""Note on hidden things."""
+"""Note on hidden entities."""
 Points = Sequence[tuple[float, float]]
 NEAR = 0.01
 """Largest distance of a point beyond a border that still counts as on it."""
 
 
 class Lines:
-    """Lines and areas of a drawing.
+    """Collector of the lines and areas of a drawing.
 
-    layers : names of the layers that are asked for, or None for all that are shown
+    layers : names of the layers to read, or None for all layers that are shown
     """
 
     def __init__(self, layers: Sequence[str] | None) -> None:
@@ -48,19 +51,19 @@ class Lines:
         self._things = 0
         self._layers: dict[str, int] = {}
         self.counted: Counter[str] = Counter()
-        """How many lines and areas each layer has, those that are not asked for included."""
+        """Number of lines and areas by layer, including layers that are not requested."""
         self.left_out: Counter[str] = Counter()
         self.wide = 0
-        """How many lines are areas as well, as thick as they are drawn."""
+        """Number of thick lines that are read as areas."""
 
-    def look(self) -> None:
-        """Count one more thing of the drawing; `ChildRefused` where there are too many."""
+    def count_entity(self) -> None:
+        """Count one more entity of the drawing; `ChildRefused` if there are too many."""
         self._things += 1
         if self._things > MOST_THINGS:
-            raise ChildRefused(f"it has more than {MOST_THINGS:,} things in it; expected a floor plan. Leave some out")
+            raise ChildRefused(f"it has more than {MOST_THINGS:,} entities; expected a floor plan. Remove some of them")
 
     def wants(self, layer: str, *, shown: bool = True) -> bool:
-        """Count a thing of a layer, and return whether to read it."""
+        """Count an entity of a layer, and return whether to read the entity."""
         self.counted[layer] += 1
         if self._asked is not None:
             return layer.casefold() in self._asked
@@ -76,9 +79,9 @@ class Lines:
         filled: bool = False,
         width: float = 0.0,
     ) -> None:
-        """Add lines, each through points; together they bound an area where they are filled.
+        """Add polylines, each given by its points; if ``filled``, all of them together bound one area.
 
-        width  how thick they are drawn, in the drawing's units, where their ends are cut off; 0 for the width of a pen
+        width  thickness of lines with flat ends, in the drawing's units; 0 for the width of a pen
         """
         self._areas += filled
         for path in paths:
@@ -91,21 +94,24 @@ class Lines:
             self._width.append(width)
             if len(self._points) > MOST_POINTS:
                 raise ChildRefused(
-                    f"its lines have more than {MOST_POINTS:,} points; expected a floor plan. Choose layers, or leave "
-                    f"some out; it has {said(self.counted)}"
+                    f"its lines have more than {MOST_POINTS:,} points; expected a floor plan. Choose layers, or remove "
+                    f"some out; it has {counts_text(self.counted)}"
                 )
 
     def answer(self, known: Iterable[str], **words: Any) -> ChildAnswer:
-        """Return the collected lines; `ChildRefused` where a requested layer is missing.
+        """Return the collected lines; `ChildRefused` if a requested layer is missing.
 
-        known : names of layers that the file lists, those without lines included
+        known : names of all layers that the file lists, including layers without lines
+        words : further words of the answer
         """
         names = {name.casefold(): name for name in (*known, *self.counted)}
         for name in sorted(self._asked or ()):
             if name not in names:
                 near = get_close_matches(name[:100], list(names)[:10_000], n=1)
                 hint = f" Did you mean {names[near[0]]!r}?" if near else ""
-                raise ChildRefused(f"it has no layer {name[:100]!r}.{hint} It has {said(self.counted) or 'none'}")
+                raise ChildRefused(
+                    f"it has no layer {name[:100]!r}.{hint} It has {counts_text(self.counted) or 'none'}"
+                )
         points = np.array(self._points, dtype=np.float64).reshape(-1, 2)
         if not (np.abs(points) <= FARTHEST).all():
             raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
@@ -120,25 +126,25 @@ class Lines:
         return ChildAnswer(words, {"points": points, "width": np.asarray(self._width, "<f8"), **whole})
 
 
-def said(counted: Counter[str] | dict[str, int], most: int = 12) -> str:
-    """Return names with their counts, the greatest first."""
+def counts_text(counted: Counter[str] | dict[str, int], most: int = 12) -> str:
+    """Return names with their counts in words, the largest count first."""
     several = sorted(counted.items(), key=lambda entry: (-entry[1], entry[0]))
     return ", ".join(f"{name} ({count:,})" for name, count in several[:most]) + ", ..." * (len(several) > most)
 
 
 @dataclass(frozen=True)
 class Visible:
-    """Visible part of a drawing: a rectangle and areas, all in the drawing's coordinates; the part within all of them.
+    """Visible part of a drawing: the intersection of a rectangle with areas, in the drawing's coordinates.
 
     box    x0, y0, x1, y1
-    areas  polygons of shapely, beside rectangles along the axes
+    areas  shapely polygons, for clip paths that are no axis-parallel rectangles
     """
 
     box: tuple[float, float, float, float]
     areas: tuple[Any, ...] = ()
 
     def cut(self, parts: Sequence[Points]) -> Visible:
-        """Return the part that also lies within a clip path; nothing where the path has no area."""
+        """Return the intersection with a clip path; it is empty if the path has no area."""
         corners = [part for part in parts if len(part) > 2]
         if len(corners) == 1 and _is_box(corners[0]):
             x0, y0, x1, y1 = self.box
@@ -147,7 +153,7 @@ class Visible:
         return replace(self, areas=(*self.areas, _area(corners)))
 
     def of(self, parts: Sequence[Points], *, filled: bool) -> list[Points]:
-        """Return the visible part of lines, or of the area within an odd number of them."""
+        """Return the visible part of lines, or of the area that they enclose by the even-odd rule."""
         x0, y0, x1, y1 = self.box
         inside = all(x0 - NEAR <= x <= x1 + NEAR and y0 - NEAR <= y <= y1 + NEAR for part in parts for x, y in part)
         if inside and not self.areas:
@@ -167,7 +173,7 @@ class Visible:
 
 
 def _is_box(corners: Points) -> bool:
-    """Return whether corners, the first perhaps repeated at the end, form a rectangle along the axes."""
+    """Return whether corners, the first perhaps repeated at the end, form an axis-parallel rectangle."""
     points = list(dict.fromkeys(corners))
     if len(points) != 4:
         return False
@@ -177,7 +183,7 @@ def _is_box(corners: Points) -> bool:
 
 
 def _area(parts: Sequence[Points]) -> Any:
-    """Return the area within an odd number of closed lines."""
+    """Return the area that closed lines enclose by the even-odd rule."""
     import shapely  # slow to import
 
     rings = [shapely.LineString([*part, part[0]]) for part in parts if len(part) > 2]

@@ -1,7 +1,7 @@
-"""Reader of lines and dark fills of a page of a PDF, by pdfium.
+"""Reader of the lines and dark fills of a PDF page, by pdfium.
 
-pdfium does not tell the unit of a page, nor which layers are off when the document is opened. But it can write a
-document anew with uncompressed objects, in which these entries are plain to see.
+pdfium reports neither the unit of a page nor the layers that are off when the document is opened. But it can rewrite a
+document with uncompressed objects, in which these entries are plain text.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ NAME = re.compile(rb"/Name\s*(\((?:\\.|[^\\()])*\)|<[0-9A-Fa-f\s]*>)", re.DOTALL
 ESCAPE = re.compile(rb"\\([0-7]{1,3}|\r\n|.)", re.DOTALL)
 LETTERS = {b"n": b"\n", b"r": b"\r", b"t": b"\t", b"b": b"\b", b"f": b"\f", b"\n": b"", b"\r": b"", b"\r\n": b""}
 PAPER = 0.9
-"""Brightness above which a line is no line: it covers what lies below."""
+"""Brightness above which a line is ignored: it only covers what lies below."""
 INK = 0.5
-"""Brightness below which a fill is solid: lighter ones colour rooms."""
+"""Brightness below which a fill is solid; lighter fills colour rooms."""
 LAYERLESS = "(no layer)"
 PEN = 72 / 25.4
-"""Thickness up to which a line is a pen's, 1 mm on paper: what is thicker is drawn as a band."""
+"""Thickness, 1 mm on paper, up to which a line is a pen stroke; a thicker line is an area."""
 Matrix = np.ndarray[Any, np.dtype[np.float64]]
 
 
 def page_unit(pdfium: Any, document: Any, number: int, data: bytes) -> float:
-    """Return how many points (1/72 inch) a unit of a page is: its UserUnit (PDF 1.6), 1 where it has none."""
+    """Return the length of a page's unit in points (1/72 inch): its UserUnit (PDF 1.6), by default 1."""
     if not _may_have(data, b"UserUnit"):
         return 1.0
     alone = pdfium.PdfDocument.new()
@@ -65,7 +65,7 @@ def hidden_layers(document: Any, data: bytes) -> set[str]:
 
 
 def _may_have(data: bytes, name: bytes) -> bool:
-    """Return whether a file may have an entry: it is there, or objects are compressed."""
+    """Return whether a file may have an entry ``name``: it occurs in the data, or objects are compressed."""
     return name in data or b"ObjStm" in data
 
 
@@ -77,7 +77,7 @@ def _objects(document: Any) -> dict[int, bytes]:
 
 
 def _entry(body: bytes, name: bytes, objects: dict[int, bytes]) -> bytes:
-    """Return the dictionary that is an entry of another one, in place or by number; empty where there is none."""
+    """Return the dictionary under a name in another dictionary, in place or by reference; empty if there is none."""
     found = re.search(rb"/" + name + rb"\s*(?:(\d{1,10})\s+\d{1,5}\s+R\b|<<)", body)
     if found is None:
         return b""
@@ -92,7 +92,7 @@ def _entry(body: bytes, name: bytes, objects: dict[int, bytes]) -> bytes:
 
 
 def _references(body: bytes, name: bytes, objects: dict[int, bytes]) -> Iterator[int]:
-    """Yield the numbers of the objects in an array, in place or by number."""
+    """Yield the object numbers in an array under a name, in place or by reference."""
     found = re.search(rb"/" + name + rb"\s*(?:(\d{1,10})\s+\d{1,5}\s+R\b|\[([^\]]*)\])", body)
     if found is not None:
         array = objects.get(int(found[1]), b"") if found[1] else found[2]
@@ -100,18 +100,18 @@ def _references(body: bytes, name: bytes, objects: dict[int, bytes]) -> Iterator
 
 
 def _string(string: bytes) -> str:
-    """Return the text of a string in brackets or hexadecimal."""
+    """Return the text of a PDF string, written in brackets or in hexadecimal."""
     inner = string[1:-1]
     if string.startswith(b"<"):
         digits = re.sub(rb"\s", b"", inner).decode("ascii")
         data = bytes.fromhex(digits + "0" * (len(digits) % 2))
     else:
         data = ESCAPE.sub(lambda found: _unescaped(found[1]), inner)
-    return decoded(data)
+    return decode(data)
 
 
-def decoded(data: bytes) -> str:
-    """Return the text of a string: UTF-16 with a mark, or bytes that are Latin letters."""
+def decode(data: bytes) -> str:
+    """Return the text of bytes: UTF-16 with a byte order mark, or else Latin-1."""
     return data[2:].decode("utf-16-be", "replace") if data.startswith(b"\xfe\xff") else data.decode("latin-1")
 
 
@@ -134,16 +134,16 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
         document = pdfium.PdfDocument(data)
         pages = len(document)
         if not 1 <= options["page"] <= pages:
-            raise ChildRefused(f"it has {pages:,} pages; page must be one of them, got {options['page']}")
+            raise ChildRefused(f"it has {pages:,} pages; page must be from 1 to {pages:,}, got {options['page']}")
         page = document[options["page"] - 1]
     except pdfium.PdfiumError as error:
-        raise ChildRefused(f"it is no PDF that can be read ({str(error)[:200]}); has it a password?") from None
+        raise ChildRefused(f"it cannot be read as a PDF ({str(error)[:200]}); does it have a password?") from None
     lines = Lines(options["layers"])
     unit = page_unit(pdfium, document, options["page"] - 1, data)
     hidden = hidden_layers(document, data)
-    to_page, width, height = _as_shown(page, unit)
+    to_page, width, height = _display_matrix(page, unit)
     visible = Visible((0.0, 0.0, width, height))
-    for thing, matrix, layer, clip in _within(raw, page.raw, to_page, LAYERLESS, visible, 0, lines):
+    for thing, matrix, layer, clip in _visible_objects(raw, page.raw, to_page, LAYERLESS, visible, 0, lines):
         kind = raw.FPDFPageObj_GetType(thing)
         if kind == raw.FPDF_PAGEOBJ_PATH:
             _add(raw, thing, matrix, layer, clip, lines, shown=layer.casefold() not in hidden)
@@ -155,8 +155,8 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     return lines.answer((), pages=pages, unit=unit)
 
 
-def _as_shown(page: Any, unit: float) -> tuple[Matrix, float, float]:
-    """Return the matrix from the page's coordinates to points of the page as it is shown, and the page's size."""
+def _display_matrix(page: Any, unit: float) -> tuple[Matrix, float, float]:
+    """Return the matrix from page coordinates to points of the page as displayed, and the page's size, in points."""
     left, bottom, right, top = page.get_cropbox()
     x0, y0, x1, y1 = page.get_mediabox()
     if min(right, x1) > max(left, x0) and min(top, y1) > max(bottom, y0):
@@ -174,34 +174,44 @@ def _as_shown(page: Any, unit: float) -> tuple[Matrix, float, float]:
     return np.asarray(whole), across[0] * unit, across[1] * unit
 
 
-def _within(
+def _visible_objects(
     raw: Any, parent: Any, matrix: Matrix, around: str, clip: Visible, deep: int, lines: Lines
 ) -> Iterator[tuple[Any, Matrix, str, Visible]]:
-    """Yield objects of a page, those of forms where these are drawn, each with its matrix, its layer and its clip."""
+    """Yield the objects of a page or form, each with its matrix, layer and clip.
+
+    parent  page or form
+    matrix  from its coordinates to the page as displayed
+    around  layer of the form
+    clip    visible part
+    deep    depth of nested forms
+    """
     of_page = deep == 0
     count = raw.FPDFPage_CountObjects(parent) if of_page else raw.FPDFFormObj_CountObjects(parent)
     for i in range(count):
-        lines.look()
+        lines.count_entity()
         thing = raw.FPDFPage_GetObject(parent, i) if of_page else raw.FPDFFormObj_GetObject(parent, i)
         layer = _layer(raw, thing) or around
         own = raw.FS_MATRIX()
         if not raw.FPDFPageObj_GetMatrix(thing, ctypes.byref(own)):
             own = raw.FS_MATRIX(1, 0, 0, 1, 0, 0)
         placed = np.array([[own.a, own.b, 0], [own.c, own.d, 0], [own.e, own.f, 1]]) @ matrix
-        within = _clipped(raw, thing, matrix, clip, lines)
+        within = _object_clip(raw, thing, matrix, clip, lines)
         if raw.FPDFPageObj_GetType(thing) != raw.FPDF_PAGEOBJ_FORM:
             yield thing, placed, layer, within
         elif deep == MOST_DEEP:
             lines.left_out[f"forms more than {MOST_DEEP} deep"] += 1
         else:
-            yield from _within(raw, thing, placed, layer, within, deep + 1, lines)
+            yield from _visible_objects(raw, thing, placed, layer, within, deep + 1, lines)
 
 
-def _clipped(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) -> Visible:
-    """Return the visible part of an object: the clip around it and its own paths, in its parent's coordinates."""
+def _object_clip(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) -> Visible:
+    """Return the visible part of an object.
+
+    The intersection of ``clip`` and its own clip paths, in its parent's coordinates.
+    """
     own = raw.FPDFPageObj_GetClipPath(thing)
     for number in range(max(0, raw.FPDFClipPath_CountPaths(own))):
-        lines.look()
+        lines.count_entity()
         count = raw.FPDFClipPath_CountPathSegments(own, number)
         segments = (raw.FPDFClipPath_GetPathSegment(own, number, i) for i in range(count))
         clip = clip.cut(_parts(raw, segments, count, matrix))
@@ -209,7 +219,7 @@ def _clipped(raw: Any, thing: Any, matrix: Matrix, clip: Visible, lines: Lines) 
 
 
 def _layer(raw: Any, thing: Any) -> str:
-    """Return the name of the optional content to which an object belongs, or ""."""
+    """Return the name of the layer (optional content) to which an object belongs, or ""."""
     for i in range(max(0, raw.FPDFPageObj_CountMarks(thing))):
         mark = raw.FPDFPageObj_GetMark(thing, i)
         if _text(lambda *to, mark=mark: raw.FPDFPageObjMark_GetName(mark, *to)) == "OC":
@@ -218,17 +228,17 @@ def _layer(raw: Any, thing: Any) -> str:
 
 
 def _name(raw: Any, mark: Any) -> str:
-    """Return the name in a mark, read as bytes, since pdfium takes UTF-16 for UTF-8."""
+    """Return the name in a content mark, read as bytes, since pdfium takes UTF-16 for UTF-8."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     to = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ubyte))
     if not raw.FPDFPageObjMark_GetParamBlobValue(mark, b"Name", to, len(buffer), ctypes.byref(size)):
         return ""
-    return decoded(buffer.raw[: min(size.value, len(buffer))])
+    return decode(buffer.raw[: min(size.value, len(buffer))])
 
 
 def _text(get: Any) -> str:
-    """Return a text that pdfium writes into a buffer, in UTF-16."""
+    """Return a text that the pdfium function ``get`` writes into a buffer, in UTF-16."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     pointer = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ushort))
@@ -238,7 +248,7 @@ def _text(get: Any) -> str:
 
 
 def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines, *, shown: bool) -> None:
-    """Add the lines of a path within its clip, if it draws something dark."""
+    """Add the visible lines of a path, if it draws dark lines or fills."""
     fill, stroke = ctypes.c_int(), ctypes.c_int()
     if not raw.FPDFPath_GetDrawMode(path, ctypes.byref(fill), ctypes.byref(stroke)):
         return
@@ -254,12 +264,12 @@ def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: 
     parts = _parts(raw, (raw.FPDFPath_GetPathSegment(path, i) for i in range(count)), count, matrix)
     seen = clip.of(parts, filled=is_area)
     if seen != parts:
-        lines.left_out["in part or whole outside of the page or of a clip path"] += 1
+        lines.left_out["partly or wholly outside the page or a clip path"] += 1
     lines.add(layer, seen, filled=is_area, width=_thickness(raw, path, matrix) if is_line and not is_area else 0.0)
 
 
 def _thickness(raw: Any, path: Any, matrix: Matrix) -> float:
-    """Return the thickness of a line, in points; 0 for a pen."""
+    """Return the thickness of a line, in points; 0 for a pen stroke."""
     width = ctypes.c_float()
     if not raw.FPDFPageObj_GetStrokeWidth(path, ctypes.byref(width)):
         return 0.0
@@ -276,10 +286,10 @@ def _brightness(get: Any, path: Any) -> float:
 
 
 def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> list[list[tuple[float, float]]]:
-    """Return the parts of a path of segments as points, curves within a share of their size."""
+    """Return the parts of a path as points; curves are flattened within a tolerance relative to their size."""
     parts: list[list[tuple[float, float]]] = []
     if count > MOST_POINTS:
-        raise ChildRefused(f"a line of it has {count:,} points; expected a floor plan, at most {MOST_POINTS:,}")
+        raise ChildRefused(f"one of its lines has {count:,} points, more than {MOST_POINTS:,}; expected a floor plan")
     curve: list[tuple[float, float]] = []
     x, y = ctypes.c_float(), ctypes.c_float()
     for segment in segments:
@@ -294,7 +304,7 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
         elif kind == raw.FPDF_SEGMENT_BEZIERTO:
             curve.append(point)
             if len(curve) == 3:
-                parts[-1] += _flat(parts[-1][-1], *curve)
+                parts[-1] += _bezier_points(parts[-1][-1], *curve)
                 curve = []
         else:
             parts[-1].append(point)
@@ -303,8 +313,8 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
     return parts
 
 
-def _flat(*corners: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return points of a cubic Bézier curve after its first, so that chords stay within a share of its size."""
+def _bezier_points(*corners: tuple[float, float]) -> list[tuple[float, float]]:
+    """Return points of a cubic Bézier curve, without its first, so dense that chords stay within a tolerance."""
     a, b, c, d = np.array(corners)
     bend = max(math.hypot(*(a - 2 * b + c)), math.hypot(*(b - 2 * c + d)))  # second differences bound the sagitta
     size = float(np.hypot(*np.ptp(np.array(corners), axis=0)))

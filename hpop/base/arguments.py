@@ -1,10 +1,11 @@
-"""Errors for wrong arguments of public functions, which name the argument.
+"""Errors that name the wrong argument of a public function.
 
-A value of an unexpected type fails somewhere inside, with an AttributeError about an object that the caller never saw.
-:func:`checked_arguments` marks public functions and classes: once a call of theirs has failed, its arguments are
-compared with the signature, and a TypeError or ValueError says which one is wrong, what was expected and what came. A
-call that succeeds costs one frame, and no call that works is refused. Errors that hpop raises on purpose pass
-unchanged.
+A value of an unexpected type usually fails deep inside hpop, with an AttributeError about an object that the caller
+never
+saw. :func:`checked_arguments` marks public functions and classes. Once a call of such a function has failed, its
+arguments are compared with the signature, and a TypeError or ValueError says which argument is wrong, what was expected
+and what came. A successful call costs one extra stack frame, and no call that works is refused. Errors that hpop raises
+on purpose pass unchanged.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def checked_arguments(target: T) -> T:
     TypeError: doubled: values must be a list (each a number), got None
     """
     if not isinstance(target, type):
-        return cast(T, _guarded(target, None))
+        return cast(T, _explaining_wrapper(target, None))
     for name in dir(target):
         if name.startswith("_") and name != "__init__":
             continue
@@ -91,13 +92,16 @@ def checked_arguments(target: T) -> T:
         is_own = home in ("hpop", target.__module__.partition(".")[0])  # not of a library's class
         if isinstance(function, FunctionType) and is_own and not hasattr(function, GUARDED):
             owner = next(cls for cls in target.__mro__ if name in vars(cls))
-            guarded = _guarded(function, owner)
+            guarded = _explaining_wrapper(function, owner)
             setattr(target, name, guarded if kind is FunctionType else kind(guarded))
     return cast(T, target)
 
 
-def _guarded(function: Callable[..., Any], owner: type | None) -> Callable[..., Any]:
-    """Return a function that explains its errors by wrong arguments."""
+def _explaining_wrapper(function: Callable[..., Any], owner: type | None) -> Callable[..., Any]:
+    """Return a wrapper of a function that turns its errors into errors that name a wrong argument.
+
+    ``owner`` is the class of a method, or None for a function.
+    """
     if inspect.isgeneratorfunction(function):
 
         @wraps(function)
@@ -126,10 +130,13 @@ def _guarded(function: Callable[..., Any], owner: type | None) -> Callable[..., 
 def _explain(
     function: Callable[..., Any], owner: type | None, args: Sequence[Any], kwargs: Mapping[str, Any], error: Exception
 ) -> None:
-    """Raise an error that names the argument at fault; return if no argument is wrong or the error names it already."""
+    """Raise an error that names the wrong argument of a failed call.
+
+    Return without raising if no argument is wrong, or if ``error`` names the argument already.
+    """
     if _is_deliberate(error) and not hasattr(error, GUARDED):
         return
-    hints, signature = _hints(function, owner), inspect.signature(function)
+    hints, signature = _resolved_hints(function, owner), inspect.signature(function)
     try:
         bound = signature.bind(*args, **kwargs)
     except TypeError:  # Python's own error names missing and surplus arguments
@@ -161,22 +168,25 @@ def _explain(
         if wrong:
             if not ours and isinstance(error, TypeError | ValueError) and re.search(rf"\b{re.escape(name)}\b", message):
                 return
-            raise _named(raised(f"{title}: {name} must be {wrong}, got {shown(value)}")) from cause
+            raise _marked_as_named(raised(f"{title}: {name} must be {wrong}, got {shown(value)}")) from cause
     for name, value in arguments:
         if isinstance(value, str) and isinstance(error, LookupError | AttributeError) and repr(value) in message:
-            raise _named(ValueError(f"{title}: there is no {name} {shown(value)}")) from cause
+            raise _marked_as_named(ValueError(f"{title}: there is no {name} {shown(value)}")) from cause
     numbers: list[tuple[str, Any]] = [
         (name, value) for name, value in arguments if isinstance(value, int | float | np.number)
     ]
     for name, value in sorted(numbers, key=lambda item: -abs(item[1])):
         if value < 0 and "negative" in message:
-            raise _named(ValueError(f"{title}: {name} must not be negative, got {shown(value)}")) from cause
+            raise _marked_as_named(ValueError(f"{title}: {name} must not be negative, got {shown(value)}")) from cause
         if isinstance(error, IndexError):
-            raise _named(ValueError(f"{title}: {name} is out of range, got {shown(value)}")) from cause
+            raise _marked_as_named(ValueError(f"{title}: {name} is out of range, got {shown(value)}")) from cause
 
 
 def _is_deliberate(error: Exception) -> bool:
-    """Return whether hpop raised an error on purpose, or a warning became one: then its message is clear."""
+    """Return whether hpop raised an error on purpose, or whether the error is a warning turned into one.
+
+    Its message is clear.
+    """
     if type(error).__module__.partition(".")[0] == "hpop" or isinstance(error, Warning):
         return True
     place = extract_tb(error.__traceback__)[-1]
@@ -184,19 +194,19 @@ def _is_deliberate(error: Exception) -> bool:
     return is_own and isinstance(error, TypeError | ValueError) and (place.line or "").startswith("raise ")
 
 
-def _named(error: Exception) -> Exception:
-    """Return an error, marked so that an outer function may explain it by an argument of its own."""
+def _marked_as_named(error: Exception) -> Exception:
+    """Return an error with a mark that its message already names an argument of an inner function."""
     setattr(error, GUARDED, True)
     return error
 
 
 def misfit(value: Any, hint: Any) -> str:
-    """Return what was expected if a value does not fit a type; "" if it fits, or nothing is known of the type."""
-    return "" if fits(value, hint) else expected(hint)
+    """Return a description of the expected type if a value does not fit a type hint, else ""."""
+    return "" if fits(value, hint) else type_in_words(hint)
 
 
 def extreme(value: Any) -> str:
-    """Return what was expected if a value has the right type but is empty, or too large to compute with."""
+    """Return a description of the expected value if a value is empty or too large to compute with, else ""."""
     if isinstance(value, int | float | np.number) and not isinstance(value, bool):
         number: Any = value
         finite = isinstance(value, int) or bool(np.isfinite(number))
@@ -209,7 +219,7 @@ def extreme(value: Any) -> str:
         return "" if not isinstance(value, str) or value else EMPTY
     if not len(value):
         return EMPTY
-    entries = _first(value.values() if isinstance(value, Mapping) else value)
+    entries = _first_entries(value.values() if isinstance(value, Mapping) else value)
     return next((f"of entries that are each {wrong}" for wrong in map(extreme, entries) if wrong), "")
 
 
@@ -242,12 +252,12 @@ def fits(value: Any, hint: Any) -> bool:
     if issubclass(cls, Mapping):
         return isinstance(value, Mapping) and (
             len(parts) != 2
-            or all(fits(key, parts[0]) and fits(entry, parts[1]) for key, entry in _first(value.items()))
+            or all(fits(key, parts[0]) and fits(entry, parts[1]) for key, entry in _first_entries(value.items()))
         )
     if issubclass(cls, tuple | list | set | frozenset) or cls in COLLECTIONS:
         return _is_collection(value, cls, parts)
     if getattr(cls, "_is_protocol", False):
-        return all(hasattr(value, name) for name in _members(cast(Any, cls)))
+        return all(hasattr(value, name) for name in _public_members(cast(Any, cls)))
     if issubclass(cls, str) and cls is not str and isinstance(value, str):  # an enumeration's value
         return value in set(cast(Iterable[Any], cls))
     return isinstance(value, cls)
@@ -256,13 +266,13 @@ def fits(value: Any, hint: Any) -> bool:
 COLLECTIONS = tuple(get_origin(kind) for kind in (Iterable[Any], Collection[Any], Sequence[Any], Iterator[Any]))
 
 
-def expected(hint: Any) -> str:
-    """Return the description of a type in words."""
+def type_in_words(hint: Any) -> str:
+    """Return the description of a type hint in words."""
     origin, parts = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return expected(parts[0])
+        return type_in_words(parts[0])
     if origin in (Union, UnionType):
-        words = dict.fromkeys(map(expected, parts))
+        words = dict.fromkeys(map(type_in_words, parts))
         if str in parts and any(_is_path(part) for part in parts):
             words = {"a path": None} | {word: None for word in words if word not in ("text", "a PathLike", "a Path")}
         return " or ".join(words)
@@ -277,20 +287,23 @@ def expected(hint: Any) -> str:
         return "a function"
     if issubclass(cls, Mapping):
         is_typed = len(parts) == 2 and Any not in parts
-        return f"a dict ({expected(parts[0])}: {expected(parts[1])})" if is_typed else "a dict"
+        return f"a dict ({type_in_words(parts[0])}: {type_in_words(parts[1])})" if is_typed else "a dict"
     entries = [part for part in parts if part is not Ellipsis]
     if issubclass(cls, tuple) and parts and Ellipsis not in parts:
-        return f"{len(parts)} values ({', '.join(map(expected, parts))})"
+        return f"{len(parts)} values ({', '.join(map(type_in_words, parts))})"
     if issubclass(cls, tuple | list | set | frozenset) or cls in COLLECTIONS:
         is_typed = len(entries) == 1 and isinstance(get_origin(entries[0]) or entries[0], type)
-        return f"a list (each {expected(entries[0])})" if is_typed else "a list"
+        return f"a list (each {type_in_words(entries[0])})" if is_typed else "a list"
     builders = [name for name in dir(cls) if BUILDERS.fullmatch(name) and inspect.ismethod(getattr(cls, name))]
     made = f" (made by {cls.__name__}, {', '.join(f'{cls.__name__}.{name}' for name in builders)})" if builders else ""
     return article(cls.__name__) + made
 
 
 def _is_array(value: Any, hint: Any) -> bool:
-    """Return whether a value is, or converts to, an array of numbers; a number does not if the array has axes."""
+    """Return whether a value is an array of numbers or converts to one.
+
+    A plain number does not count if the hint has axes.
+    """
     if hint is AnyColumn and type(value).__module__.partition(".")[0] == "casadi":
         return True
     if isinstance(value, str | Mapping):
@@ -303,7 +316,10 @@ def _is_array(value: Any, hint: Any) -> bool:
 
 
 def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
-    """Return whether a value is a collection with fitting first entries; iterators are not consumed."""
+    """Return whether a value is a collection of class ``cls`` whose first entries fit the types ``parts``.
+
+    Iterators are not consumed.
+    """
     if isinstance(value, str | bytes) or not isinstance(value, Iterable):
         return False
     if not isinstance(value, Collection) or (isinstance(value, Mapping) and cls not in (Iterable, Collection)):
@@ -313,10 +329,10 @@ def _is_collection(value: Any, cls: Any, parts: tuple[Any, ...]) -> bool:
     if issubclass(cls, tuple) and parts and Ellipsis not in parts:
         return len(value) == len(parts) and all(fits(entry, part) for entry, part in zip(value, parts, strict=True))
     entries = [part for part in parts if part is not Ellipsis]
-    return len(entries) != 1 or all(fits(entry, entries[0]) for entry in _first(value))
+    return len(entries) != 1 or all(fits(entry, entries[0]) for entry in _first_entries(value))
 
 
-def _first(values: Iterable[Any]) -> list[Any]:
+def _first_entries(values: Iterable[Any]) -> list[Any]:
     """Return the first few values."""
     return [value for value, _ in zip(values, range(CHECKED_ENTRIES), strict=False)]
 
@@ -327,7 +343,7 @@ def _is_path(hint: Any) -> bool:
 
 
 @lru_cache
-def _members(protocol: Any) -> tuple[str, ...]:
+def _public_members(protocol: Any) -> tuple[str, ...]:
     """Return the names of a protocol's public members."""
     names: dict[str, None] = {}
     for cls in protocol.__mro__:
@@ -336,12 +352,15 @@ def _members(protocol: Any) -> tuple[str, ...]:
     return tuple(name for name in names if not name.startswith("_"))
 
 
-def _hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
-    """Return the types of those parameters that can be resolved; names for type checkers alone are imported."""
+def _resolved_hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
+    """Return the types of a function's parameters by name, for all types that can be resolved.
+
+    Names that a module imports only for type checkers are imported here.
+    """
     names: dict[str, Any] = {}
     for module in [*(cls.__module__ for cls in reversed(owner.__mro__ if owner else ())), function.__module__]:
         if module in sys.modules and module.partition(".")[0] not in ("builtins", "typing", "abc"):
-            names |= _for_type_checkers(module) | vars(sys.modules[module])
+            names |= _type_checking_names(module) | vars(sys.modules[module])
     names |= ALIASES
     hints = {}
     for name, annotation in inspect.get_annotations(function).items():
@@ -354,7 +373,7 @@ def _hints(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
 
 
 @lru_cache
-def _for_type_checkers(module: str) -> dict[str, Any]:
+def _type_checking_names(module: str) -> dict[str, Any]:
     """Return the names that a module imports ``if TYPE_CHECKING``."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))

@@ -31,21 +31,23 @@ def distinct(values: NDArray[N]) -> NDArray[N]:
 
 
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only copy."""
+    """Return a read-only copy of an array."""
     copy = np.array(array)
     copy.setflags(write=False)
     return copy
 
 
 def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
-    """Return a copy of a frozen value with other fields.
+    """Return a copy of a frozen dataclass with some fields replaced.
 
-    Unlike `dataclasses.replace`, it repeats no checks and copies cached properties too, which saves time where the new
-    fields do not change them.
+    Unlike `dataclasses.replace`, the copy skips ``__post_init__`` and keeps cached properties, which saves time if the
+    new
+    fields do not affect them.
 
     Parameters
     ----------
-    without : cached properties that depend on the new fields, and are computed again
+    without : names of cached properties that depend on the new fields; they are computed again
+    fields : the new values by field name
     """
     copy = object.__new__(type(value))
     copy.__dict__.update({name: part for name, part in vars(value).items() if name not in without}, **fields)
@@ -53,7 +55,7 @@ def copied(value: T, without: Collection[str] = (), **fields: Any) -> T:
 
 
 def inserted(values: NDArray[N], before: IntArray, rows: NDArray[N]) -> NDArray[N]:
-    """Return rows (m, ...) with new rows (j, ...) inserted before rows of ascending indices (j,).
+    """Return an array of rows (m, ...) after inserting new rows (j, ...) before the ascending row indices (j,).
 
     >>> inserted(np.array([1, 2, 3]), np.array([1, 1, 3]), np.array([7, 8, 9])).tolist()
     [1, 7, 8, 2, 3, 9]
@@ -67,7 +69,7 @@ def inserted(values: NDArray[N], before: IntArray, rows: NDArray[N]) -> NDArray[
 
 
 def numbered(counts: IntArray) -> tuple[IntArray, IntArray]:
-    """Return the group of each element, and its number within the group, for groups of given sizes in a row.
+    """Return the group of each element and its index within the group, for consecutive groups of sizes ``counts``.
 
     >>> [column.tolist() for column in numbered(np.array([2, 0, 3]))]
     [[0, 0, 2, 2, 2], [0, 1, 0, 1, 2]]

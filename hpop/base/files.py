@@ -46,7 +46,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     try:
         target = _target(Path(path))
         _sweep(target)
-        with _locked(target) as file:
+        with _locked_file(target) as file:
             partial = Path(file.name)
             try:
                 yield file
@@ -65,12 +65,12 @@ def check_replaceable(path: str | os.PathLike[str]) -> None:
     """Raise OSError if :func:`replacing` could not write; remove the hidden files of dead writers."""
     target = _target(Path(path))
     _sweep(target)
-    with _locked(target) as file:
+    with _locked_file(target) as file:
         os.unlink(file.name)
 
 
 def _target(path: Path) -> Path:
-    """Return the path that is written, links followed; OSError if it is a folder, a device, a pipe or a socket."""
+    """Return the path that is written, with links resolved; OSError if it is a folder, a device, a pipe or a socket."""
     if not path.name or path.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
     if path.exists() and not S_ISREG(path.stat().st_mode):
@@ -78,11 +78,11 @@ def _target(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _locked(target: Path) -> BinaryIO:
-    """Return a new hidden file beside another, locked by this writer."""
+def _locked_file(target: Path) -> BinaryIO:
+    """Return a new hidden file beside a target file, locked by this writer."""
     while True:
         file = target.with_name(f".{target.name}.{uuid.uuid4().hex}.tmp").open("xb")
-        _hold(file)
+        _lock(file)
         if os.fstat(file.fileno()).st_nlink:
             return file
         file.close()  # swept by another writer before it was held
@@ -95,7 +95,7 @@ def sweep(folder: Path, begins: str = ".") -> None:
             is_partial = PARTIAL.fullmatch(entry.name) and entry.name.startswith(begins)
             if is_partial and entry.is_file(follow_symlinks=False):
                 with suppress(OSError), open(entry.path, "rb") as file:
-                    if _hold(file, wait=False):
+                    if _lock(file, wait=False):
                         os.unlink(entry.path)
 
 
@@ -104,8 +104,11 @@ def _sweep(target: Path) -> None:
     sweep(target.parent, f".{target.name}.")
 
 
-def _hold(file: BinaryIO, *, wait: bool = True) -> bool:
-    """Lock a file until it is closed; return False without locks, or if another process has it and ``wait`` is off."""
+def _lock(file: BinaryIO, *, wait: bool = True) -> bool:
+    """Lock a file until it is closed; return whether this process now holds the lock.
+
+    Without ``wait``, return False at once if another process holds it. A system without such locks also gives False.
+    """
     if fcntl is None:
         return False
     try:
@@ -127,9 +130,11 @@ PIECE = 2**20
 
 
 def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
-    """Open a regular file of at most ``most`` bytes for reading; checked once open, so it cannot be swapped.
+    """Open a regular file of at most ``most`` bytes for reading.
 
-    Raises OSError with a ``strerror`` that says what was found instead; also for an impossible path.
+    The open file itself is checked, so it cannot be replaced between the check and the read. OSError, with a
+    ``strerror``
+    that says what was found instead, for anything else and for an impossible path.
     """
     try:
         file = open(path, "rb", opener=_without_waiting)  # noqa: SIM115  # the caller's ``with``
@@ -151,7 +156,10 @@ def open_regular(path: str | os.PathLike[str], most: int) -> BinaryIO:
 
 
 def read_regular(path: str | os.PathLike[str], most: int) -> bytes:
-    """Return the bytes of a regular file, at most ``most``, even if it grows; raises as :func:`open_regular`."""
+    """Return the bytes of a regular file of at most ``most`` bytes, even if the file grows.
+
+    Errors as of :func:`open_regular`.
+    """
     data = bytearray()
     with open_regular(path, most) as file:
         while len(data) <= most and (piece := file.read(PIECE)):  # read(most) would take that much memory

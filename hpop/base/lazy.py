@@ -15,9 +15,11 @@ from typing import Any
 
 
 def on_first_use(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package, which imports each name from its home module at the first use.
+    """Return the ``__getattr__`` of a package, which imports each public name from its home module at the first use.
 
-    ``homes`` are modules by the names of :func:`homes_of`; the home of a module of the package itself is "".
+    ``homes`` gives the home module of each name, as :func:`homes_of` returns it. For a module of the package itself the
+    home
+    is "".
     """
 
     def imported(name: str) -> Any:
@@ -49,7 +51,11 @@ def homes_of(package: str) -> dict[str, str]:
 
 
 def library(name: str, what: str, extra: str = "tables") -> Any:
-    """Import a library of an extra, which ``what`` needs; ImportError says how to install a missing one."""
+    """Import an optional library; if it is missing, raise ImportError that says how to install it.
+
+    what   name of the feature that needs the library, for the message
+    extra  hpop's extra that installs the library
+    """
     try:
         return import_module(name)
     except ImportError as error:

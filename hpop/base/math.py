@@ -82,7 +82,10 @@ def angle_between(unit: tuple[Column, Column, Column], vector: tuple[Column, Col
 
 
 def sine_of(normal: Sequence[Column]) -> Column:
-    """Return the length of a normal of unit vectors; in a plane of the axes its kink is rounded within ALIGNED."""
+    """Return the sine of the angle between two unit vectors, the length of their cross product ``normal``.
+
+    If only one component of the normal is nonzero, its kink at 0 is rounded within ALIGNED.
+    """
     columns = [column for column in normal if not is_zero(column)]
     return smooth_abs(columns[0], ALIGNED) if len(columns) == 1 else norm(normal)
 

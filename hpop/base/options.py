@@ -1,7 +1,8 @@
-"""Numbers from users, checked once against the bounds stated here.
+"""Checks of numbers that users enter: each number is checked once, against bounds stated here.
 
-The bounds are wide: they refuse only what no robot and no building has, so that nothing within them overflows, divides
-by zero, or takes for ever.
+The bounds are wide: they refuse only values that no robot and no building has. No value within them overflows, divides
+by
+zero or makes a computation endless.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ MOST_SEED = 2**63 - 1
 MOST_WORKERS = 1024
 """Greatest number of processes, above the cores of any machine."""
 EXPONENT = re.compile(r"[-+]?\d+(\.\d*)?e[-+]?\d+", re.IGNORECASE)
-"""Numbers that YAML 1.1 reads as text."""
+"""Pattern of numbers such as 1e-3, which YAML 1.1 reads as text."""
 MOST_COUNTED = 2**60
 """Greatest count: no cost of a path is larger, and sums of a few counts fit 64 bits."""
 
@@ -70,7 +71,7 @@ Angle = Annotated[float, Degrees]
 
 
 class BesideScenario:
-    """Marker of a path that scenario files give relative to their own folder."""
+    """Marker of a path that is relative to the folder of its scenario file."""
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -115,7 +116,7 @@ def real(
         text = isinstance(value, str) and EXPONENT.fullmatch(value)
         hints = [hint, "YAML reads 1e-3 as text: write 0.001 or 1.0e-3" if text else ""]
         ending = "".join(f"; {advice}" for advice in hints if advice)
-        raise error(f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{ending}")
+        raise error(f"{name} must be {kind} {_bounds_text(least, most, number > most)}, got {shown(value)}{ending}")
     return number if isinstance(number, int) else float(number)
 
 
@@ -140,12 +141,12 @@ def whole(
     number: Any = python_value(value) if is_whole(value) else nan
     if not least <= number <= most:
         ending = f"; {hint}" if hint else ""
-        raise error(f"{name} must be {kind} {_limits(least, most, number > most)}, got {shown(value)}{ending}")
+        raise error(f"{name} must be {kind} {_bounds_text(least, most, number > most)}, got {shown(value)}{ending}")
     return int(number)
 
 
 def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError] = OptionError) -> T:
-    """Return one of some words or whole numbers; otherwise raise an error that lists them.
+    """Return a value that is one of the choices (words or whole numbers), or raise an error that lists the choices.
 
     >>> one_of("headings", 5, (4, 8, 16))
     Traceback (most recent call last):
@@ -162,7 +163,7 @@ def one_of(name: str, value: Any, choices: Iterable[T], *, error: type[HpopError
 
 
 def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> bool:
-    """Return a truth value of Python or NumPy as one of Python; otherwise raise an error that says what was expected.
+    """Return a truth value of Python or NumPy as Python's ``bool``, or raise an error that says what was expected.
 
     >>> truth("corner_cutting", 1)
     Traceback (most recent call last):
@@ -175,7 +176,7 @@ def truth(name: str, value: Any, *, error: type[HpopError] = OptionError) -> boo
 
 
 def amounts(name: str, given: Any, most: float, what: str = "amounts") -> dict[str, float]:
-    """Return numbers >= 0 by names of costs; the names are checked later, against the criteria of a problem.
+    """Return a checked dictionary from names of costs to numbers >= 0; the names are checked later, against a problem.
 
     >>> amounts("tolerance", 0.1, MOST)
     Traceback (most recent call last):
@@ -189,7 +190,7 @@ def amounts(name: str, given: Any, most: float, what: str = "amounts") -> dict[s
 def set_reals(
     owner: object, *names: str, least: float, most: float, kind: str, error: type[HpopError] = OptionError
 ) -> None:
-    """Check attributes of a frozen dataclass, each as by :func:`real`."""
+    """Check attributes of a frozen dataclass as :func:`real` does, and set them to Python floats."""
     for name in names:
         object.__setattr__(owner, name, real(name, getattr(owner, name), least, most, kind, error=error))
 
@@ -203,21 +204,27 @@ def set_wholes(
     optional: bool = False,
     error: type[HpopError] = OptionError,
 ) -> None:
-    """Check attributes of a frozen dataclass, each as by :func:`whole`; ``optional`` ones may be None."""
+    """Check attributes of a frozen dataclass as :func:`whole` does, and set them to Python ints.
+
+    ``optional`` ones may be None.
+    """
     for name in names:
         if optional and getattr(owner, name) is None:
             continue
         object.__setattr__(owner, name, whole(name, getattr(owner, name), least, most, kind, error=error))
 
 
-def _limits(least: float, most: float, beyond: bool) -> str:
-    """Return the bounds of a number in words, without a very large upper bound that the number does not exceed."""
+def _bounds_text(least: float, most: float, beyond: bool) -> str:
+    """Return the bounds of a number in words.
+
+    A very large upper bound is left out unless the number exceeds it (``beyond``).
+    """
     return (
-        f"of at least {_bound(least)}"
+        f"of at least {_bound_text(least)}"
         if most >= MOST_COUNTED and not beyond
-        else f"from {_bound(least)} to {_bound(most)}"
+        else f"from {_bound_text(least)} to {_bound_text(most)}"
     )
 
 
-def _bound(bound: float) -> str:
+def _bound_text(bound: float) -> str:
     return f"{int(bound):,}" if bound == int(bound) else f"{bound:.6g}"

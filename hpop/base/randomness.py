@@ -1,7 +1,8 @@
-"""Random numbers from the argument ``rng`` (SPEC 7 of Scientific Python), and the seed derived from it.
+"""Random numbers from the argument ``rng`` (SPEC 7 of Scientific Python), and the seed that is derived from it.
 
-All draws follow from one seed, which certificates, provenance and saved fronts record, so that results can be
-reproduced whatever the ``rng`` was. Scenario files give the ``seed`` itself.
+All random draws of a run follow from one seed. Certificates, provenance and saved fronts record this seed, so results
+can
+be reproduced whatever ``rng`` was. Scenario files state the ``seed`` itself.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ MaybeRNG: TypeAlias = RNG | EllipsisType
 
 
 def seed_of(rng: RNG) -> int:
-    """Return the seed of an ``rng``: a whole number itself, a number drawn from a Generator or similar, fresh for None.
+    """Return a seed: ``rng`` itself if it is a whole number, a draw from a Generator, a fresh seed for None.
 
     Drawing advances the Generator, so two calls with one Generator differ. Raises OptionError for anything else.
 
@@ -38,7 +39,7 @@ def seed_of(rng: RNG) -> int:
 
 
 def set_seed(owner: Any, rng: MaybeRNG) -> None:
-    """Check the ``seed`` of a frozen dataclass; if ``rng`` is given (not ...), set the seed from it."""
+    """Check the ``seed`` of a frozen dataclass; if ``rng`` is not ..., set the seed from ``rng``."""
     if not isinstance(rng, EllipsisType):
         if owner.seed != type(owner).seed:
             raise OptionError(f"give rng, or a seed, not both; got {shown(rng)} and {shown(owner.seed)}")

@@ -37,10 +37,13 @@ GROUPS = {"P": "performance", "C": "comfort", "R": "robot", "O": "others"}
 
 
 class Registry(Mapping[str, T], Generic[T]):
-    """Types by name. Importing ``module`` registers hpop's own; entry points of ``group`` register those of plugins.
+    """Registry of types by name: hpop's own types and those of plugin packages.
 
-    A name taken twice and a package that cannot be loaded raise ``error``. ``parameter`` is the word for a field of a
-    type.
+    kind       word for such a type in messages, such as "planner"
+    module     package of hpop whose import registers hpop's own types
+    group      entry-point group of plugin packages, such as "hpop.planners"
+    error      class of errors for names taken twice and packages that cannot be loaded
+    parameter  word for a field of a type, such as "option"
     """
 
     def __init__(
@@ -55,7 +58,7 @@ class Registry(Mapping[str, T], Generic[T]):
         self._loaded = False
 
     def add(self, name: str, item: T) -> None:
-        """Register a type; a name that another type has is an error (a notebook may define a class again)."""
+        """Register a type under a name; a name of another type is an error. A notebook may define its class again."""
         if name not in self._types and not item.__module__.startswith("hpop."):
             self._load_home(name)
         taken = self._types.get(name)
@@ -71,31 +74,31 @@ class Registry(Mapping[str, T], Generic[T]):
         if name not in self._types:
             self._load_home(name)
         if name not in self._types:
-            self._load()
+            self._load_entry_points()
         if name not in self._types:
             raise unknown_name(self.kind, name, self._types)
         return self._types[name]
 
     def __contains__(self, name: object) -> bool:
-        self._load()
+        self._load_entry_points()
         return name in self._types
 
     def __iter__(self) -> Iterator[str]:
-        self._load()
+        self._load_entry_points()
         return iter(sorted(self._types))
 
     def __len__(self) -> int:
-        self._load()
+        self._load_entry_points()
         return len(self._types)
 
     def own(self) -> dict[str, T]:
-        """Return types by name that are registered so far and do not come with hpop; loads nothing."""
+        """Return the registered types that do not come with hpop, by name; nothing is loaded."""
         return {name: item for name, item in self._types.items() if item.__module__.partition(".")[0] != "hpop"}
 
     def _load_home(self, name: str) -> None:
         """Import hpop's own type of this name, if there is one.
 
-        "o_space" is ``OSpace``, a graph called "lattice" is ``LatticeGraph``.
+        The class is found by its name: ``OSpace`` for "o_space", ``LatticeGraph`` for a graph called "lattice".
         """
         package = import_module(self._module)
         letters = str(name).replace("-", "").replace("_", "")
@@ -103,7 +106,7 @@ class Registry(Mapping[str, T], Generic[T]):
             if public.lower() in (letters, f"{letters}{self.kind}"):
                 getattr(package, public)  # the package imports it on first use
 
-    def _load(self) -> None:
+    def _load_entry_points(self) -> None:
         if self._loaded:
             return
         package = import_module(self._module)
@@ -115,7 +118,7 @@ class Registry(Mapping[str, T], Generic[T]):
             except Exception as error:
                 raise self.error(
                     f"{self.kind} {point.name!r} ({point.value}) of an installed package cannot be loaded: "
-                    f"{type(error).__name__}: {error}; mend or uninstall that package"
+                    f"{type(error).__name__}: {error}; repair or uninstall that package"
                 ) from error
             self.add(point.name, item)
         self._loaded = True
@@ -126,10 +129,11 @@ def _origin(item: Any) -> str:
     return f"{item.__module__}.{item.__qualname__}"
 
 
-def completed(plugin: P, defaults: Mapping[str, Any]) -> P:
-    """Return a plugin, a class or an instance, after giving its class the optional members of a contract that it lacks.
+def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
+    """Return a plugin after adding the optional members of its contract that its class lacks.
 
-    Existing attributes of the class and of the instance do not change.
+    plugin    a class or an instance
+    defaults  optional members by name, with their default values; existing attributes do not change
     """
     cls: Any = plugin if isinstance(plugin, type) else type(plugin)
     for name, value in defaults.items():
@@ -151,8 +155,8 @@ readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers.r
 formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.formats", OptionError)
 
 
-def made(registry: Registry[type], spec: Any) -> Any:
-    """Return a new object from its name, or from one name with its parameters: ``{name: {parameter: value}}``.
+def plugin_from_spec(registry: Registry[type], spec: Any) -> Any:
+    """Return a new plugin object from its name, or from a dictionary ``{name: {parameter: value}}``.
 
     Raises UnknownName for a name that is not registered, and the registry's error for wrong parameters.
     """
@@ -167,7 +171,7 @@ def made(registry: Registry[type], spec: Any) -> Any:
     check_parameters(registry, name, cls, parameters or {})
     own = model_parameters(cls) if registry is models else ()
     try:
-        return cls(**{key: _of_model(value) if key in own else value for key, value in (parameters or {}).items()})
+        return cls(**{key: _model_from(value) if key in own else value for key, value in (parameters or {}).items()})
     except TypeError as wrong:  # a missing parameter, or one of another type
         raise error(
             f"{kind} {name!r} cannot be made with parameters {shown(dict(parameters or {}))}: {wrong}"
@@ -175,7 +179,7 @@ def made(registry: Registry[type], spec: Any) -> Any:
 
 
 def check_parameters(registry: Registry[type], name: str, cls: Any, given: Collection[str]) -> None:
-    """Raise the registry's error for unknown names of parameters, and for missing ones."""
+    """Raise the registry's error for unknown names of parameters in ``given``, and for missing ones."""
     known = [field.name for field in fields(cls) if field.init]
     accepted = {*known, *signature(cls).parameters}  # with arguments that only set fields, such as rng
     strange = sorted(str(parameter) for parameter in given if parameter not in accepted)
@@ -184,17 +188,20 @@ def check_parameters(registry: Registry[type], name: str, cls: Any, given: Colle
             f"{registry.kind} {name!r} has no {registry.parameter} {', '.join(map(shown, strange))}."
             f"{''.join(did_you_mean(parameter, known) for parameter in strange)} It has {', '.join(known) or 'none'}"
         )
-    if absent := [parameter for parameter in needed(cls) if parameter not in given]:
+    if absent := [parameter for parameter in required_parameters(cls) if parameter not in given]:
         raise registry.error(f"{registry.kind} {name!r} needs {', '.join(absent)} as well; it has {', '.join(known)}")
 
 
-def needed(cls: Any) -> list[str]:
+def required_parameters(cls: Any) -> list[str]:
     """Return the names of a dataclass's parameters without a default."""
     return [field.name for field in fields(cls) if field.init and field.default is field.default_factory is MISSING]
 
 
 def hints_of(cls: Any) -> dict[str, Any]:
-    """Return the types of a dataclass's fields by name; none for a plugin that imports names for type checkers only."""
+    """Return the types of a dataclass's fields by name.
+
+    Empty for a plugin that imports these types for type checkers only.
+    """
     try:
         return get_type_hints(cls, include_extras=True)
     except NameError:
@@ -204,18 +211,18 @@ def hints_of(cls: Any) -> dict[str, Any]:
 def model_parameters(cls: Any) -> frozenset[str]:
     """Return the names of a dataclass's fields that are models, such as a base that carries another model's camera."""
     own = {field.name for field in fields(cls) if field.init}
-    return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model(hint))
+    return frozenset(name for name, hint in hints_of(cls).items() if name in own and _is_model_hint(hint))
 
 
-def _is_model(hint: Any) -> bool:
+def _is_model_hint(hint: Any) -> bool:
     return isinstance(hint, type) and all(hasattr(hint, name) for name in ("space", "laws", "pose", "twist"))
 
 
-def _of_model(given: Any) -> Any:
-    """Return the model of a name or a description; a model as it is."""
+def _model_from(given: Any) -> Any:
+    """Return the model for a name or a description of a model; a model itself is returned unchanged."""
     return make_model(given) if isinstance(given, str | Mapping) else given
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
     """Return a model from its name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
-    return made(models, spec)
+    return plugin_from_spec(models, spec)

@@ -45,15 +45,16 @@ def lift(value: Any, size: int | tuple[int, ...]) -> Any:
 
     Works in CasADi's default mode; ``setNumpyMode`` is process-wide and stays untouched.
     """
-    return _lifted(value, (size,) if isinstance(size, int) else tuple(size))
+    return _symbols_of(value, (size,) if isinstance(size, int) else tuple(size))
 
 
 class Symbols(NDArrayOperatorsMixin):
     """Array of CasADi symbols: a column (M,), or a matrix if it has two axes.
 
     ``casadi.ArrayInterface`` implements NumPy's protocol. The most frequent calls, elementwise functions of numbers and
-    of columns of one shape, go to CasADi directly: its Python operators first try to convert their arguments to one
-    type after the other, which takes 18 of the 20 microseconds of an operation.
+    of
+    columns of one shape, go to CasADi directly. CasADi's Python operators would first try to convert their arguments to
+    several types, which takes 18 of the 20 microseconds of an operation.
     """
 
     __slots__ = ("_array", "_value", "shape")
@@ -81,30 +82,40 @@ class Symbols(NDArrayOperatorsMixin):
         return self._array
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
-        """Apply NumPy's elementwise functions and, by the mixin, operators."""
+        """Apply one of NumPy's elementwise functions; operators arrive here through the mixin."""
         if method == "__call__" and not options:
             if ufunc in SWAPPED:
                 ufunc, inputs = SWAPPED[ufunc], inputs[::-1]
-            if ufunc in OPERATIONS and (operands := self._alike(inputs)):
-                kind, code = type(self.to_casadi()), _codes()[ufunc]
-                return _lifted((kind.unary if len(operands) == 1 else kind.binary)(code, *operands), self.shape)
-        return _wrapped(getattr(ufunc, method)(*_plain(inputs), **options))
+            if ufunc in OPERATIONS and (operands := self._casadi_arguments(inputs)):
+                kind, code = type(self.to_casadi()), _casadi_codes()[ufunc]
+                return _symbols_of((kind.unary if len(operands) == 1 else kind.binary)(code, *operands), self.shape)
+        return _wrap_result(getattr(ufunc, method)(*_interface_argument(inputs), **options))
 
     def __array_function__(self, function: Any, types: Any, arguments: Any, options: Any) -> Any:
         """Apply NumPy's other functions."""
-        if function is np.where and not options and len(arguments) == 3 and (operands := self._alike(arguments)):
+        if (
+            function is np.where
+            and not options
+            and len(arguments) == 3
+            and (operands := self._casadi_arguments(arguments))
+        ):
             import casadi
 
             condition, chosen, otherwise = operands
-            return _lifted(casadi.if_else(condition, chosen, otherwise), self.shape)
-        return _wrapped(function(*_plain(arguments), **{name: _plain(option) for name, option in options.items()}))
+            return _symbols_of(casadi.if_else(condition, chosen, otherwise), self.shape)
+        return _wrap_result(
+            function(
+                *_interface_argument(arguments),
+                **{name: _interface_argument(option) for name, option in options.items()},
+            )
+        )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
         """Raise an error: symbols are no numbers."""
         return self.to_array().__array__(dtype, copy)
 
     def __getitem__(self, key: Any) -> Any:
-        return _wrapped(self.to_array()[key])
+        return _wrap_result(self.to_array()[key])
 
     def __len__(self) -> int:
         return len(self.to_array())
@@ -117,10 +128,14 @@ class Symbols(NDArrayOperatorsMixin):
         if name.startswith("_"):
             raise AttributeError(name)
         member = getattr(self.to_array(), name)
-        return (lambda *args, **options: _wrapped(member(*args, **options))) if callable(member) else _wrapped(member)
+        return (
+            (lambda *args, **options: _wrap_result(member(*args, **options)))
+            if callable(member)
+            else _wrap_result(member)
+        )
 
-    def _alike(self, inputs: Any) -> list[Any]:
-        """Return the arguments for CasADi if all are numbers or columns of this shape; else an empty list."""
+    def _casadi_arguments(self, inputs: Any) -> list[Any]:
+        """Return the arguments as CasADi values if all are numbers or columns of this shape, else an empty list."""
         if len(self.shape) > 1:
             return []
         operands = []
@@ -154,12 +169,12 @@ class SymbolsMX(Symbols):
         return self.to_casadi()
 
 
-def _lifted(value: Any, shape: tuple[int, ...]) -> Symbols:
+def _symbols_of(value: Any, shape: tuple[int, ...]) -> Symbols:
     return (SymbolsSX if type(value).__name__ == "SX" else SymbolsMX)(shape, value)
 
 
 @cache
-def _codes() -> dict[Any, int]:
+def _casadi_codes() -> dict[Any, int]:
     import casadi
 
     return {function: getattr(casadi, f"OP_{name}") for function, name in OPERATIONS.items()}
@@ -171,26 +186,30 @@ def _numbers(array: Any) -> Any:
     return casadi.DM(array.astype(float))
 
 
-def _plain(argument: Any) -> Any:
-    """Return arguments as ``casadi.ArrayInterface`` accepts them."""
+def _interface_argument(argument: Any) -> Any:
+    """Return an argument as ``casadi.ArrayInterface`` accepts it."""
     if isinstance(argument, Symbols):
         return argument.to_array()
-    return type(argument)(map(_plain, argument)) if type(argument) in (list, tuple) else argument
+    return type(argument)(map(_interface_argument, argument)) if type(argument) in (list, tuple) else argument
 
 
-def _wrapped(result: Any) -> Any:
-    """Wrap each ``casadi.ArrayInterface`` of symbols as symbols."""
+def _wrap_result(result: Any) -> Any:
+    """Return a result in which each ``casadi.ArrayInterface`` is wrapped as :class:`Symbols`."""
     name = type(result).__name__
     if name in ("ArrayInterfaceSX", "ArrayInterfaceMX"):
         return (SymbolsSX if name.endswith("SX") else SymbolsMX)(result.shape, array=result)
-    return type(result)(map(_wrapped, result)) if type(result) in (list, tuple) else result
+    return type(result)(map(_wrap_result, result)) if type(result) in (list, tuple) else result
 
 
-def summed(function: Callable[..., Any], rows: Sequence[Sequence[float]], *columns: Any) -> Any:
-    """Return the sum (M,) of ``function(*row, *columns)`` over rows of numbers, for columns (M,) and numbers.
+def sum_over_rows(function: Callable[..., Any], rows: Sequence[Sequence[float]], *columns: Any) -> Any:
+    """Return the sum (M,) of ``function(*row, *columns)`` over rows of numbers.
 
-    For symbols the function is called once, with the symbols of one moment, and evaluated row by row, so that the
-    expression stays small.
+    For symbolic columns the function is called once, on the symbols of a single sample, and this expression is mapped
+    over
+    rows and samples, so that it stays small.
+
+    rows     numbers, one sequence for each call
+    columns  columns (M,) or numbers
     """
     symbolic = [column for column in columns if not isinstance(column, (*NUMBERS, np.ndarray))]
     if not symbolic:

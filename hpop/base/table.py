@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import pandas
 
 PICTURES: dict[type, Callable[[Any], bytes | None]] = {}
-"""Functions that draw a value as a small picture (PNG), or return None if there is nothing to draw, by type."""
+"""Functions by type that draw a value as a small PNG picture, or return None if there is nothing to draw."""
 
 
 def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: str = "") -> str:
@@ -30,21 +30,21 @@ def table_html(headings: Sequence[str], rows: Sequence[Sequence[str]], caption: 
     >>> table_html(["a<b"], [["1"]])
     '<table><thead><tr><th>a&lt;b</th></tr></thead><tbody><tr><td>1</td></tr></tbody></table>'
     """
-    head = "".join(f"<th>{_text(heading)}</th>" for heading in headings)
-    body = "".join(f"<tr>{''.join(f'<td>{_text(cell)}</td>' for cell in row)}</tr>" for row in rows)
-    caption_html = f"<caption>{_text(caption)}</caption>" if caption else ""
+    head = "".join(f"<th>{_escaped(heading)}</th>" for heading in headings)
+    body = "".join(f"<tr>{''.join(f'<td>{_escaped(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    caption_html = f"<caption>{_escaped(caption)}</caption>" if caption else ""
     return f"<table>{caption_html}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def facts_html(facts: Sequence[tuple[str, str]]) -> str:
     """Return an HTML table of two columns: names and values."""
     left = "style='text-align:left'"  # notebooks align cells to the right, as numbers
-    rows = (f"<tr><th {left}>{_text(name)}</th><td {left}>{_text(value)}</td></tr>" for name, value in facts)
+    rows = (f"<tr><th {left}>{_escaped(name)}</th><td {left}>{_escaped(value)}</td></tr>" for name, value in facts)
     return f"<table><tbody>{''.join(rows)}</tbody></table>"
 
 
 def picture_html(value: Any) -> str:
-    """Return a picture of a value, if the module that draws its type is imported; else a hint how to get one."""
+    """Return a picture of a value if the module that draws its type is imported, else a hint how to get a picture."""
     draw = next((PICTURES[cls] for cls in type(value).__mro__ if cls in PICTURES), None)
     if draw is None:
         return "<p><small><code>import hpop.view</code> adds a picture.</small></p>"
@@ -53,7 +53,7 @@ def picture_html(value: Any) -> str:
     return f'<img alt="{alt}" src="data:image/png;base64,{base64.b64encode(png).decode()}">' if png else ""
 
 
-def _text(text: str) -> str:
+def _escaped(text: str) -> str:
     return escape(printable(text))
 
 

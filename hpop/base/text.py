@@ -1,4 +1,4 @@
-"""Text from files and callers made short, whatever its size, and harmless to a terminal."""
+"""Text for messages: values of any size made short, and made harmless to a terminal."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def argument(path: str | os.PathLike[str]) -> str:
 
 
 def shown(value: Any, most: int = LENGTH) -> str:
-    """Return a repr for a message, short whatever the value: it may be huge or nested, or its repr may fail.
+    """Return a short repr of a value for a message, even if the value is huge or nested, or its own repr fails.
 
     >>> shown([1, "two"]), shown("x" * 1000, 20)
     ("[1, 'two']", "'xxxxxxx...xxxxxxxx'")
@@ -58,7 +58,7 @@ def shown(value: Any, most: int = LENGTH) -> str:
     'a whole number of 5,001 digits'
     """
     try:
-        text = _Short(most).repr(value)
+        text = _ShortRepr(most).repr(value)
     except Exception:  # the caller's own repr failed
         text = f"a {type(value).__name__} that cannot be printed"
     return text if len(text) <= most else text[: most - 3] + "..."
@@ -74,7 +74,7 @@ def article(noun: str) -> str:
 
 
 def counted(number: int, noun: str) -> str:
-    """Return a number with its noun, which takes a plural s.
+    """Return a number followed by its noun, with a plural s unless the number is 1.
 
     >>> counted(1, "path"), counted(1200, "path")
     ('1 path', '1,200 paths')
@@ -83,7 +83,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def some(several: Sequence[str], most: int = 4) -> str:
-    """Return the first few of several names, and the number of further ones.
+    """Return the first few of several names, followed by the number of the remaining names.
 
     >>> some(["Ada", "Ben"]), some(["Ada", "Ben", "Cleo", "Dan", "Eve"], 3)
     ('Ada, Ben', 'Ada, Ben, Cleo and 2 others')
@@ -92,8 +92,8 @@ def some(several: Sequence[str], most: int = 4) -> str:
     return ", ".join(several[:most]) + others
 
 
-class _Short(Repr):
-    """Representation of values by a few entries and levels only."""
+class _ShortRepr(Repr):
+    """Representation that shows only a few entries and levels of nested values."""
 
     def __init__(self, most: int) -> None:
         super().__init__()

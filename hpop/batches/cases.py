@@ -27,20 +27,20 @@ from hpop.world import World
 
 VARY, TABLE = "vary", "table"
 MOST_CASES = 200_000
-LETTERS = 16  # hexadecimal digits of an identifier
+LETTERS = 16  # number of hexadecimal digits of an identifier
 ENDS = ("start", "goal")
 
 
 @dataclass(frozen=True)
 class Case:
-    """One problem with the planners that solve it together.
+    """Case of a batch: a problem with the planners that solve it together.
 
-    number   place in the batch, from 0
-    id       digest of the problem and its planners: known again when the batch is resumed
-    problem  digest of the problem alone, shared by the cases that compare planners on it
-    world    digest of all but ends and planners: cases that have it in common are solved one after the other
+    number   index in the batch, from 0
+    id       digest of the problem and its planners, by which a resumed batch recognises the case
+    problem  digest of the problem alone, shared by cases that compare planners on this problem
+    world    digest of everything but start, goal and planners: cases that share it are solved one after the other
     planner  label, such as ``lattice(step=0.5)``
-    values   what varies, by dotted key; a name under ``name``
+    values   values of the varied keys, by dotted key; the name of a problem is under ``name``
     """
 
     number: int
@@ -52,7 +52,7 @@ class Case:
 
 
 class Cases(Protocol):
-    """The cases of a batch, and how to build the problem of each."""
+    """Cases of a batch; each can be built into its problem and planners."""
 
     def __len__(self) -> int:
         """Return the number of cases."""
@@ -63,13 +63,13 @@ class Cases(Protocol):
         ...
 
     def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
-        """Return the problem and the planners of a case; raises HpopError where they make no sense."""
+        """Return the problem and the planners of a case; raises HpopError if they are invalid."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Specification:
-    """A scenario file with keys that vary: every combination of their values is a case.
+    """Cases from a scenario file with varied keys: every combination of their values is a case.
 
     ::
 
@@ -78,7 +78,7 @@ class Specification:
         table: pairs.csv                       # columns such as start.x and goal.x: a row varies several keys
         vary:
           planner: [lattice, {roadmap: {samples: 500}}]
-          world.geojson.path: maps/*.geojson   # a pattern of files, from the folder of the file
+          world.geojson.path: maps/*.geojson   # a pattern of files, relative to the folder of this file
           model.differential_drive.radius: [0.2, 0.3]
     """
 
@@ -89,7 +89,7 @@ class Specification:
 
     @classmethod
     def load(cls, path: str | Path) -> Specification:
-        """Read a specification; raises ScenarioError for keys and values that make none."""
+        """Read a specification file; raises ScenarioError for invalid keys and values."""
         document = Document(Path(path))
         values = dict(document.values)
         vary, table = values.pop(VARY, {}), values.pop(TABLE, None)
@@ -100,11 +100,11 @@ class Specification:
                 f"roadmap]`, or a table of starts and goals; got {shown(vary)}. `hpop plan` plans a single scenario"
             )
         axes: list[tuple[Mapping[str, Any], ...]] = [
-            tuple({str(key): value} for value in _values(document, str(key), given, folder))
+            tuple({str(key): value} for value in _varied_values(document, str(key), given, folder))
             for key, given in vary.items()
         ]
         if table is not None:
-            axes.insert(0, _rows(document, table, folder))
+            axes.insert(0, _table_rows(document, table, folder))
         specification = cls(document.with_values(values), tuple(axes), table is not None)
         if len(specification) > MOST_CASES:
             raise ScenarioError(f"{path}: {len(specification):,} combinations, more than {MOST_CASES:,}; vary less")
@@ -117,44 +117,44 @@ class Specification:
     def __iter__(self) -> Iterator[Case]:
         for number, chosen in enumerate(itertools.product(*self.axes)):
             values = {key: value for part in chosen for key, value in part.items()}
-            given = self._scenario(values)
+            given = self._scenario_values(values)
             planner = given.get("planner")
             question = {key: value for key, value in given.items() if key != "planner"}
             world = {key: value for key, value in question.items() if key not in ENDS}
-            yield Case(number, digest(given), digest(question), digest(world), label(planner), values)
+            yield Case(number, digest(given), digest(question), digest(world), planner_label(planner), values)
 
     def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
-        """Return the problem and the planners of a case; raises HpopError where they make no sense."""
-        scenario = self._built(case.values)
+        """Return the problem and the planners of a case; raises HpopError if they are invalid."""
+        scenario = self._build_scenario(case.values)
         return scenario.problem, scenario.planners
 
     def check(self) -> None:
-        """Build the scenario with each value that varies once, so that a wrong one is told before anything is planned.
+        """Build the scenario with each varied value once, so that errors are raised before anything is planned.
 
-        Starts and goals that cannot be are told later, in the row of their case.
+        An invalid start or goal is reported later, in the row of its case.
         """
         first = {key: value for axis in self.axes for key, value in axis[0].items()}
         for place, axis in enumerate(self.axes):
             rows_of_table = self.has_table and place == 0
             for part in axis[:1] if rows_of_table else axis:
                 try:
-                    self._built({**first, **part})
+                    self._build_scenario({**first, **part})
                 except QueryError:
                     if not any(key.split(".")[0] in ENDS for key in first):
                         raise
 
-    def _built(self, values: Mapping[str, Any]) -> Scenario:
-        sources = {_place(key): (VARY, key) if (VARY, key) in self.document else (TABLE,) for key in values}
-        return read_scenario(self.document.with_values(self._scenario(values), sources), self._worlds)
+    def _build_scenario(self, values: Mapping[str, Any]) -> Scenario:
+        sources = {_key_path(key): (VARY, key) if (VARY, key) in self.document else (TABLE,) for key in values}
+        return read_scenario(self.document.with_values(self._scenario_values(values), sources), self._worlds)
 
-    def _scenario(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the scenario's mapping with values in the places of their dotted keys."""
+    def _scenario_values(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the scenario's mapping with the given values at their dotted keys."""
         scenario: dict[str, Any] = json.loads(self._text)
         for key in ENDS:
             if any(name.startswith(f"{key}.") for name in values):
                 scenario[key] = {}
         for key, value in values.items():
-            _set(self.document, scenario, key.split("."), value)
+            _set_value(self.document, scenario, key.split("."), value)
         return scenario
 
     @cached_property
@@ -162,13 +162,13 @@ class Specification:
         return json.dumps(self.document.values)
 
 
-def _place(key: str) -> Place:
-    """Return the place in the scenario of a dotted key."""
+def _key_path(key: str) -> Place:
+    """Return the path of keys in the scenario for a dotted key."""
     return tuple(int(part) if part.isdecimal() else part for part in key.split("."))
 
 
-def _set(document: Document, into: Any, keys: Sequence[str], value: Any) -> None:
-    """Set the value under a path of keys; a name such as ``lattice`` becomes ``{lattice: {}}`` on the way."""
+def _set_value(document: Document, into: Any, keys: Sequence[str], value: Any) -> None:
+    """Set the value under a path of keys; a name such as ``lattice`` on the way becomes ``{lattice: {}}``."""
     here, place = into, ".".join(keys)
     for key, following in itertools.pairwise(keys):
         index: Any = int(key) if isinstance(here, list) and key.isdecimal() else key
@@ -192,8 +192,8 @@ def _set(document: Document, into: Any, keys: Sequence[str], value: Any) -> None
         raise ScenarioError(f"{document.where((VARY,))}: {place}: there is no {keys[-1]!r} to vary") from None
 
 
-def _values(document: Document, key: str, given: Any, folder: Path) -> Sequence[Any]:
-    """Return the values of a key that varies: a list, or the files of a pattern."""
+def _varied_values(document: Document, key: str, given: Any, folder: Path) -> Sequence[Any]:
+    """Return the values of a varied key: a list, or the files that match a pattern."""
     if isinstance(given, str) and glob.has_magic(given):
         files = sorted(glob.glob(given, root_dir=folder, recursive=True))
         if not files:
@@ -207,7 +207,7 @@ def _values(document: Document, key: str, given: Any, folder: Path) -> Sequence[
     return given
 
 
-def _rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[str, Any], ...]:
+def _table_rows(document: Document, given: Any, folder: Path) -> tuple[Mapping[str, Any], ...]:
     """Return the rows of a table (.csv or .parquet), each with values by dotted key; an empty cell varies nothing."""
     where = document.where((TABLE,))
     if not isinstance(given, str) or not given.endswith((".csv", ".parquet")):
@@ -234,7 +234,7 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
         reader = csv.reader(file)
         header = [name.strip() for name in next(reader, [])]
         if not header or not all(header) or len(set(header)) < len(header):
-            raise ValueError("its first line must have a name for each column, each once, such as start.x")
+            raise ValueError("its first line must name each column, such as start.x, and each name once")
         rows = []
         for cells in reader:
             if len(cells) != len(header):
@@ -245,7 +245,7 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True, eq=False)
 class OfProblems:
-    """Problems of Python, each solved by each of several planners."""
+    """Cases from Python problems, each solved by each of several planners."""
 
     problems: Sequence[tuple[str, Problem]]
     planners: Sequence[tuple[str, Planner]]
@@ -256,18 +256,18 @@ class OfProblems:
         problems: Iterable[Problem] | Mapping[str, Problem],
         planners: PlannerSpec | Sequence[PlannerSpec] | Mapping[str, PlannerSpec],
     ) -> OfProblems:
-        """Return problems and planners with their names."""
+        """Return the cases of problems and planners, each given as a list or by name."""
         named = problems.items() if isinstance(problems, Mapping) else (("", problem) for problem in problems)
         found = [(str(name), problem) for name, problem in named]
         wrong = next((problem for _, problem in found if not isinstance(problem, Problem)), None)
         if wrong is not None or not found:
             raise OptionError(f"problems are hpop.Problem objects, at least one; got {shown(wrong or found)}")
-        if isinstance(planners, Mapping) and not _is_spec(planners):
+        if isinstance(planners, Mapping) and not _is_planner_spec(planners):
             by_label: Mapping[str, Any] = planners
             return cls(found, [(str(name), make_planner(spec)) for name, spec in by_label.items()])
         single = isinstance(planners, str | Mapping) or not isinstance(planners, Sequence)
         specs: Sequence[Any] = [planners] if single else planners  # type: ignore[assignment]
-        return cls(found, [(label(spec), make_planner(spec)) for spec in specs])
+        return cls(found, [(planner_label(spec), make_planner(spec)) for spec in specs])
 
     def __len__(self) -> int:
         return len(self.problems) * len(self.planners)
@@ -277,9 +277,9 @@ class OfProblems:
             described = question_of(problem.describe())
             question = digest(described)
             world = digest({key: value for key, value in described.items() if key not in ENDS})
-            for column, (label, planner) in enumerate(self.planners):
+            for column, (planner_label, planner) in enumerate(self.planners):
                 number = row * len(self.planners) + column
-                yield Case(number, digest([question, repr(planner)]), question, world, label, {"name": name})
+                yield Case(number, digest([question, repr(planner)]), question, world, planner_label, {"name": name})
 
     def build(self, case: Case) -> tuple[Problem, tuple[Planner, ...]]:
         """Return the problem and the planner of a case."""
@@ -287,8 +287,8 @@ class OfProblems:
         return self.problems[row][1], (self.planners[column][1],)
 
 
-def _is_spec(planners: Mapping[str, Any]) -> bool:
-    """Return whether a mapping is one planner with its options, not planners by label."""
+def _is_planner_spec(planners: Mapping[str, Any]) -> bool:
+    """Return whether a mapping describes one planner with its options, rather than planners by label."""
     try:
         make_planner(planners)
     except HpopError:
@@ -297,12 +297,12 @@ def _is_spec(planners: Mapping[str, Any]) -> bool:
 
 
 def digest(value: Any) -> str:
-    """Return the identifier of a value of JSON."""
+    """Return the identifier of a JSON value."""
     text = json.dumps(value, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
 
 
-def label(planner: Any) -> str:
+def planner_label(planner: Any) -> str:
     """Return the label of a planner, or of several that plan together.
 
     >>> label({"lattice": {"step": 0.5}}), label(["lattice", "roadmap"]), label(None)
@@ -313,7 +313,7 @@ def label(planner: Any) -> str:
     if isinstance(planner, str):
         return planner
     if isinstance(planner, list | tuple):
-        return " + ".join(map(label, planner))
+        return " + ".join(map(planner_label, planner))
     if isinstance(planner, Mapping) and len(planner) == 1:
         ((name, options),) = planner.items()
         if not options:
@@ -324,4 +324,4 @@ def label(planner: Any) -> str:
         for f in (fields(planner) if hasattr(planner, "__dataclass_fields__") else ())
         if f.init and (value := getattr(planner, f.name)) != f.default
     }
-    return label({getattr(planner, "name", type(planner).__name__): given})
+    return planner_label({getattr(planner, "name", type(planner).__name__): given})

@@ -1,7 +1,9 @@
-"""Results of a batch: a folder with one Parquet data set, a row a trajectory, and a journal of the newest rows.
+"""Results of a batch: a folder with one Parquet data set, one row per trajectory, and a journal of the newest rows.
 
-The journal gets a line a case, on the disk before the next case counts as done; from time to time, and at the end, its
-lines become a Parquet file of their own. So a batch that is killed loses at most the cases at work.
+Each finished case is one line of the journal, written to the disk before the next case counts as done. When the journal
+is
+large, and at the end, its lines become a further Parquet file. A killed batch loses only the cases that were being
+solved.
 """
 
 from __future__ import annotations
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
     import pyarrow
 
 FOLDER, JOURNAL, PATTERN = "results", "unwritten.jsonl", "part-*.parquet"
-LARGEST = 16_000_000  # bytes of the journal, from which on it becomes a Parquet file
-MOST_LINES = 2_000  # cases of the journal, likewise
+LARGEST = 16_000_000  # size of the journal, in bytes, at which it becomes a Parquet file
+MOST_LINES = 2_000  # number of cases at which it becomes a Parquet file
 COST = "cost_"
 COLUMNS = {
     "case": "int64",
@@ -48,7 +50,7 @@ COLUMNS = {
     "trajectory": "string",
     "versions": "string",
 }
-"""Columns of every data set, in their order; after them what varies by its key, and the costs as ``cost_NAME``."""
+"""First columns of every data set; then come the varied keys, and the costs as ``cost_NAME``."""
 
 
 def _parquet() -> Any:
@@ -56,13 +58,16 @@ def _parquet() -> Any:
 
 
 class Writer:
-    """Writes the rows of cases to a folder, and knows which cases it has.
+    """Writer of the rows of cases to a folder.
 
-    done  identifiers of the cases that have rows
+    done  identifiers of the cases that already have rows
     """
 
     def __init__(self, folder: Path, *, again: bool = False) -> None:
-        """Open a folder, created if need be; with ``again``, drop the rows that are errors."""
+        """Open a folder, created if need be.
+
+        ``again`` removes rows with errors, so that these cases are solved again.
+        """
         self._folder, self._parts = folder, folder / FOLDER
         self._journal = folder / JOURNAL
         self.done: set[str] = set()
@@ -73,16 +78,16 @@ class Writer:
             if again:
                 self._drop_errors()
             self.done |= identifiers(folder)
-            kept = [line for line in _lines(self._journal) if line["id"] not in self.done]
+            kept = [line for line in _journal_lines(self._journal) if line["id"] not in self.done]
             if again:
                 kept = [line for line in kept if line["rows"][0]["error"] is None]
             with replacing(self._journal) as file:
-                file.writelines(_encoded(line) for line in kept)
+                file.writelines(_encode_line(line) for line in kept)
             self.done.update(line["id"] for line in kept)
             self._lines, self._bytes = len(kept), self._journal.stat().st_size
             self._file = self._journal.open("ab")
         except OSError as error:
-            raise _unwritable(folder, error) from None
+            raise _write_error(folder, error) from None
 
     def __enter__(self) -> Self:
         return self
@@ -97,16 +102,16 @@ class Writer:
                 self._journal.unlink()
 
     def write(self, case: Case, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write the rows of a case; they are on the disk when this returns."""
-        values = {key: _cell(value) for key, value in case.values.items() if key != "planner"}
+        """Write the rows of a case; the rows are on the disk when this method returns."""
+        values = {key: _number_or_text(value) for key, value in case.values.items() if key != "planner"}
         common = {"case": case.number, "id": case.id, "problem": case.problem, "planner": case.planner}
-        line = _encoded({"id": case.id, "values": values, "rows": [{**common, **row} for row in rows]})
+        line = _encode_line({"id": case.id, "values": values, "rows": [{**common, **row} for row in rows]})
         try:
             self._file.write(line)
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise _unwritable(self._folder, error) from None
+            raise _write_error(self._folder, error) from None
         self.done.add(case.id)
         self._lines, self._bytes = self._lines + 1, self._bytes + len(line)
         if self._lines >= MOST_LINES or self._bytes >= LARGEST:
@@ -115,8 +120,8 @@ class Writer:
             self._lines = self._bytes = 0
 
     def _flush(self) -> None:
-        """Write what the journal holds as one more Parquet file."""
-        lines = list(_lines(self._journal))
+        """Write the lines of the journal as a further Parquet file."""
+        lines = list(_journal_lines(self._journal))
         if not lines:
             return
         taken = [int(part.stem.partition("-")[2]) for part in parts_of(self._folder)]
@@ -125,7 +130,7 @@ class Writer:
             with replacing(path) as file:
                 _parquet().write_table(_table(lines), file, compression="zstd")
         except OSError as error:
-            raise _unwritable(self._folder, error) from None
+            raise _write_error(self._folder, error) from None
 
     def _drop_errors(self) -> None:
         compute = library("pyarrow.compute", "a batch")
@@ -148,16 +153,16 @@ def identifiers(folder: Path) -> set[str]:
     return {each for table in tables for each in table["id"].to_pylist()}
 
 
-def _unwritable(folder: Path, error: OSError) -> OutputError:
+def _write_error(folder: Path, error: OSError) -> OutputError:
     return OutputError(f"cannot write to {folder}: {error.strerror or error}; choose another folder for the results")
 
 
-def _encoded(line: Mapping[str, Any]) -> bytes:
+def _encode_line(line: Mapping[str, Any]) -> bytes:
     return json.dumps(line).encode() + b"\n"
 
 
-def _lines(journal: Path) -> Iterator[dict[str, Any]]:
-    """Yield the whole lines of a journal; the last one may be cut where the process was killed."""
+def _journal_lines(journal: Path) -> Iterator[dict[str, Any]]:
+    """Yield the complete lines of a journal; the last line is cut if the process was killed."""
     try:
         with journal.open("rb") as file:
             for line in file:
@@ -167,8 +172,8 @@ def _lines(journal: Path) -> Iterator[dict[str, Any]]:
         return
 
 
-def _cell(value: Any) -> Any:
-    """Return a value that varies as a number or as text."""
+def _number_or_text(value: Any) -> Any:
+    """Return a varied value as a number or as text."""
     if isinstance(value, bool | None | list | dict):
         return json.dumps(value)
     return value if isinstance(value, int | float) else str(value)
@@ -201,8 +206,8 @@ def _table(lines: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
     return arrow.Table.from_pylist(rows, schema=arrow.schema(fields))
 
 
-def _with_text(table: pyarrow.Table, names: set[str]) -> pyarrow.Table:
-    """Return a table in which columns with some names are text."""
+def _with_text_columns(table: pyarrow.Table, names: set[str]) -> pyarrow.Table:
+    """Return a table in which the named columns are converted to text."""
     arrow = library("pyarrow", "a batch")
     fields = [field.with_type(arrow.string()) if field.name in names else field for field in table.schema]
     return table.cast(arrow.schema(fields))
@@ -233,16 +238,16 @@ class Results:
             file = _parquet().ParquetFile(part)
             names = None if columns is None else [name for name in columns if name in file.schema_arrow.names]
             yield file.read(columns=names)
-        lines = list(_lines(self.folder / JOURNAL))
-        if lines:  # those of a process that was killed while they became a Parquet file are in both
+        lines = list(_journal_lines(self.folder / JOURNAL))
+        if lines:  # if a process was killed while writing a Parquet file, its lines are in both files
             written = identifiers(self.folder)
             table = _table([line for line in lines if line["id"] not in written])
             yield table if columns is None else table.select([name for name in columns if name in table.column_names])
 
     def table(self, columns: Sequence[str] | None = None) -> pyarrow.Table:
-        """Return all rows, ordered by case and row, with all columns or some.
+        """Return all rows, ordered by case and row, with all columns or only some.
 
-        A column that holds numbers in one file and text in another is text.
+        A column that holds numbers in one file and text in another becomes text.
         """
         arrow = library("pyarrow", "a batch")
         keys = ["case", "id", "row"]  # numbers of cases change as the specification grows
@@ -251,7 +256,9 @@ class Results:
         if not tables:
             return arrow.table({name: [] for name in columns or COLUMNS})
         text = {field.name for table in tables for field in table.schema if arrow.types.is_string(field.type)}
-        joined = arrow.concat_tables([_with_text(table, text) for table in tables], promote_options="permissive")
+        joined = arrow.concat_tables(
+            [_with_text_columns(table, text) for table in tables], promote_options="permissive"
+        )
         joined = joined.sort_by([(key, "ascending") for key in keys])
         return joined if columns is None else joined.select(columns)
 

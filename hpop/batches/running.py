@@ -1,7 +1,8 @@
-"""Runs the cases of a batch here, in processes, or on Dask or Ray; writes each result as it comes.
+"""Run the cases of a batch in this process, in processes of this machine, or on Dask or Ray; write each result at once.
 
-A setting goes once to each worker. Where a worker dies, the case that killed it gets a row with the error; all other
-cases at work at that time are solved again.
+A setting (world, robot, criteria) is sent to each worker only once. If a worker dies, the case that killed it gets a
+row
+with the error; other cases that were being solved are solved again.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ try:
 except ImportError:  # not on every system
     resource = None  # type: ignore[assignment]
 
-SLOTS = 32  # cases handed at once to an executor that does not say how many workers it has
-POLL = 0.1  # s between two looks at Ctrl-C
+SLOTS = 32  # number of cases sent at once to an executor that does not report its number of workers
+POLL = 0.1  # s between two checks for Ctrl-C
 LOST = "the workers are out of reach; what is finished is saved, and running it again goes on from there"
 DIED = "the worker that solved it died: it was killed, ran out of memory or crashed"
 VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python_version()}"
@@ -51,7 +52,7 @@ VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python
 
 @dataclass(frozen=True)
 class Setting:
-    """World, robot and criteria that several cases have in common; sent once to each worker."""
+    """World, robot and criteria that several cases share; sent once to each worker."""
 
     world: World
     model: Model
@@ -62,7 +63,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class CaseTask:
-    """Start, goal and planners of a case: the parts that its setting lacks."""
+    """Start, goal and planners of a case: everything that its setting lacks."""
 
     start: tuple[float, ...]
     goal: Any
@@ -73,9 +74,10 @@ class CaseTask:
 class BatchProgress:
     """Progress of a batch.
 
-    done, count    cases that have rows, of all
-    failed         cases that ended with an error since the batch began
-    seconds, left  s  since the batch began, and until its end by estimate: nan as long as nothing is known
+    done, count  number of cases that have rows, and of all cases
+    failed       number of cases that ended with an error since the batch was started
+    seconds      s  since the batch was started
+    left         s  estimate of the remaining time; nan while there is no estimate
     """
 
     done: int
@@ -86,9 +88,11 @@ class BatchProgress:
 
 
 def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
-    """Solve a case: return its rows, one a trajectory, or one that says why there is none.
+    """Solve a case and return its rows: one per trajectory, or a single row that explains why there is none.
 
-    An error of the problem, the planner or the user's own code becomes the ``error`` of the row. Empty after Ctrl-C.
+    An error of the problem, the planner or the user's own code is stored in ``error`` of the row. The list is empty
+    after
+    Ctrl-C.
     """
     wall, processor = time.perf_counter(), time.process_time()
     front: Front | None = None
@@ -106,24 +110,24 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         for front in problem.fronts(task.planners):
             if Status.INTERRUPTED in front.status:
                 return []
-    except Exception as failure:  # a row tells it; the batch goes on
+    except Exception as failure:  # reported in a row; the batch goes on
         error = f"{type(failure).__name__}: {failure}"
     common: dict[str, Any] = {
         "status": "error" if error is not None or front is None else front.status,
         "error": error,
         "seconds": time.perf_counter() - wall,
         "processor_seconds": time.process_time() - processor,
-        "memory": _largest_size(),
+        "memory": _peak_memory(),
         "seed": next((seed for p in task.planners if isinstance(seed := getattr(p, "seed", None), int)), None),
         "versions": VERSIONS,
     }
     if front is None or error is not None:
         return [common]
-    runs = [run for run in front.runs if isinstance(run, Mapping)]
+    runs = [run_cases for run_cases in front.runs if isinstance(run_cases, Mapping)]
     common |= {
         "certificate": front.certificate,
         "points": len(front),
-        "labels": sum(int(run.get("labels_generated", 0)) for run in runs),
+        "labels": sum(int(run_cases.get("labels_generated", 0)) for run_cases in runs),
         "units": dict(zip(front.names, front.units, strict=True)),
     }
     if not len(front):
@@ -140,8 +144,8 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
     ]
 
 
-def _largest_size() -> int | None:
-    """Return the largest size of this process until now, bytes; None where the system does not tell."""
+def _peak_memory() -> int | None:
+    """Return the peak memory of this process in bytes; None if the system does not report it."""
     if resource is None:
         return None
     unit = 1 if sys.platform == "darwin" else 1024
@@ -189,11 +193,11 @@ def batch(
         cases: Cases = Specification.load(problems)
     else:
         cases = OfProblems.of(problems, planners)
-    run(cases, Path(out), workers=workers, executor=executor, progress=progress)
+    run_cases(cases, Path(out), workers=workers, executor=executor, progress=progress)
     return Results(out)
 
 
-def run(
+def run_cases(
     cases: Cases,
     out: Path,
     *,
@@ -202,7 +206,7 @@ def run(
     progress: Callable[[BatchProgress], None] | None = None,
     again: bool = False,
 ) -> None:
-    """Solve the cases without a row in a folder; with ``again``, also those that ended with an error."""
+    """Solve the cases that have no row in the folder ``out``; with ``again``, also those that ended with an error."""
     listed = list({case.id: case for case in cases}.values())  # a case that is given twice is solved once
     with Writer(out, again=again) as writer:
         order = {world: place for place, world in enumerate(dict.fromkeys(case.world for case in listed))}
@@ -217,7 +221,7 @@ def run(
 
         tell()
         with Workers(workers, executor) as pool:
-            for case, rows in pool.solved(_jobs(cases, open_cases)):
+            for case, rows in pool.finished_cases(_jobs(cases, open_cases)):
                 writer.write(case, rows)
                 done += 1
                 failed += rows[0]["error"] is not None
@@ -226,7 +230,7 @@ def run(
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """A case to solve, with its setting and its task; or with its row, where no problem can be built."""
+    """Case to solve, with its setting and task; or with a finished row, if its problem cannot be built."""
 
     case: Case
     shared: Setting | None = None
@@ -235,34 +239,36 @@ class Job:
 
     @property
     def parts(self) -> tuple[Setting, CaseTask]:
-        """Return the setting and the task."""
+        """Setting and task of the case."""
         assert self.shared is not None
         assert self.task is not None
         return self.shared, self.task
 
 
 def _jobs(cases: Cases, listed: Iterable[Case]) -> Iterator[Job]:
-    """Yield the jobs of cases; neighbours with the same world share their setting."""
+    """Yield the jobs of cases; consecutive cases with the same world share their setting."""
     known: tuple[str, Setting] | None = None
     for case in listed:
         try:
             problem, planners = cases.build(case)
         except HpopError as error:
-            yield Job(case, row=_failed(f"{type(error).__name__}: {error}"))
+            yield Job(case, row=_error_row(f"{type(error).__name__}: {error}"))
             continue
         world = problem.world
         if known is not None and known[0] == case.world:
             common = known[1].world
             shared = known[1]
             if world.ground is not common.ground or world.content != common.content:
-                shared = replace(shared, world=world)  # a person who touches the robot at its start is another one
+                shared = replace(
+                    shared, world=world
+                )  # a world without persons who touch the robot at its start differs
         else:
             shared = Setting(world, problem.model, problem.criteria, problem.quanta, problem.horizon)
             known = case.world, shared
         yield Job(case, shared, CaseTask(problem.start, problem.goal, planners))
 
 
-def _failed(error: str) -> dict[str, Any]:
+def _error_row(error: str) -> dict[str, Any]:
     return {"status": "error", "error": error, "versions": VERSIONS}
 
 
@@ -270,7 +276,7 @@ Rows = list[dict[str, Any]]
 
 
 class Workers:
-    """The workers of a batch: processes of this machine, an executor, or this process."""
+    """Workers of a batch: processes of this machine, an executor, or this process."""
 
     def __init__(self, workers: int | None, executor: Executor | None) -> None:
         self._count = 1 if workers is None else whole("workers", workers, 1, MOST_WORKERS, "a number of processes")
@@ -295,8 +301,8 @@ class Workers:
             if self._owned and self._executor is not None:
                 self._executor.shutdown(wait=True, cancel_futures=True)
 
-    def solved(self, jobs: Iterator[Job]) -> Iterator[tuple[Case, Rows]]:
-        """Yield each case with its rows as it is finished; raises KeyboardInterrupt after Ctrl-C."""
+    def finished_cases(self, jobs: Iterator[Job]) -> Iterator[tuple[Case, Rows]]:
+        """Yield each case with its rows as soon as it is finished; raises KeyboardInterrupt after Ctrl-C."""
         if self._executor is None:
             for job in jobs:
                 rows = [dict(job.row)] if job.row is not None else solve(*job.parts)
@@ -316,10 +322,10 @@ class Workers:
                     return
                 jobs = chain([following], jobs)
                 continue
-            yield from self._collected()
+            yield from self._ended_cases()
 
-    def _collected(self) -> Iterator[tuple[Case, Rows]]:
-        """Yield the cases that have ended; after the death of a process, solve each case that was at work by itself."""
+    def _ended_cases(self) -> Iterator[tuple[Case, Rows]]:
+        """Yield the cases that have ended. After the death of a process, solve each of its cases alone."""
         try:
             future = self._ended.get(timeout=POLL)
         except Empty:
@@ -328,7 +334,7 @@ class Workers:
         if job is None:
             return
         try:
-            rows = self._rows(future, job)
+            rows = self._result_rows(future, job)
         except BrokenExecutor as error:
             if not self._owned:
                 raise OutputError(f"{LOST} ({error})") from None
@@ -336,13 +342,13 @@ class Workers:
             self._pending.clear()
             self._renew()
             for each in at_work:
-                yield each.case, self._alone(each)
+                yield each.case, self._solve_alone(each)
             return
         if rows is not None:
             yield job.case, rows
 
-    def _alone(self, job: Job) -> Rows:
-        """Solve a case while nothing else is at work, so that a death of its process is its own doing."""
+    def _solve_alone(self, job: Job) -> Rows:
+        """Solve a case while no other is being solved, so that the death of its process can only be its own doing."""
         self._send(job)
         while True:
             (future,) = self._pending
@@ -351,10 +357,10 @@ class Workers:
                     self._ended.get(timeout=POLL)
             self._pending.clear()
             try:
-                rows = self._rows(future, job)
+                rows = self._result_rows(future, job)
             except BrokenExecutor:
                 self._renew()
-                return [_failed(DIED)]
+                return [_error_row(DIED)]
             if rows is not None:
                 return rows
 
@@ -367,8 +373,11 @@ class Workers:
             self._ended = SimpleQueue()
             self._executor = processes(self._count)
 
-    def _rows(self, future: Future[Any], job: Job) -> Rows | None:
-        """Return the rows of a case; None where its worker lacks the setting: then the case is sent again with it."""
+    def _result_rows(self, future: Future[Any], job: Job) -> Rows | None:
+        """Return the rows of a case.
+
+        None if its worker lacks the setting, whereupon the case is sent again with the setting.
+        """
         try:
             with interrupts_held():
                 _, results = future.result()
@@ -376,8 +385,8 @@ class Workers:
             raise
         except CancelledError as error:
             raise OutputError(f"{LOST} ({type(error).__name__})") from None
-        except Exception as error:  # of the executor: a worker of Dask that died again and again, ...
-            return [_failed(f"the worker failed: {type(error).__name__}: {error}")]
+        except Exception as error:  # an error of the executor, such as a Dask worker that died repeatedly
+            return [_error_row(f"the worker failed: {type(error).__name__}: {error}")]
         if results is None:
             self._send(job, with_shared=True)
             return None
@@ -387,7 +396,7 @@ class Workers:
         return rows
 
     def _send(self, job: Job, *, with_shared: bool = False) -> None:
-        """Hand a case to the executor."""
+        """Submit a case to the executor."""
         shared, task = job.parts
         if self._sweep is None or self._sweep[0] is not shared:
             sweep = self._sweeps.enter_context(Sweep(solve, shared, self._executor))

@@ -1,4 +1,4 @@
-"""Summary of a batch: what each planner found, and how long it took."""
+"""Summary of a batch: the statuses, planning times, front sizes and hypervolumes of each planner."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from hpop.runtime.status import Status
 
 @dataclass(frozen=True, eq=False)
 class PlannerSummary:
-    """Numbers of one planner: its cases, times, front sizes and hypervolumes.
+    """Statistics of one planner over its cases.
 
-    planner  its label
-    counts   cases by status: "complete", "no path", "error", a limit, ...
+    planner  label
+    counts   number of cases by status: "complete", "no path", "error", a limit, ...
     seconds  (n,) planning time of the cases without an error, s
-    points   (n,) sizes of their fronts, 0 where nothing was found
-    shares   (p,) hypervolume of its front over that of the fronts of all planners together, for each problem that
-             several planners were asked and one has solved
+    points   (n,) front sizes of these cases; 0 if no path was found
+    shares   (p,) hypervolume of its front divided by that of the joint front of all planners, for each problem that
+    several
+             planners were given and at least one solved
     """
 
     planner: str
@@ -37,13 +38,18 @@ class PlannerSummary:
 
     @property
     def cases(self) -> int:
-        """Return the number of its cases."""
+        """Number of cases."""
         return sum(self.counts.values())
 
 
 @dataclass(eq=False)
 class _ProblemFronts:
-    """The fronts of one problem: rows of costs by planner, of the same criteria."""
+    """Fronts of one problem: costs by planner, for the same criteria.
+
+    names     of the criteria
+    costs     rows of costs by planner
+    planners  labels of all planners that were given the problem
+    """
 
     names: tuple[str, ...] = ()
     costs: dict[str, list[list[float]]] = field(default_factory=lambda: defaultdict(list))
@@ -52,7 +58,7 @@ class _ProblemFronts:
 
 @checked_arguments
 def summaries(results: Results) -> list[PlannerSummary]:
-    """Return what each planner of a batch did, in the order of their labels' first cases."""
+    """Return the statistics of each planner of a batch, in the order of the planners' first cases."""
     counts: dict[str, dict[str, int]] = {}
     seconds: dict[str, list[float]] = defaultdict(list)
     points: dict[str, list[float]] = defaultdict(list)
@@ -74,7 +80,7 @@ def summaries(results: Results) -> list[PlannerSummary]:
                 problem.names = problem.names or here
                 if here == problem.names:
                     problem.costs[planner].append([columns[name][row] for name in here])
-    shares = _shares(problems.values())
+    shares = _hypervolume_shares(problems.values())
     return [
         PlannerSummary(p, dict(of), np.array(seconds[p]), np.array(points[p]), np.array(shares[p]))
         for p, of in counts.items()
@@ -84,8 +90,8 @@ def summaries(results: Results) -> list[PlannerSummary]:
 _NEEDED = ("planner", "row", "status", "error", "seconds", "points", "problem")
 
 
-def _shares(problems: Any) -> dict[str, list[float]]:
-    """Return the shares of the joint hypervolume by planner, of problems that several planners were asked."""
+def _hypervolume_shares(problems: Any) -> dict[str, list[float]]:
+    """Return the shares of the joint hypervolume by planner, for problems that several planners were given."""
     shares: dict[str, list[float]] = defaultdict(list)
     for problem in problems:
         if len(problem.planners) < 2 or not problem.costs:
@@ -132,10 +138,10 @@ def _quantiles(numbers: FloatArray) -> tuple[str, str]:
     return f"{median:.3g}" if median < 1 else f"{median:.1f}", f"{most:.3g}" if most < 1 else f"{most:.1f}"
 
 
-def left_text(seconds: float) -> str:
-    """Return an estimate of the time left in words.
+def remaining_text(seconds: float) -> str:
+    """Return an estimate of the remaining time in words.
 
-    >>> left_text(math.nan), left_text(12.2), left_text(83), left_text(7300)
+    >>> remaining_text(math.nan), remaining_text(12.2), remaining_text(83), remaining_text(7300)
     ('', ', about 12 s left', ', about 1:23 min left', ', about 2:01 h left')
     """
     if math.isnan(seconds):

@@ -49,8 +49,8 @@ def batch(
     """
     from hpop.batches.cases import Specification
     from hpop.batches.results import Results
-    from hpop.batches.running import BatchProgress, run
-    from hpop.batches.summary import left_text
+    from hpop.batches.running import BatchProgress, run_cases
+    from hpop.batches.summary import remaining_text
     from hpop.cli import user_code
     from hpop.runtime import sweep
 
@@ -76,11 +76,11 @@ def batch(
                 echo(f"going on: {out} has {progress.done:,} of {progress.count:,} cases")
             last = progress
             failures = f", {progress.failed:,} with an error" if progress.failed else ""
-            detail = f"{progress.done:,} of {progress.count:,} cases{failures}{left_text(progress.left)}"
+            detail = f"{progress.done:,} of {progress.count:,} cases{failures}{remaining_text(progress.left)}"
             bar(status.Progress("solved", detail=detail))
 
         try:
-            run(cases, out, workers=workers, executor=executor, progress=tell, again=again)
+            run_cases(cases, out, workers=workers, executor=executor, progress=tell, again=again)
         except KeyboardInterrupt:
             done = f"{last.done:,} of {last.count:,} cases are" if last is not None else "what was finished is"
             echo(f"interrupted: {done} saved in {out}; the same command goes on", err=True)

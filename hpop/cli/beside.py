@@ -168,7 +168,7 @@ def draw(which: str, folder: Path, max_memory: int | None, imports: Sequence[str
     """Draw the front saved in a folder, at low priority: the map, or all pictures."""
     from hpop.runtime import garbage
 
-    garbage.seldom()
+    garbage.collect_rarely()
     from hpop.cli import results, user_code
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem

@@ -112,7 +112,7 @@ def plan(
     """Plan the SCENARIO (a YAML file): write front.json and pictures to a folder, and print the front."""
     from hpop.runtime import garbage
 
-    garbage.seldom()
+    garbage.collect_rarely()
     from hpop.cli import picking, report, user_code
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps

@@ -13,7 +13,7 @@ from hpop.base.text import counted
 from hpop.cli import results
 from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
-from hpop.runtime.status import Status, why_none
+from hpop.runtime.status import Status, no_path_note
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
@@ -125,7 +125,7 @@ def _print_options(options: Options, happening: Happening) -> None:
     from hpop.cli.report import header, plain_table, print_wide
 
     if not len(options):
-        reason = why_none(options.front.notes) or f"{options.certificate}; give a later --deadline"
+        reason = no_path_note(options.front.notes) or f"{options.certificate}; give a later --deadline"
         echo(f"  no options: {reason.removeprefix(f'{Status.NO_PATH}: ')}")
         return
     echo(

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from hpop.base.registry import Registry, criteria, formats, goals, models, needed, planners, readers
+from hpop.base.registry import Registry, criteria, formats, goals, models, planners, readers, required_parameters
 from hpop.base.text import shown, some
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.errors import CriterionError, HpopError, OwnCodeError, UnknownName, did_you_mean, own_location
@@ -75,7 +75,7 @@ def named(spec: str) -> Criterion | Model | Planner:
     try:
         made = found() if isinstance(found, type) else found
     except TypeError as error:
-        absent = ", ".join(needed(found)) if is_dataclass(found) else ""
+        absent = ", ".join(required_parameters(found)) if is_dataclass(found) else ""
         why = f"it has none for {absent}" if absent else str(error)
         kind = next((registry.error for registry in (planners, models) if found in registry.values()), CriterionError)
         raise kind(

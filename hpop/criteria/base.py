@@ -26,7 +26,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column
-from hpop.base.registry import completed, criteria, made
+from hpop.base.registry import criteria, plugin_from_spec, with_optional_members
 from hpop.base.text import shown
 from hpop.errors import CriterionError
 from hpop.motions import Model, lacking
@@ -186,7 +186,7 @@ def criterion(
             raise CriterionError(f"criterion {name!r}: parameters may not be called {sorted(taken)}")
         for key, value in declared.items():
             setattr(cls, key, value)
-        criteria.add(name, completed(cls, CRITERION_DEFAULTS))
+        criteria.add(name, with_optional_members(cls, CRITERION_DEFAULTS))
         return checked_arguments(cls)
 
     return declare
@@ -199,9 +199,9 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     Raises UnknownName for a name that is not registered and CriterionError for unknown parameters.
     """
     if isinstance(spec, str | Mapping):
-        return cast(Criterion, made(criteria, spec))
+        return cast(Criterion, plugin_from_spec(criteria, spec))
     if not isinstance(spec, type) and isinstance(spec, Criterion):
-        return completed(spec, CRITERION_DEFAULTS)
+        return with_optional_members(spec, CRITERION_DEFAULTS)
     raise CriterionError(
         f"a criterion is a name or an instance such as Turns(), got {shown(spec)}; declare a class with @hpop.criterion"
     )
@@ -246,7 +246,7 @@ def class_of(criterion: Criterion) -> type:
 
 def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
     """Raise CriterionError if a criterion lacks a requirement in model and world, and name criteria to use instead."""
-    absent = lacking(completed(criterion, CRITERION_DEFAULTS).requires, model, world)
+    absent = lacking(with_optional_members(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return
     substitutes = {name: cast(Criterion, criteria[name]) for name in criterion.instead if name in criteria}

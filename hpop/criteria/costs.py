@@ -11,7 +11,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST, real
-from hpop.base.registry import completed
+from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion, check_command, check_requirements, class_of
 from hpop.errors import CriterionError, HpopError, UnsupportedCriterion, did_you_mean, own_failure
@@ -45,7 +45,7 @@ def motion_costs(criterion: Criterion, motions: Motions) -> FloatArray:
 
 
 def _checked(criterion: Criterion, m: Motions | History, size: int, kind: str) -> FloatArray:
-    laws_of(completed(m.model, MODEL_DEFAULTS))  # completes the laws as well
+    laws_of(with_optional_members(m.model, MODEL_DEFAULTS))  # completes the laws as well
     check_requirements(criterion, m.model, m.world)
     try:
         costs = np.asarray(criterion.cost(m))

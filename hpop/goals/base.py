@@ -17,7 +17,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray
 from hpop.base.options import whole
 from hpop.base.randomness import RNG
-from hpop.base.registry import completed, goals, made
+from hpop.base.registry import goals, plugin_from_spec, with_optional_members
 from hpop.base.scalars import python_value
 from hpop.base.text import shown
 from hpop.errors import HpopWarning, QueryError
@@ -100,7 +100,7 @@ def goal(name: str) -> Callable[[T], T]:
         if not is_dataclass(cls) or not all(hasattr(cls, method) for method in ("states", "reached", "describe")):
             raise QueryError(f"goal {name!r} must be a dataclass that follows hpop.goals.Goal, such as a Region")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
-        goals.add(name, completed(cls, vars(GoalDefaults)))
+        goals.add(name, with_optional_members(cls, vars(GoalDefaults)))
         return checked_arguments(cls)
 
     return declare
@@ -241,7 +241,11 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
     states, others = dict[Values, None](), list[Any]()
     for place, one in enumerate(several):
         if isinstance(one, Goal) or is_named(one):
-            others.append(completed(one, vars(GoalDefaults)) if isinstance(one, Goal) else made(goals, one))
+            others.append(
+                with_optional_members(one, vars(GoalDefaults))
+                if isinstance(one, Goal)
+                else plugin_from_spec(goals, one)
+            )
         else:
             what = f"goal {place}" if len(several) > 1 else "goal"
             states[space.values(space.state(one, free=space.angles, what=what))] = None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.options import FARTHEST
-from hpop.base.registry import completed, models
+from hpop.base.registry import models, with_optional_members
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.collision.leaving import planar_collision
 from hpop.models.collision.parts import Part
@@ -68,7 +68,7 @@ def model(name: str) -> Callable[[T], T]:
                 raise ModelError(f"model {name!r} has {noun} as a method; write @property above it")
         setattr(cls, "name", name)  # noqa: B010  (a type variable has no attribute to assign)
         update_abstractmethods(cls)
-        models.add(name, completed(cls, MODEL_DEFAULTS))
+        models.add(name, with_optional_members(cls, MODEL_DEFAULTS))
         return checked_arguments(cls)
 
     return declare

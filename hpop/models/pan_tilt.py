@@ -13,7 +13,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
 from hpop.base.math import hypot, smooth_abs, wrap
 from hpop.base.options import MOST, Angle, real, set_reals
-from hpop.base.registry import completed
+from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
 from hpop.models.base import PlanarModel, model
@@ -313,7 +313,7 @@ def _check_base(base: Any) -> None:
         isinstance(base, type)
         or not isinstance(base, Model)
         or not base.provides >= CARRIES
-        or "camera" not in completed(base, MODEL_DEFAULTS).mounts
+        or "camera" not in with_optional_members(base, MODEL_DEFAULTS).mounts
     ):
         raise ModelError(f"{what}; got {shown(base)}")
     if base.mounts["camera"].view is not None:

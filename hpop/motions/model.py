@@ -9,7 +9,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
-from hpop.base.registry import completed
+from hpop.base.registry import with_optional_members
 from hpop.motions.laws import HOLD, Law, LawDefaults, Leg
 from hpop.motions.states import Pose, States, StateSpace, Twist
 
@@ -74,7 +74,7 @@ class WholeCollision(Collision, Protocol):
 @checked_arguments
 def collision_of(model: Model, world: World) -> WholeCollision:
     """Return the collision test of a model with all optional members."""
-    return cast(WholeCollision, completed(model.collision(world), COLLISION_DEFAULTS))
+    return cast(WholeCollision, with_optional_members(model.collision(world), COLLISION_DEFAULTS))
 
 
 @checked_arguments
@@ -305,7 +305,10 @@ MODEL_DEFAULTS: dict[str, Any] = {
 @checked_arguments
 def laws_of(model: Model) -> Mapping[str, Law]:
     """Return the motion laws by kind: the model's own, and those of hpop."""
-    return {**{kind: completed(law, vars(LawDefaults)) for kind, law in model.laws.items()}, HOLD.kind: HOLD}
+    return {
+        **{kind: with_optional_members(law, vars(LawDefaults)) for kind, law in model.laws.items()},
+        HOLD.kind: HOLD,
+    }
 
 
 @checked_arguments

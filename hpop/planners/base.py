@@ -14,7 +14,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.base.registry import completed, made, planners
+from hpop.base.registry import planners, plugin_from_spec, with_optional_members
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
@@ -317,7 +317,7 @@ def planner(name: str) -> Callable[[T], T]:
 
 def _completed(cls: Any) -> Any:
     """Add the defaults of the contract to a planner class."""
-    completed(cls, _DEFAULTS)
+    with_optional_members(cls, _DEFAULTS)
     if not isinstance(cls.needs, frozenset | property):
         cls.needs = frozenset(cls.needs)
     return cls
@@ -330,11 +330,11 @@ def make_planner(spec: PlannerSpec, options: Mapping[str, Any] | None = None) ->
     Raises UnknownName for a name that is not registered and OptionError for unknown options.
     """
     if isinstance(spec, str):
-        return cast(Planner, made(planners, {spec: options}))
+        return cast(Planner, plugin_from_spec(planners, {spec: options}))
     if options:
         raise OptionError(f"options {sorted(options)} go into the planner {shown(spec)} itself")
     if isinstance(spec, Mapping):
-        return cast(Planner, made(planners, spec))
+        return cast(Planner, plugin_from_spec(planners, spec))
     if isinstance(spec, type) or not callable(getattr(spec, "solve", None)):
         raise OptionError(
             f"a planner is a name, one name with its options such as {{'lattice': {{'step': 0.5}}}}, or an object with "

@@ -1,13 +1,14 @@
-"""Answers of a person, choices between two or ratings, and their probability.
+"""Answers of a person, and their probability: choices between two trajectories, or ratings.
 
-A trajectory costs ``w . z``, with z the costs as shares of the front's range and weights w >= 0: all costs are
-minimised, so a trajectory that costs more of everything is never preferred. Of two, the cheaper one is chosen by a
-Bradley-Terry model and, with a small probability of a lapse of attention, either one::
+A person pays ``w . z`` for a trajectory. Here z holds its costs as shares of the front's range, and w >= 0 the person's
+weights; so a trajectory that costs more of everything is never preferred. Of two trajectories the person chooses the
+cheaper one by a Bradley-Terry model; with a small probability, a lapse of attention, the choice is random::
 
     P(a over b) = lapse / 2 + (1 - lapse) logistic(w . (z_b - z_a)),    w = sharpness x shares,   shares add up to 1
 
-If "no difference" is a possible answer, ties are Davidson's (1970, "On extending the Bradley-Terry model to accommodate
-ties in paired comparison experiments"), with the symmetric form ``nu`` of their weight.
+If "no difference" is a possible answer, ties follow Davidson (1970, "On extending the Bradley-Terry model to
+accommodate
+ties in paired comparison experiments"), with ``nu`` the weight of a tie.
 """
 
 from __future__ import annotations
@@ -31,18 +32,18 @@ LAPSE = 0.02
 BLOCK = 2**14
 """Probabilities in a block: they fit the processor's cache, which is three times as fast."""
 MOST_GAIN = 700.0
-"""Gain beyond which an answer can only be a lapse; exponentials of more would overflow."""
+"""Largest extra cost in exponentials: beyond it an answer can only be a lapse, and exponentials would overflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """Answers as the model needs them, without the order in which two points were shown.
+    """Answers in the form that the model needs, without the order in which two points were shown.
 
-    gains    (n, f)  extra cost of the point that was not chosen, each cost as a share of its range; for a tie either
-                     sign
-    tied     (n,)    whether there was no difference
-    offered  (n,)    whether "no difference" was a possible answer
-    weight   (n,)    number of answers that each counts for
+    gains    (n, f)  extra cost of the point that was not chosen, by cost, as a share of its range; for a tie either
+    sign
+    tied     (n,)    True where the answer was "no difference"
+    offered  (n,)    True where "no difference" was a possible answer
+    weight   (n,)    number of answers that each row counts for
     """
 
     gains: FloatArray
@@ -54,40 +55,44 @@ class Evidence:
         return len(self.gains)
 
     def log_probability(self, weights: FloatArray, ties: FloatArray) -> FloatArray:
-        """Return the logarithm (N,) of the probability of all answers, for weights (N, f) and ties (N,)."""
+        """Return the log probability (N,) of all answers, for N draws.
+
+        weights  (N, f)  of the draws
+        ties     (N,)    Davidson's nu of the draws
+        """
         logs = np.empty(len(weights))
         size = max(1, BLOCK // max(1, len(self)))
         for begin in range(0, len(weights), size):
             part = slice(begin, begin + size)
             gains = weights[part] @ self.gains.T  # (draws, n)
-            logs[part] = log_answers(gains, self.tied, self.offered, ties[part, None]) @ self.weight
+            logs[part] = log_answer_probability(gains, self.tied, self.offered, ties[part, None]) @ self.weight
         return logs
 
     def __getitem__(self, which: slice) -> Evidence:
         return Evidence(self.gains[which], self.tied[which], self.offered[which], self.weight[which])
 
 
-def log_answers(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
-    """Return the logarithm of the probability of answers, arrays that broadcast.
+def log_answer_probability(gain: FloatArray, tied: BoolArray, offered: BoolArray, ties: FloatArray) -> FloatArray:
+    """Return the log probability of answers; all arguments are arrays that broadcast.
 
     gain     extra cost of the point that was not chosen, w . (z_other - z_chosen)
-    tied     whether the answer was "no difference"
-    offered  whether "no difference" was a possible answer
+    tied     True where the answer was "no difference"
+    offered  True where "no difference" was a possible answer
     ties     Davidson's nu
     """
-    gain = np.where(tied, np.abs(gain), np.maximum(gain, -MOST_GAIN))  # of ties the order changes not even a digit
-    half = np.exp(-0.5 * gain)  # root of the odds against what was chosen
+    gain = np.where(tied, np.abs(gain), np.maximum(gain, -MOST_GAIN))  # a tie is symmetric to the last digit
+    half = np.exp(-0.5 * gain)  # square root of the odds against the chosen point
     nu = np.where(offered, ties, 0.0)
     share = np.where(tied, nu * half, 1.0) / (1.0 + half * (half + nu))
     lapse = np.where(offered, LAPSE / 3, LAPSE / 2)
     return np.asarray(np.log(lapse + (1.0 - LAPSE) * share))
 
 
-def probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
-    """Return the probabilities of choosing the first, the second and, if "no difference" is possible, neither.
+def answer_probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray, ...]:
+    """Return the probabilities of choosing the first point, the second point and, if possible, "no difference".
 
-    gain  extra cost of the second
-    ties  Davidson's nu, None if "no difference" is not possible
+    gain  extra cost of the second point over the first
+    ties  Davidson's nu; None if "no difference" is not possible
     """
     size = np.exp(-np.abs(gain))
     nu = 0.0 if ties is None else ties * np.sqrt(size)
@@ -101,16 +106,16 @@ def probabilities(gain: FloatArray, ties: FloatArray | None) -> tuple[FloatArray
 
 
 MOST_ANSWERS = 10_000
-"""Largest number of answers of one person, pairs made of ratings included."""
+"""Largest number of answers of one person, including pairs that are derived from ratings."""
 
 
 class PairAnswer(NamedTuple):
-    """Answer about two points of a front: the preferred one.
+    """Answer to a question about two points of a front.
 
-    first, second  rows, in the order in which they were shown
-    chosen         the preferred row; None: no difference
-    costs          of both, in the units of the preference
-    weight         number of answers it counts for: 1 except for pairs made of ratings
+    first, second  rows of the two points in the front, in the order in which they were shown
+    chosen         row of the preferred point; None for "no difference"
+    costs          costs of both points, in the units of the preference
+    weight         number of answers that it counts for: 1, except for pairs that are derived from ratings
     """
 
     first: int
@@ -121,7 +126,7 @@ class PairAnswer(NamedTuple):
 
 
 def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: float = 1.0) -> PairAnswer:
-    """Return an answer about rows of the costs (n, k) of a front, checked."""
+    """Return a checked answer about two rows of a front with costs (n, k)."""
     a, b = (whole(what, row, 0, len(costs) - 1, "a row of the front", error=StudyError)
             for what, row in (("the first", first), ("the second", second)))  # fmt: skip
     chosen = python_value(chosen)
@@ -134,14 +139,17 @@ def answer_of(first: Any, second: Any, chosen: Any, costs: FloatArray, weight: f
 
 
 def checked_question(question: Any) -> str:
-    """Return the question in words; raise StudyError for anything else."""
+    """Return the question, a word such as "prefer"; raise StudyError for anything else."""
     if not isinstance(question, str) or not question.strip() or len(question) > 100 or HARMFUL.search(question):
         raise StudyError(f"a question must be a word such as 'prefer' or 'comfort', got {shown(question)}")
     return question
 
 
-def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[PairAnswer]:
-    """Return answers from pairs (chosen row, other row), or from choices with ``first_row``, ``chosen_row``, ..."""
+def answers_of_choices(choices: Iterable[Any], costs: FloatArray) -> list[PairAnswer]:
+    """Return answers from choices.
+
+    Pairs (chosen row, other row), or objects with ``first_row``, ``chosen_row`` and so on.
+    """
     answers = []
     for choice in choices:
         if hasattr(choice, "chosen_row"):
@@ -156,10 +164,14 @@ def of_choices(choices: Iterable[Any], costs: FloatArray) -> list[PairAnswer]:
     return answers
 
 
-def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[PairAnswer]:
-    """Return answers from ratings by row, more is better: the better one of each two; equal ones are no difference.
+def answers_of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[PairAnswer]:
+    """Return answers from ratings by row, a higher rating being better.
 
-    m ratings hold no more information than m - 1 comparisons, so each of the m (m - 1) / 2 pairs counts 2 / m.
+    For each pair of rows, the better one is chosen.
+
+    Rows with equal ratings count as "no difference". m ratings hold no more information than m - 1 comparisons, so each
+    of
+    the m (m - 1) / 2 pairs has the weight 2 / m.
     """
     if not isinstance(ratings, Mapping) or len(ratings) < 2:
         raise StudyError(f"ratings are given by row, at least two, such as {{3: 7, 12: 4.5}}, got {shown(ratings)}")
@@ -177,7 +189,9 @@ def of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[PairAnsw
 
 
 def evidence(answers: Sequence[PairAnswer], scale: CostScale, *, ties: bool) -> Evidence:
-    """Return answers for the model; ``ties``: whether "no difference" was a possible answer.
+    """Return answers in the form that the model needs.
+
+    ties  True if "no difference" was a possible answer
 
     Raises StudyError for more answers than a file holds.
     """

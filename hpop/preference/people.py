@@ -1,10 +1,12 @@
-"""Prior of the next person from earlier people: their shares of the costs, partially pooled, and their profiles.
+"""Prior of the next participant, learnt from the answers of earlier participants and from their profiles.
 
-Empirical Bayes: the shares of people are taken as draws of one Dirichlet distribution. Its concentrations maximise the
-probability of all answers, shrunk towards those of an unknown person, so a few people change little. Each person enters
-by the draws of their own posterior, and so with its uncertainty, as shares of the mean ranges of all; a person who
-answered about a front of other ranges is rescaled by units. From ``LEAST_PEOPLE`` people on, the concentrations also
-depend log-linearly on a profile (sickness in cars, experience of virtual reality, age).
+Method: empirical Bayes. The shares of people are taken as draws of one Dirichlet distribution. Its concentrations
+maximise
+the probability of all answers; they are shrunk towards the default prior, so that a few people change little. Each
+person
+enters through the draws of their own posterior, which carry their uncertainty. Shares refer to the mean ranges of all
+people: a person who answered about a front with other ranges is rescaled by units. From ``LEAST_PEOPLE`` people on, the
+concentrations also depend log-linearly on a profile (sickness in cars, experience of virtual reality, age).
 """
 
 from __future__ import annotations
@@ -21,13 +23,13 @@ from hpop.base.options import MOST, real
 from hpop.base.text import shown
 from hpop.errors import StudyError
 from hpop.preference.preference import Preference
-from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, rescaled, stretched
+from hpop.preference.prior import SELECTIVE, Prior, log_dirichlet, range_ratio, rescale_shares
 from hpop.preference.scale import Measure
 
 LEAST_PEOPLE = 20
 """Least number of people for which a profile is used; for fewer, associations are only reported."""
 DRAWS = 200
-"""Draws of the shares of each person."""
+"""Number of draws of each person's shares."""
 OF_COSTS, OF_PROFILE = 0.5, 0.5
 """Prior standard deviations of the logarithms of concentrations, and of the effects of a profile on them."""
 LOGS = -4.0, 6.0
@@ -36,10 +38,12 @@ Profile = Mapping[str, float]
 
 
 class Association(NamedTuple):
-    """Association of a number of the profile with the expected share of a cost.
+    """Rank correlation, over people, of a number of the profile with the expected share of a cost.
 
-    correlation  Spearman's; NaN for fewer than three people, or where one of the two is constant
-    people       number of people who gave that number
+    profile      name of the number in the profile
+    cost         name of the cost
+    correlation  Spearman's rank correlation; NaN for fewer than three people, or if one of the two is constant
+    people       number of people whose profile has that number
     """
 
     profile: str
@@ -51,12 +55,11 @@ class Association(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class People:
-    """Preferences of several people about one question, and their profiles.
+    """Preferences of several people about one question, with their profiles.
 
-    preferences  of people who answered the same question about the same costs
-    profiles     numbers by name, such as {"mssq": 12.5, "age_band": 3}, one profile for each person, or none at all;
-                 missing
-                 values are left out
+    preferences  preferences of people who answered one question about the same costs
+    profiles     numbers by name, such as {"mssq": 12.5, "age_band": 3}, one dictionary for each person; empty for none.
+                 Missing values are left out
     """
 
     preferences: Sequence[Preference]
@@ -76,12 +79,12 @@ class People:
             raise StudyError(
                 f"people are pooled who answered one question about the same costs, got {said}; pool each alone"
             )
-        object.__setattr__(self, "measures", self._common())
+        object.__setattr__(self, "measures", self._common_measures())
         if self.profiles and len(self.profiles) != len(self.preferences):
             raise StudyError(f"expected {len(self.preferences)} profiles, one a person, got {len(self.profiles)}")
         names = tuple(sorted({name for profile in self.profiles for name in profile}))
         object.__setattr__(self, "names", names)
-        table = [self._numbers(profile) for profile in self.profiles or [{}] * len(self)]
+        table = [self._profile_values(profile) for profile in self.profiles or [{}] * len(self)]
         object.__setattr__(self, "_table", np.array(table))
 
     def __len__(self) -> int:
@@ -93,18 +96,19 @@ class People:
         return bool(self.names) and len(self) >= LEAST_PEOPLE
 
     def prior(self, profile: Profile | None = None) -> Prior:
-        """Return the prior of the next person, with or without a profile, for :meth:`Preference.fit`.
+        """Return the prior of the next person, for :meth:`Preference.fit`; with a profile, the prior depends on it.
 
-        A number outside the range of these people's is clipped to it. Raises StudyError for a profile with a number
-        that none of them has.
+        A number of the profile is clipped to the range of these people's numbers. Raises StudyError for a number that
+        none of
+        these people's profiles has.
         """
         if strange := sorted({*(profile or {})} - {*self.names}):
             known = ", ".join(self.names) or "none"
-            raise StudyError(f"no profile has {', '.join(map(shown, strange))}; what theirs have: {known}")
-        found = self._fitted(self._design(self._table))
-        logs = np.clip(self._design(self._numbers(profile or {})[None]) @ found, *LOGS)[0]
+            raise StudyError(f"no profile has {', '.join(map(shown, strange))}; their profiles have: {known}")
+        found = self._log_concentrations(self._design(self._table))
+        logs = np.clip(self._design(self._profile_values(profile or {})[None]) @ found, *LOGS)[0]
         random = (sum(person.random for person in self.preferences) + 1.0) / (len(self) + 5.0)  # as Prior, at first
-        selective = (sum(map(_selective, self.preferences)) + 5.0 * SELECTIVE) / (len(self) + 5.0)
+        selective = (sum(map(_selective_probability, self.preferences)) + 5.0 * SELECTIVE) / (len(self) + 5.0)
         return Prior(
             tuple(np.exp(logs).tolist()),
             random=min(random, 0.9),
@@ -118,7 +122,7 @@ class People:
 
         found = []
         expected = np.array([list(person.weights.values()) for person in self.preferences])  # (people, f)
-        expected, _ = rescaled(expected, np.ones(len(self)), self._factors())
+        expected, _ = rescale_shares(expected, np.ones(len(self)), self._range_factors())
         for p, name in enumerate(self.names):
             known = ~np.isnan(self._table[:, p])
             for j, cost in enumerate(self.preferences[0].scale.columns):
@@ -128,28 +132,28 @@ class People:
                 found.append(Association(name, cost, value, int(known.sum())))
         return found
 
-    def _common(self) -> tuple[Measure, ...]:
-        """Return the ranges of pooled shares: the geometric means of the ranges that people were asked about.
+    def _common_measures(self) -> tuple[Measure, ...]:
+        """Return the ranges that pooled shares refer to: for each cost, the geometric mean of the people's ranges.
 
-        StudyError for other units, and for logarithmic costs of other ranges, which no unit relates.
+        Raises StudyError for differing units, and for logarithmic costs with differing ranges, which no unit relates.
         """
         first, *others = (person.scale.measures for person in self.preferences)
         for other in others:
             for one, another in zip(first, other, strict=True):
-                stretched(one, another)
+                range_ratio(one, another)
         sizes = np.array([[one.size for one in measures] for measures in (first, *others)])  # (people, f)
         logs = np.log(np.where(sizes > 0, sizes, 1.0)).sum(axis=0) / np.maximum((sizes > 0).sum(axis=0), 1)
         means = np.where(np.ptp(sizes, axis=0) > 0, np.exp(logs), sizes[0])
         return tuple(one._replace(size=size) for one, size in zip(first, means.tolist(), strict=True))
 
-    def _factors(self) -> FloatArray:
-        """Return the ratios of the common ranges to each person's ranges (people, f)."""
+    def _range_factors(self) -> FloatArray:
+        """Return the ratio of the common range to the range of each person (people, f)."""
         return np.array([
-            [stretched(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
+            [range_ratio(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
             for person in self.preferences
         ])  # fmt: skip
 
-    def _numbers(self, profile: Profile) -> FloatArray:
+    def _profile_values(self, profile: Profile) -> FloatArray:
         numbers = {
             name: real(f"{shown(name)} of a profile", value, -MOST, MOST, error=StudyError)
             for name, value in profile.items()
@@ -157,7 +161,10 @@ class People:
         return np.array([numbers.get(name, np.nan) for name in self.names])
 
     def _design(self, table: FloatArray) -> FloatArray:
-        """Return the design matrix of the concentrations, a row for each person: 1 and the scaled profile if used."""
+        """Return the design matrix of the concentrations.
+
+        One row per person, 1 followed by the scaled profile if it is used.
+        """
         one = np.ones((len(table), 1))
         if not self.uses_profile:
             return one
@@ -167,17 +174,17 @@ class People:
         scaled = (inside - middle) / np.where(spread > 0, spread, 1.0)
         return np.hstack([one, np.where(np.isnan(scaled), 0.0, scaled)])
 
-    def _fitted(self, design: FloatArray) -> FloatArray:
-        """Return the logarithms of concentrations (1 + profile, f) that make the answers of all most probable."""
+    def _log_concentrations(self, design: FloatArray) -> FloatArray:
+        """Return the log concentrations (1 + profile, f) that make the answers of all people most probable."""
         from scipy.optimize import minimize
         from scipy.special import logsumexp
 
         rng = np.random.default_rng(0)
         pooled_shares, already = [], []
-        for person, factors in zip(self.preferences, self._factors(), strict=True):
-            draws = person.draws.equal(DRAWS, rng)
+        for person, factors in zip(self.preferences, self._range_factors(), strict=True):
+            draws = person.draws.equally_weighted(DRAWS, rng)
             sharp = np.where(draws.sharpness > 0, draws.sharpness, 1.0)
-            shares, common = rescaled(draws.shares, sharp, factors)
+            shares, common = rescale_shares(draws.shares, sharp, factors)
             pooled_shares.append(shares)
             of_shares, own = person.prior.log_densities(draws.shares, sharp, draws.ties)
             _, pooled = replace(person.prior, _stretch=()).log_densities(shares, common, draws.ties)
@@ -195,6 +202,6 @@ class People:
         return np.asarray(minimize(loss, np.zeros(shape).ravel(), method="L-BFGS-B").x.reshape(shape))
 
 
-def _selective(person: Preference) -> float:
-    """Return the probability that a person cares for some of the costs only."""
+def _selective_probability(person: Preference) -> float:
+    """Return the posterior probability that a person cares for only some of the costs."""
     return float(person.draws.probability()[(person.draws.shares == 0).any(axis=1)].sum())

@@ -1,14 +1,17 @@
-"""Posterior of a person's weights as weighted draws, the best point for the person, and the next question.
+"""Posterior of a person's weights as weighted draws; the best point for the person; the next question.
 
-Draws of the prior are weighted by the probability of the answers. That is exact up to the number of draws; a normal
-approximation would fail where a share may be 0. With more answers, fewer draws carry the weight. Once they count for
-less than ``LEAST_EFFECTIVE`` equal ones, they are resampled, and each is moved by a random walk that keeps the
-posterior (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). A share of 0 stays 0 in
-that walk: the probability of caring for some costs only is the fraction of draws with such shares.
+Draws of the prior are weighted by the probability of the answers. This is exact up to the number of draws, whereas a
+normal approximation would fail where a share may be 0. With more answers, fewer draws carry the weight. Once the
+effective
+sample size is less than ``LEAST_EFFECTIVE``, draws are resampled, and each is moved by a random walk that leaves the
+posterior invariant (Metropolis; Chopin 2002, "A sequential particle filter method for static models"). The walk keeps
+shares of 0, so the fraction of draws with such shares is the probability that the person cares for some costs only.
 
-Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): the best
-question has an open answer, although each person with certain weights would be sure of it. Pairs are drawn at random,
-and pairs among the present favourites are added.
+Questions are chosen by Bayesian active learning by disagreement (Houlsby et al. 2011, arXiv 1112.5745): the answer to
+the
+best question is uncertain overall, although it would be certain if the person's weights were known. Candidates are
+random
+pairs, and pairs among the rows that are currently most often the best.
 """
 
 from __future__ import annotations
@@ -22,24 +25,30 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.frontier.choosing import least
-from hpop.preference.answers import BLOCK, Evidence, probabilities
+from hpop.preference.answers import BLOCK, Evidence, answer_probabilities
 from hpop.preference.prior import Prior, shares_of
 
 COUNT = 20_000
-"""Draws of the posterior."""
+"""Number of draws of the posterior."""
 LEAST_EFFECTIVE = 500
-"""Least equivalent number of equal draws; below, draws are renewed."""
+"""Least effective sample size; below it, draws are resampled."""
 RENEWED = 5_000
-"""Number of renewed draws: ten times the equivalent number."""
+"""Number of resampled draws: ten times the effective sample size."""
 LEAST_ALIKE = 40
-"""Least equivalent number of draws that care for the same costs, for using their covariance."""
+"""Least effective sample size of draws that care for the same costs, for using their covariance."""
 STEPS = 12
-"""Steps of a random walk, which separate duplicates."""
+"""Steps of the random walk, which separates duplicate draws."""
 
 
 @dataclass(frozen=True, eq=False)
 class Draws:
-    """Weighted draws of shares (N, f), sharpness (N,) and ties (N,), with the logarithms (N,) of their weights."""
+    """Weighted draws of a person's weights.
+
+    shares     (N, f)  share of each cost, each row adds up to 1
+    sharpness  (N,)    factor from shares to weights; 0 for a person who answers at random
+    ties       (N,)    Davidson's nu
+    logs       (N,)    logarithms of the importance weights of the draws
+    """
 
     shares: FloatArray
     sharpness: FloatArray
@@ -66,68 +75,80 @@ class Draws:
 
     @property
     def effective(self) -> float:
-        """Equivalent number of equal draws: 1 / sum of the squared probabilities (Kong 1992)."""
+        """Effective sample size: 1 / sum of the squared probabilities (Kong 1992)."""
         return float(1.0 / (self.probability() ** 2).sum())
 
-    def told(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return the draws after further answers; ``known`` has all answers, including these."""
-        draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
-        return draws.renewed(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
+    def with_answers(self, new: Evidence, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
+        """Return the draws after further answers.
 
-    def renewed(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
+        new    the further answers
+        known  all answers, including the further ones
+        """
+        draws = replace(self, logs=self.logs + new.log_probability(self.weights, self.ties))
+        return draws.resampled(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
+
+    def resampled(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
         """Return fewer draws, of equal weight, each moved by the random walk.
 
-        Where sharpness is 0 answers carry no information on shares, which are drawn from the prior itself.
+        Where the sharpness is 0, answers carry no information on shares, so these shares are drawn from the prior.
         """
-        draws = self.equal(min(len(self), RENEWED), rng)
+        draws = self.equally_weighted(min(len(self), RENEWED), rng)
         sharp = draws.sharpness > 0
         shares, _, ties = replace(prior, random=0.0).draw(draws.shares.shape[1], int((~sharp).sum()), rng)
         of_random = Draws(shares, np.zeros(len(ties)), ties, np.zeros(len(ties)))
         if not sharp.any():
             return of_random
-        moved = draws._part(sharp)._walked(self._part(self.sharpness > 0), known, prior, rng)
-        return of_random._with(moved)
+        moved = draws._subset(sharp)._random_walk(self._subset(self.sharpness > 0), known, prior, rng)
+        return of_random._concatenated(moved)
 
-    def _walked(self, before: Draws, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return each draw moved by a random walk that keeps the posterior, with steps scaled to the weighted draws."""
-        place, cared_for = _place(self), self.shares > 0
-        groups = _groups(before, cared_for)
-        density = _density(self, known, prior)
+    def _random_walk(self, before: Draws, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
+        """Return the draws after a random walk that leaves the posterior invariant.
+
+        ``before`` are the weighted draws, which scale the steps.
+        """
+        place, cared_for = _unbounded_coordinates(self), self.shares > 0
+        groups = _covariance_groups(before, cared_for)
+        density = _log_density(self, known, prior)
         for step in range(STEPS):
-            length = 1.0 if step % 3 else 0.3  # now and then short: the posterior may be bent
+            length = 1.0 if step % 3 else 0.3  # every third step is short: the posterior may be curved
             away = length * rng.standard_normal(place.shape)
             for rows, root in groups:
                 away[rows] = away[rows] @ root.T
             moved = place + away
-            there = _density(_from_place(moved, cared_for), known, prior)
+            there = _log_density(_from_unbounded(moved, cared_for), known, prior)
             taken = np.log(rng.random(len(place))) < there - density
             place[taken], density[taken] = moved[taken], there[taken]
-        return _from_place(place, cared_for)
+        return _from_unbounded(place, cared_for)
 
-    def _part(self, kept: BoolArray) -> Draws:
+    def _subset(self, kept: BoolArray) -> Draws:
         return Draws(self.shares[kept], self.sharpness[kept], self.ties[kept], self.logs[kept])
 
-    def _with(self, other: Draws) -> Draws:
+    def _concatenated(self, other: Draws) -> Draws:
         columns = ((mine, its) for mine, its in zip(vars(self).values(), vars(other).values(), strict=True))
         return Draws(*(np.concatenate(pair) for pair in columns))
 
-    def equal(self, count: int, rng: np.random.Generator) -> Draws:
+    def equally_weighted(self, count: int, rng: np.random.Generator) -> Draws:
         """Return ``count`` draws of equal weight, one for each equal part of probability (systematic resampling)."""
-        rows = self._rows(count, rng)
+        rows = self._systematic_rows(count, rng)
         return Draws(self.shares[rows], self.sharpness[rows], self.ties[rows], np.zeros(count))
 
-    def _rows(self, count: int, rng: np.random.Generator) -> IntArray:
+    def _systematic_rows(self, count: int, rng: np.random.Generator) -> IntArray:
         ends = np.cumsum(self.probability())
         parts = (np.arange(count) + rng.random()) / count * ends[-1]
         return np.asarray(np.minimum(np.searchsorted(ends, parts, side="right"), len(self) - 1))
 
 
-def _groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatArray]]:
-    """Return rows of draws (N, f) that care for the same costs, with a root of their weighted covariance.
+def _covariance_groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatArray]]:
+    """Return groups of draws that care for the same costs.
 
-    Where they are too few for a covariance, the root is diagonal, of the deviations among all draws.
+    The rows of each group, and a root of its weighted covariance.
+
+    Where a group is too small for a covariance, the root is the diagonal of standard deviations of all draws.
+
+    before     draws of N rows
+    cared_for  (N, f)  True where a draw cares for a cost
     """
-    place, probability = _place(before), before.probability()
+    place, probability = _unbounded_coordinates(before), before.probability()
     middle = probability @ place
     deviations = np.sqrt(np.maximum(probability @ (place - middle) ** 2, 1e-12))
     kinds, kind = np.unique(np.concatenate([cared_for, before.shares > 0]), axis=0, return_inverse=True)
@@ -143,22 +164,24 @@ def _groups(before: Draws, cared_for: BoolArray) -> list[tuple[IntArray, FloatAr
         away = place[same] - weight @ place[same]
         values, vectors = np.linalg.eigh((away * weight[:, None]).T @ away)
         free = int(kinds[number].sum()) + 1  # ratios of shares, sharpness and ties
-        groups.append((np.flatnonzero(kind == number), vectors * np.sqrt(np.maximum(values, 1e-12)) * _best(free)))
+        groups.append(
+            (np.flatnonzero(kind == number), vectors * np.sqrt(np.maximum(values, 1e-12)) * _best_step_length(free))
+        )
         few &= kind != number
     if few.any():
-        groups.append((np.flatnonzero(few), np.diag(deviations) * _best(size - 1)))
+        groups.append((np.flatnonzero(few), np.diag(deviations) * _best_step_length(size - 1)))
     return groups
 
 
-def _best(dimensions: int) -> float:
-    """Return the best length of a step, in deviations (Roberts and Rosenthal 2001, Statistical Science 16, 351-367)."""
+def _best_step_length(dimensions: int) -> float:
+    """Return the best length of a Metropolis step, in standard deviations (Roberts and Rosenthal 2001)."""
     return float(2.38 / np.sqrt(dimensions))
 
 
-def _place(draws: Draws) -> FloatArray:
-    """Return draws in unbounded coordinates (N, f + 2): logarithms of shares, less their mean, sharpness and ties.
+def _unbounded_coordinates(draws: Draws) -> FloatArray:
+    """Return draws in unbounded coordinates (N, f + 2): centred logarithms of shares, log sharpness and log ties.
 
-    The logarithm of a share of 0 is 0, and is ignored.
+    The logarithm of a share of 0 is set to 0 and is ignored.
     """
     cared_for = draws.shares > 0
     logs = np.log(np.where(cared_for, draws.shares, 1.0))
@@ -166,35 +189,33 @@ def _place(draws: Draws) -> FloatArray:
     return np.column_stack([logs, np.log(draws.sharpness), np.log(draws.ties)])
 
 
-def _from_place(place: FloatArray, cared_for: BoolArray) -> Draws:
+def _from_unbounded(place: FloatArray, cared_for: BoolArray) -> Draws:
     shares = shares_of(place[:, :-2], cared_for)
     return Draws(shares, np.exp(place[:, -2]), np.exp(place[:, -1]), np.zeros(len(place)))
 
 
-def _density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
+def _log_density(draws: Draws, known: Evidence, prior: Prior) -> FloatArray:
     """Return the logarithm (N,) of the posterior's density in unbounded coordinates, up to a constant."""
     of_prior = prior.log_density(draws.shares, draws.sharpness, draws.ties)
     return np.asarray(of_prior + known.log_probability(draws.weights, draws.ties))
 
 
 NEAR = 0.02
-"""Expected regret up to which a point is as good as the best, a share of the range of the person's costs."""
+"""Expected regret below which a point counts as good as the best, as a share of the range of the person's costs."""
 CELLS = 4_000_000
-"""Costs of points by draws in one block."""
+"""Number of costs (points times draws) that are computed in one block."""
 
 
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Best:
-    """Best point of a front for a person.
+    """Best point of a front for a person: the point of least expected cost.
 
-    row          of the front: the least expected cost
-    point        of that row
-    probability  (n,)  of each row, that it is the best one
-    regrets      (n,)  expected extra cost of each row over the best one, as a share of the range of the person's costs
-                       of
-                       the rows
-    near         rows with an expected regret of at most 2 % more than the best one's, the least first
+    row          row of the point in the front
+    point        the point itself
+    probability  (n,)  probability of each row to be the best
+    regrets      (n,)  expected extra cost of each row over the best row, as a share of the range of the person's costs
+    near         rows whose expected regret is within 2 % of the best row's, in ascending order of regret
     """
 
     row: int
@@ -215,15 +236,19 @@ class Best:
         )
 
 
-def row_of(rows: FloatArray, shares: FloatArray) -> int:
-    """Return the row of (n, f) with the least expected cost for mean shares (f,); among equals no dominated one."""
+def least_cost_row(rows: FloatArray, shares: FloatArray) -> int:
+    """Return the row of the scaled costs (n, f) with the least expected cost for mean shares (f,).
+
+    A tie goes to a row that no other row dominates.
+    """
     return least(rows @ shares, rows.sum(axis=1))
 
 
-def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
-    """Return the probability of each of the rows (n, f) to be the best, and its expected regret, by equal draws.
+def best_probability_and_regret(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
+    """Return each row's probability to be the best, and its expected regret, over equally weighted draws.
 
-    Of rows with equal costs to a person who cares for some of the costs only, the one with the least sum counts.
+    Among rows (n, f) of equal cost for a draw that cares for some costs only, the row with the least sum of costs is
+    the best.
     """
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows = rows[order]
@@ -241,8 +266,8 @@ def judged(rows: FloatArray, draws: Draws) -> tuple[FloatArray, FloatArray]:
     return counts[places] / len(draws), regrets[places] / len(draws)
 
 
-def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
-    """Return the probability and the expected regret of one row, in less than half the time."""
+def row_probability_and_regret(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float]:
+    """Return the probability to be the best and the expected regret of one row, in less than half the time."""
     order = np.argsort(rows.sum(axis=1), kind="stable")
     rows, row = rows[order], int(np.flatnonzero(order == row)[0])
     costs = draws.shares @ rows.T  # (draws, n)
@@ -256,12 +281,12 @@ def judged_alone(rows: FloatArray, draws: Draws, row: int) -> tuple[float, float
 PAIRS = 400
 """Pairs that are drawn at random."""
 FAVOURITES = 8
-"""Rows that are most often the best; all their pairs are candidates."""
+"""Number of rows that are most often the best; all pairs of them are candidates."""
 NOTICEABLE = 0.05
 """Least difference of a pair in some cost, a share of its range."""
 
 
-def most_telling(
+def most_informative_pair(
     rows: FloatArray,
     draws: Draws,
     asked: Collection[tuple[int, int]],
@@ -269,21 +294,24 @@ def most_telling(
     *,
     ties: bool,
 ) -> tuple[int, int] | None:
-    """Return the pair of rows to ask about, the first shown left; None if none remains that differs.
+    """Return the pair of rows to ask about, the row shown on the left first.
+
+    None if no pair remains whose costs differ.
 
     Parameters
     ----------
     rows : (n, f) array
         Costs as shares of their ranges.
     draws
-        Of the weights, of equal weight.
+        Equally weighted draws of the posterior.
     asked
-        Earlier pairs, in the order in which they were shown: none is repeated, and its reverse only if there is no new
-        pair.
+        Earlier pairs, in the order in which they were shown. None is repeated; a reversed pair is asked only if there
+        is no
+        new pair.
     ties
-        Whether "no difference" is a possible answer.
+        True if "no difference" is a possible answer.
     """
-    pairs = _candidates(rows, draws, rng)
+    pairs = _candidate_pairs(rows, draws, rng)
     numbers = {a * len(rows) + b for a, b in asked}
     known, turned = (np.isin(pairs @ order, list(numbers)) for order in ([len(rows), 1], [1, len(rows)]))
     fresh = bool((~(known | turned)).any())
@@ -292,25 +320,32 @@ def most_telling(
     if not len(pairs):
         return None
     gains = (rows[pairs[:, 1]] - rows[pairs[:, 0]]) @ draws.weights.T  # (pairs, draws)
-    best = int(np.argmax(information(gains, draws.ties if ties else None)))
+    best = int(np.argmax(expected_information(gains, draws.ties if ties else None)))
     a, b = pairs[best].tolist()
     return (b, a) if fresh and rng.random() < 0.5 else (a, b)
 
 
-def information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
-    """Return the expected information of an answer, nats, for each pair: (pairs, draws) -> (pairs,)."""
+def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArray:
+    """Return the expected information (pairs,) of an answer about each pair, in nats.
+
+    gains  (pairs, draws)  extra cost of the second row over the first
+    ties   Davidson's nu of the draws; None if "no difference" is not a possible answer
+    """
     told = np.zeros(len(gains))
     size = max(1, BLOCK // gains.shape[1])
     for begin in range(0, len(gains), size):
         part = slice(begin, begin + size)
-        for chances in probabilities(gains[part], ties):
+        for chances in answer_probabilities(gains[part], ties):
             mean = chances.mean(axis=1)
             told[part] += np.einsum("pd,pd->p", chances, np.log(chances)) / chances.shape[1] - mean * np.log(mean)
     return told
 
 
-def _candidates(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
-    """Return pairs of rows (m, 2) that differ noticeably: all of few rows, else random and favourite ones."""
+def _candidate_pairs(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
+    """Return pairs of rows (m, 2) that differ noticeably.
+
+    All pairs of few rows, else random pairs and pairs of favourites.
+    """
     n = len(rows)
     if n * (n - 1) // 2 <= PAIRS:
         pairs = np.column_stack(np.triu_indices(n, 1))

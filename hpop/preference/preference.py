@@ -17,8 +17,24 @@ from hpop.base.text import counted
 from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import storage
-from hpop.preference.answers import PairAnswer, answer_of, checked_question, evidence, of_choices, of_ratings
-from hpop.preference.posterior import COUNT, NEAR, Best, Draws, judged, judged_alone, most_telling, row_of
+from hpop.preference.answers import (
+    PairAnswer,
+    answer_of,
+    answers_of_choices,
+    answers_of_ratings,
+    checked_question,
+    evidence,
+)
+from hpop.preference.posterior import (
+    COUNT,
+    NEAR,
+    Best,
+    Draws,
+    best_probability_and_regret,
+    least_cost_row,
+    most_informative_pair,
+    row_probability_and_regret,
+)
 from hpop.preference.prior import Prior
 from hpop.preference.scale import CostScale, Feature, fingerprint
 
@@ -27,11 +43,11 @@ QUESTIONS = 12
 SURE = 0.8
 """Probability of the best row above which no more questions are needed."""
 NOT_RANDOM = 0.1
-"""Probability of random answers below which these two rules apply."""
+"""Probability of random answers below which the two stopping rules above apply."""
 ASKING = 1_000
-"""Draws for choosing the next question, and for deciding whether to ask one."""
+"""Number of draws for choosing the next question, and for deciding whether to ask one."""
 JUDGING = 2_000
-"""Draws for choosing the best row."""
+"""Number of draws for choosing the best row."""
 PREFER, COMFORT = "prefer", "comfort"
 
 
@@ -40,17 +56,18 @@ PREFER, COMFORT = "prefer", "comfort"
 class Preference:
     """Weights of a front's costs for one person and one question, as a posterior; :meth:`fit` makes one.
 
-    The preferred trajectory need not be the most comfortable (Becerra et al. 2020): ask each as a question of its own.
+    The preferred trajectory need not be the most comfortable one (Becerra et al. 2020), so ask about preference and
+    comfort in two questions.
 
-    scale     costs by name and unit, and the values that are 0 and 1 on the scale
+    scale     names and units of the costs, and the values that are 0 and 1 on the scale
     question  "prefer", "comfort", or other words
-    answers   the data
-    draws     of the posterior, weighted
+    answers   answers of the person
+    draws     weighted draws of the posterior
     prior     the belief before any answer
-    ties      whether "no difference" was a possible answer
-    seed      of all random draws: equal answers give an equal preference
-    front     SHA-256 of the costs of the front
-    points    the front; None for a preference read from a file (see :meth:`on`)
+    ties      True if "no difference" was a possible answer
+    seed      seed of all random draws: equal answers give an equal preference
+    front     SHA-256 of the front's costs
+    points    the front itself; None for a preference read from a file (see :meth:`on`)
 
     Guarantees: no weight is negative, so a dominated point is never best; the order in which two points were shown, and
     a change of units, change nothing. For people as the prior has them, including those who care for some of the costs
@@ -89,7 +106,7 @@ class Preference:
         ----------
         front : front of at least two points
         choices : pairs of rows, (chosen, other), or choices from a study's answers, which may be ties
-        ratings : by row, more is better; they count as pairs within the person, see :func:`~answers.of_ratings`
+        ratings : by row, more is better; they count as pairs within the person, see :func:`~answers.answers_of_ratings`
         question : "prefer" or "comfort"
         features : by cost: "log", or a number above which the cost counts once more; see :class:`CostScale`
         ties : whether "no difference" was a possible answer; by default whether it occurs
@@ -103,7 +120,7 @@ class Preference:
         seed = whole("seed", seed, 0, MOST_SEED, error=StudyError)
         scale = CostScale.of(front, features)
         costs = np.asarray(front.costs)
-        answers = of_choices(choices, costs) + ([] if ratings is None else of_ratings(ratings, costs))
+        answers = answers_of_choices(choices, costs) + ([] if ratings is None else answers_of_ratings(ratings, costs))
         # In any order: sorted ones would drive the draws where the posterior is not, and back.
         answers = [answers[i] for i in np.random.default_rng([seed, 4]).permutation(len(answers))]
         may_tie = any(answer.chosen is None for answer in answers) if ties is None else bool(ties)
@@ -111,28 +128,30 @@ class Preference:
         count = whole("count", count, 1_000, 10**6, error=StudyError)
         drawn = Draws.of(prior, len(scale.columns), count, np.random.default_rng([seed, 0]))
         empty = cls(scale, checked_question(question), (), drawn, prior, may_tie, seed, fingerprint(front), front)
-        return empty._told(answers)
+        return empty._with_answers(answers)
 
     def told(self, first: int, second: int, chosen: int | None) -> Self:
         """Return the preference after one more answer: two shown rows, and the chosen one; None for no difference.
 
         Raises StudyError for rows that the front does not have.
         """
-        return self._told([answer_of(first, second, chosen, self.scale.costs_on(self._points()))])
+        return self._with_answers([answer_of(first, second, chosen, self.scale.costs_on(self._points()))])
 
-    def _told(self, more: Iterable[PairAnswer]) -> Self:
+    def _with_answers(self, more: Iterable[PairAnswer]) -> Self:
         answers, draws = list(self.answers), self.draws
         new = list(more)
         if not self.ties and any(answer.chosen is None for answer in new):
             raise StudyError('"no difference" was not a possible answer; give ties=True from the first question on')
         known = evidence([*answers, *new], self.scale, ties=self.ties)
         for i, answer in enumerate(new, len(answers)):
-            draws = draws.told(known[i : i + 1], known[: i + 1], self.prior, np.random.default_rng([self.seed, 1, i]))
+            draws = draws.with_answers(
+                known[i : i + 1], known[: i + 1], self.prior, np.random.default_rng([self.seed, 1, i])
+            )
             answers.append(answer)
         return replace(self, answers=tuple(answers), draws=draws)
 
     def on(self, front: Front[Any]) -> Self:
-        """Return the preference on another front; the scale stays, by units. StudyError for a missing cost."""
+        """Return the preference for another front. The scale keeps its units. StudyError if the front lacks a cost."""
         self.scale.costs_on(front)
         return replace(self, points=front)
 
@@ -148,9 +167,9 @@ class Preference:
         return dict(zip(self.scale.columns, self._shares.tolist(), strict=True))
 
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
-        """Return an interval for each cost that holds its share with probability ``level``, symmetric in its tails.
+        """Return a credible interval of probability ``level`` for each cost's share, with equal tails.
 
-        Its ends are 0 and 1 if it is probable enough that the person does not care for a cost, or for no other one.
+        The lower end is 0 if the person may well not care for this cost; the upper end is 1 if for no other cost.
         """
         level = real("level", level, 0.01, 0.999, "a probability", error=StudyError)
         probability, found = self.draws.probability(), {}
@@ -169,17 +188,17 @@ class Preference:
 
     @property
     def can_be_seen(self) -> bool:
-        """True if a preference is more probable than random answers."""
+        """True if the answers show a preference: it is more probable than random answers."""
         return bool(self.answers) and self.random < 0.5
 
     def best(self, front: Front[Any] | None = None) -> Best:
-        """Return the point of least expected cost, of the front of the questions or of another one.
+        """Return the point of least expected cost, on the front of the questions or on another front.
 
         Raises StudyError for a front without one of the costs.
         """
         front = self._points() if front is None else front
         row = self.row(front)
-        probability, regrets = judged(self.scale.rows_on(front), self._equal(JUDGING))
+        probability, regrets = best_probability_and_regret(self.scale.rows_on(front), self._equal_draws(JUDGING))
         near = np.flatnonzero(regrets <= regrets[row] + NEAR)
         order = near[np.argsort(regrets[near], kind="stable")].tolist()
         rest = tuple(other for other in order if other != row)
@@ -189,14 +208,14 @@ class Preference:
         """Return the row of least expected cost, for ``front.select(preference=...)``."""
         if not len(front):
             raise StudyError("the front has no points to choose from")
-        return row_of(self.scale.rows_on(front), self._shares)
+        return least_cost_row(self.scale.rows_on(front), self._shares)
 
     def expected(self, front: Front[Any], costs: FloatArray) -> FloatArray:
-        """Return the expected cost (m,) of costs (m, k) for this person, relative to costs of 0.
+        """Return the expected cost (m,) of costs (m, k) for this person, relative to a point with costs of 0.
 
         StudyError where the front lacks a cost.
         """
-        of = np.asarray(costs)[:, self.scale.places_on(front)]
+        of = np.asarray(costs)[:, self.scale.column_indices(front)]
         return np.asarray((self.scale.scaled(of) - self.scale.scaled(np.zeros((1, of.shape[1])))) @ self._shares)
 
     # What to ask
@@ -207,7 +226,7 @@ class Preference:
         costs = self.scale.costs_on(front)
         asked = [(a.first, a.second) for a in self.answers if self._is_about(a, costs)]
         rng = np.random.default_rng([self.seed, 2, len(self.answers)])
-        return most_telling(self.scale.scaled(costs), self._equal(ASKING), asked, rng, ties=self.ties)
+        return most_informative_pair(self.scale.scaled(costs), self._equal_draws(ASKING), asked, rng, ties=self.ties)
 
     def why_stop(self, most: int = QUESTIONS) -> str:
         """Return why no more questions are needed, in words; "" if one is worth asking."""
@@ -216,7 +235,9 @@ class Preference:
         if not self.answers or self.random >= NOT_RANDOM:
             return ""
         front = self._points()
-        probability, regret = judged_alone(self.scale.rows_on(front), self._equal(ASKING), self.row(front))
+        probability, regret = row_probability_and_regret(
+            self.scale.rows_on(front), self._equal_draws(ASKING), self.row(front)
+        )
         if probability > SURE:
             return f"the best one is found with a probability of {probability:.2f}"
         if regret < NEAR:
@@ -250,7 +271,7 @@ class Preference:
         )
 
     def _stored(self) -> storage.Stored:
-        draws = self._equal(storage.DRAWS)
+        draws = self._equal_draws(storage.DRAWS)
         return storage.Stored(
             self.scale, self.question, self.answers, self.prior, self.ties, self.seed, self.front,
             draws.shares, draws.sharpness, draws.ties,
@@ -268,8 +289,8 @@ class Preference:
             probability = self.draws.probability()
         return np.asarray(probability @ self.draws.shares / probability.sum())
 
-    def _equal(self, count: int) -> Draws:
-        return self.draws.equal(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
+    def _equal_draws(self, count: int) -> Draws:
+        return self.draws.equally_weighted(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
 
     def _points(self) -> Front[Any]:
         if self.points is None:
@@ -277,7 +298,7 @@ class Preference:
         return self.points
 
     def _is_about(self, answer: PairAnswer, costs: FloatArray) -> bool:
-        """Return whether an answer is about rows of these costs, not of another front's."""
+        """Return whether an answer is about rows of these costs (n, k), and not about rows of another front."""
         rows = (answer.first, answer.second)
         return max(rows) < len(costs) and all(
             tuple(costs[row].tolist()) == known for row, known in zip(rows, answer.costs, strict=True)

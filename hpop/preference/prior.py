@@ -20,14 +20,14 @@ from hpop.preference.scale import LOG, Measure
 SELECTIVE = 0.3
 """Share of people who care for some of the costs only."""
 SHARPNESS = 15.0
-"""Median of the sharpness: over the whole range of its one cost a person errs once in 3 million times."""
+"""Median of the sharpness: a person errs once in 3 million choices across the whole range of the only cost."""
 
 MOST_APART = 1.1
-"""Ratio of ranges up to which shares of a logarithmic cost may be kept: they cannot be rescaled by units."""
+"""Ratio of ranges up to which shares of a logarithmic cost are kept, since they cannot be rescaled by units."""
 MOST_SPREAD = 10.0
 """Largest spread of a logarithm; beyond, draws would overflow."""
 MOST_STRETCH = 1e6
-"""Ratio of ranges that a prior is rescaled by, at most."""
+"""Largest ratio of ranges by which a prior is rescaled."""
 MOST_COSTS = 1000
 """Largest number of costs."""
 MOST_DRAWN = 30_000_000
@@ -39,27 +39,31 @@ LEAST_LOG = -600.0
 @checked_arguments
 @dataclass(frozen=True)
 class Prior:
-    """Prior of a Dirichlet distribution for shares, and independent log-normal ones for sharpness and ties.
+    """Prior of a person's weights: Dirichlet for the shares, log-normal for sharpness and ties, all independent.
 
-    Some people answer at random: their sharpness is 0. Without them, the most informative question would always have an
-    open answer, so nothing could distinguish a person without a preference from a fastidious one.
+    Some people answer at random: their sharpness is 0. Without them, the answer to the most informative question would
+    always
+    be uncertain, and a person without a preference could not be distinguished from a fastidious person.
 
-    Some people care for some of the costs only: the shares of the other costs are 0. Without them no interval would
-    hold 0 or 1, because a Dirichlet distribution has no probability there (George and McCulloch 1993, "Variable
-    selection via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). Of f costs each number
-    from 1 to f - 1 is equally probable, and so is each choice of that many; their shares are Dirichlet with these
+    Some people care for some of the costs only: the shares of the other costs are 0. Without them no credible interval
+    would
+    include 0 or 1, because a Dirichlet distribution has no probability there (George and McCulloch 1993, "Variable
+    selection
+    via Gibbs sampling", Journal of the American Statistical Association 88, 881-889). For f costs, each number from 1
+    to f - 1
+    of cared-for costs is equally probable, and so is each subset of that size. Their shares are Dirichlet with the same
     concentrations.
 
-    concentration    of the shares, one for each cost; none: 1 for all, so that all shares are equally probable
-    sharpness        median
-    spread           standard deviation of the sharpness's logarithm
+    concentration    concentration of each share; empty: 1 for all, so that all shares are equally probable
+    sharpness        median of the sharpness
+    spread           standard deviation of the logarithm of the sharpness
     random           share of people who answer at random
     ties             median of Davidson's nu
-    ties_spread      standard deviation of its logarithm
+    ties_spread      standard deviation of the logarithm of nu
     selective        share of people who care for some of the costs only
-    about            columns of the shares by name, unit and range, of the front that earlier people answered about;
-                     none: any
-                     front. On another front it is rescaled by units: see :meth:`on`
+    about            name, unit and range of each cost on the front that earlier people answered about; empty: any
+    front.
+                     :meth:`on` rescales the prior to another front
     """
 
     concentration: tuple[float, ...] = ()
@@ -83,10 +87,11 @@ class Prior:
             real("a concentration of the prior", value, 1e-2, 1e4, "a positive number", error=StudyError)
 
     def on(self, measures: Sequence[Measure]) -> Prior:
-        """Return the prior for shares of other ranges, such that the weight of a unit stays.
+        """Return the prior for a front with other ranges, rescaled such that the weight of a unit of each cost stays.
 
-        A cost that is constant on one of two fronts keeps its share. StudyError where costs or units differ, and for a
-        logarithmic cost of another range.
+        A cost that is constant on one of the two fronts keeps its share. StudyError if costs or units differ, or if a
+        logarithmic
+        cost has another range.
         """
         if not self.about:
             return self
@@ -100,7 +105,7 @@ class Prior:
                 f"the prior is of people who were asked about {', '.join(known)}, and here the costs are "
                 f"{', '.join(names)}; take one learnt from people who were asked about the same costs"
             )
-        stretch = [stretched(known[one.name][0], one) for one in measures]
+        stretch = [range_ratio(known[one.name][0], one) for one in measures]
         return replace(
             self,
             concentration=tuple(known[name][1] for name in names),
@@ -121,9 +126,11 @@ class Prior:
         return np.array(self.concentration)
 
     def draw(self, f: int, count: int, rng: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return draws of shares (N, f), sharpness (N,) and ties (N,), first those of people who answer at random.
+        """Return ``count`` draws of shares (N, f), sharpness (N,) and ties (N,) for f costs.
 
-        The share of a cost that a person does not care for is 0, that of any other is above 0.
+        People who answer at random come first.
+
+        The share of a cost that a person does not care for is 0; other shares are above 0.
         """
         # By gamma variables in logarithms, so that small shares do not become 0.
         shape = self.concentrations(f)
@@ -133,10 +140,10 @@ class Prior:
         sharpness = np.exp(log(self.sharpness) + self.spread * rng.standard_normal(count))
         sharpness[: round(self.random * count)] = 0.0
         ties = np.exp(log(self.ties) + self.ties_spread * rng.standard_normal(count))
-        return *rescaled(shares, sharpness, self._factors(f)), ties
+        return *rescale_shares(shares, sharpness, self._range_factors(f)), ties
 
     def _cared_for(self, f: int, count: int, rng: np.random.Generator) -> BoolArray:
-        """Return which costs each of ``count`` people cares for (N, f)."""
+        """Return a mask (N, f): True where one of ``count`` drawn people cares for a cost."""
         cared_for = np.ones((count, f), dtype=bool)
         if f > 1:
             selective = rng.random(count) < self.selective
@@ -145,10 +152,10 @@ class Prior:
         return cared_for
 
     def log_density(self, shares: FloatArray, sharpness: FloatArray, ties: FloatArray) -> FloatArray:
-        """Return the logarithm (N,) of the density over logarithms of ratios of shares, sharpness and ties.
+        """Return the log density (N,) of draws, over logarithms of ratios of shares, of sharpness and of ties.
 
-        It omits a constant, and the probability of caring for just these costs. Ratios are those of the costs that a
-        person cares for.
+        The density omits a constant and the probability of the subset of cared-for costs. Ratios are between shares
+        above 0.
         """
         of_shares, of_others = self.log_densities(shares, sharpness, ties)
         return np.asarray(of_shares + of_others)
@@ -158,25 +165,29 @@ class Prior:
     ) -> tuple[FloatArray, FloatArray]:
         """Return the log densities of shares (N,), and of sharpness and ties (N,), separately.
 
-        Over ratios the Dirichlet density has one more of each share, which is its Jacobian. That of other ranges is 1.
-        StudyError where sharpness or ties are not positive.
+        Over log ratios, the Dirichlet exponent of each share is one larger: that is the Jacobian. Rescaling to other
+        ranges has
+        Jacobian 1. StudyError if sharpness or ties are not positive.
         """
         for name, values in (("sharpness", sharpness), ("ties", ties)):
             if not (np.asarray(values) > 0).all():
                 raise StudyError(f"{name} must be positive numbers (N,), got {shown(values)}")
-        shares, sharpness = rescaled(shares, sharpness, 1.0 / self._factors(shares.shape[1]))
+        shares, sharpness = rescale_shares(shares, sharpness, 1.0 / self._range_factors(shares.shape[1]))
         of_shares = log_dirichlet(shares, self.concentrations(shares.shape[1]))
         of_sharpness = ((np.log(sharpness) - log(self.sharpness)) / self.spread) ** 2
         of_ties = ((np.log(ties) - log(self.ties)) / self.ties_spread) ** 2
         return np.asarray(of_shares), np.asarray(-0.5 * (of_sharpness + of_ties))
 
-    def _factors(self, f: int) -> FloatArray:
-        """Return the ratios (f,) of the front's ranges to the ranges of the shares."""
+    def _range_factors(self, f: int) -> FloatArray:
+        """Return the ratio (f,) of the front's range to the range that the shares refer to."""
         return np.array(self._stretch) if self._stretch else np.ones(f)
 
 
 def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
-    """Return shares (N, f) from their logarithms, each row up to a constant; 0 for costs not cared for."""
+    """Return shares (N, f) from their logarithms, given up to a constant per row.
+
+    0 where ``cared_for`` (N, f) is False.
+    """
     logs = np.where(cared_for, logs, -np.inf)
     logs -= logs.max(axis=1, keepdims=True)
     shares = np.where(cared_for, np.exp(np.maximum(logs, LEAST_LOG)), 0.0)
@@ -184,7 +195,7 @@ def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
 
 
 def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
-    """Return the logarithm (...) of the Dirichlet density of the shares (..., f) above 0, over logarithms of ratios.
+    """Return the log density (...) of Dirichlet shares (..., f) above 0, over logarithms of ratios.
 
     concentrations  (..., f); those of shares of 0 are ignored
     """
@@ -195,10 +206,10 @@ def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
     return np.asarray((each * logs).sum(axis=-1) + gammaln(each.sum(axis=-1)) - constants)
 
 
-def rescaled(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return shares (N, f) and sharpness (N,) for ranges multiplied by factors, (f,) or (N, f).
+def rescale_shares(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return shares (N, f) and sharpness (N,) after the ranges of the costs are multiplied by factors, (f,) or (N, f).
 
-    The weight of a unit stays.
+    The weight of a unit of each cost stays.
     """
     if (factors == 1.0).all():
         return shares, sharpness
@@ -207,8 +218,8 @@ def rescaled(shares: FloatArray, sharpness: FloatArray, factors: FloatArray) -> 
     return weights / total[:, None], sharpness * total
 
 
-def stretched(known: Measure, other: Measure) -> float:
-    """Return the ratio of another range to a known one; 1 if one of them is 0. StudyError if the units differ."""
+def range_ratio(known: Measure, other: Measure) -> float:
+    """Return the ratio of the other range to the known range; 1 if one of them is 0. StudyError if the units differ."""
     if known.unit != other.unit:
         raise StudyError(
             f"people were asked about {shown(known.name)} in {shown(known.unit)}, here it is in {shown(other.unit)}; "

@@ -1,7 +1,8 @@
-"""Scale of costs for a preference: shares of a front's range, one column for each cost and each bend.
+"""Scale of costs for a preference: costs as shares of a front's range, with an extra column for each threshold.
 
-The scale is that of the front of the questions, by units: on another front a metre weighs as much as it did there,
-however wide that front is.
+The scale is that of the front of the questions, and is kept by units: on another front a metre weighs as much as on
+that
+front, however wide the other front is.
 """
 
 from __future__ import annotations
@@ -24,13 +25,13 @@ from hpop.frontier.choosing import ROUNDING
 
 LOG = "log"
 BENT = 9.0
-"""Bend of a logarithmic cost: at the ideal a unit counts 1 + BENT times as much as at the nadir."""
+"""Curvature of a logarithmic cost: at the ideal a unit counts 1 + BENT times as much as at the nadir."""
 Feature = str | float
-"""Bend of a cost: "log", or a number in its unit above which it counts more."""
+"""Nonlinearity of a cost: "log", or a threshold in the cost's unit, above which the cost counts more."""
 
 
 class Measure(NamedTuple):
-    """Column of a cost with its unit, and its range in that unit, which is 0 for a constant."""
+    """Column of the scale: the name of a cost, its unit, and its range in that unit (0 for a constant cost)."""
 
     name: str
     unit: str
@@ -39,12 +40,15 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CostScale:
-    """Scale of costs by name and unit, from 0 to 1.
+    """Scale that maps the costs of a front to numbers from 0 to 1.
 
-    ideal     (k,)   the least of the front, in the units
-    span      (k,)   its range; 0 where the cost is constant, and has no effect on a preference
-    features  by name of a cost: "log", a unit near the ideal counts more; or a number in its unit, above which the cost
-              counts once more, with a share of its own
+    names     of the k costs
+    units     of the k costs
+    ideal     (k,)   least value of each cost on the front
+    span      (k,)   range of each cost on the front; 0 for a constant cost, which has no effect on a preference
+    features  nonlinearities by name of a cost: "log" lets a unit near the ideal count more; a number in the cost's unit
+    is a
+              threshold, and the excess above it is a further column with a share of its own
     """
 
     names: tuple[str, ...]
@@ -55,7 +59,7 @@ class CostScale:
 
     def __post_init__(self) -> None:
         for name, feature in self.features.items():
-            self._check(name, feature)
+            self._check_feature(name, feature)
 
     @classmethod
     def of(cls, front: Front[Any], features: Mapping[str, Feature] | None = None) -> CostScale:
@@ -75,26 +79,29 @@ class CostScale:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of columns with a share of their own: a cost, or its excess above a number."""
-        above = [f"{name} above {bound:g}" for name, bound in self._above]
+        """Names of the columns with a share of their own: a cost, or its excess above a threshold."""
+        above = [f"{name} above {bound:g}" for name, bound in self._thresholds]
         return (*self.names, *above)
 
     @property
     def measures(self) -> tuple[Measure, ...]:
-        """Measures of the columns; the unit of a logarithmic cost is marked."""
+        """Name, unit and range of each column; the unit of a logarithmic cost is marked as such."""
         found = []
         for name, unit, span in zip(self.names, self.units, self.span.tolist(), strict=True):
             found.append(Measure(name, f"{LOG} {unit}" if self.features.get(name) == LOG else unit, span))
-        for column, (name, bound) in zip(self.columns[len(found) :], self._above, strict=True):
+        for column, (name, bound) in zip(self.columns[len(found) :], self._thresholds, strict=True):
             j = self.names.index(name)
             room = float(self.ideal[j] + self.span[j]) - bound
             found.append(Measure(column, self.units[j], max(room, 0.0)))
         return tuple(found)
 
     def scaled(self, costs: FloatArray) -> FloatArray:
-        """Return costs (n, k), in units, on the scale: (n, f), one column for each of ``columns``."""
-        plain = self._shares(costs)
-        columns = [self._bent(plain[:, j]) if self.features.get(n) == LOG else plain[:, j] for j, n in self._each]
+        """Return costs (n, k), in their units, on the scale: (n, f), one column for each of :attr:`columns`."""
+        plain = self._range_shares(costs)
+        columns = [
+            self._log_scaled(plain[:, j]) if self.features.get(n) == LOG else plain[:, j]
+            for j, n in self._column_sources
+        ]
         for name, bound in self.features.items():
             if not isinstance(bound, str):
                 j = self.names.index(name)
@@ -102,8 +109,8 @@ class CostScale:
                 columns.append(np.maximum(costs[:, j] - bound, 0.0) / room if room > 0 else np.zeros(len(costs)))
         return np.column_stack(columns)
 
-    def places_on(self, front: Front[Any]) -> list[int]:
-        """Return the columns of a front that have the costs of this scale; StudyError that names missing costs."""
+    def column_indices(self, front: Front[Any]) -> list[int]:
+        """Return the columns of a front that hold the costs of this scale; StudyError that names a missing cost."""
         places = []
         for name, unit in zip(self.names, self.units, strict=True):
             if name not in front.names:
@@ -122,33 +129,33 @@ class CostScale:
         return places
 
     def costs_on(self, front: Front[Any]) -> FloatArray:
-        """Return the costs (n, k) of a front in the order of this scale; StudyError that names missing costs."""
-        return np.asarray(front.costs[:, self.places_on(front)])
+        """Return the costs (n, k) of a front in the order of this scale; StudyError that names a missing cost."""
+        return np.asarray(front.costs[:, self.column_indices(front)])
 
     def rows_on(self, front: Front[Any]) -> FloatArray:
         """Return the points of a front on the scale, (n, f)."""
         return self.scaled(self.costs_on(front))
 
     @property
-    def _above(self) -> list[tuple[str, float]]:
+    def _thresholds(self) -> list[tuple[str, float]]:
         return [(name, bound) for name, bound in self.features.items() if not isinstance(bound, str)]
 
     @cached_property
-    def _each(self) -> list[tuple[int, str]]:
+    def _column_sources(self) -> list[tuple[int, str]]:
         return list(enumerate(self.names))
 
-    def _shares(self, costs: FloatArray) -> FloatArray:
+    def _range_shares(self, costs: FloatArray) -> FloatArray:
         varies = self.span > 0
         shares = (costs - self.ideal) / np.where(varies, self.span, 1.0)
         return np.asarray(np.where(varies, shares, 0.0))
 
     @staticmethod
-    def _bent(share: FloatArray) -> FloatArray:
-        """Return a logarithmic cost, from 0 at the ideal to 1 at the nadir; below the ideal it is linear."""
+    def _log_scaled(share: FloatArray) -> FloatArray:
+        """Return shares of a logarithmic cost: 0 at the ideal, 1 at the nadir, linear below the ideal."""
         below = np.minimum(share, 0.0)
         return np.asarray((BENT * below + np.log1p(BENT * np.maximum(share, 0.0))) / np.log1p(BENT))
 
-    def _check(self, name: str, feature: Any) -> None:
+    def _check_feature(self, name: str, feature: Any) -> None:
         if name not in self.names:
             raise StudyError(f"no cost is called {shown(name)}.{did_you_mean(name, self.names)} There are: "
                              f"{', '.join(self.names)}")  # fmt: skip
@@ -164,6 +171,6 @@ class CostScale:
 
 
 def fingerprint(front: Front[Any]) -> str:
-    """Return the SHA-256 of a front's names, units and costs, to identify it in any file."""
+    """Return the SHA-256 of a front's names, units and costs, by which files refer to the front."""
     text = json.dumps([front.names, front.units, front.costs.tolist()], allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,7 +1,8 @@
-"""File of a preference: strict JSON, read without running code.
+"""Preference file: strict JSON, read without running code.
 
-It is written completely or not at all. It holds the costs by name and unit with their scale, draws of the posterior of
-equal weight, and the answers, so that asking can go on. Reading checks every key, type and number.
+The file is written completely or not at all. It holds the costs by name and unit with their scale, equally weighted
+draws
+of the posterior, and the answers, so that asking can go on. The reader checks every key, type and number.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ VERSION = 1
 SIZE_LIMIT = 16 * 1024**2
 """Largest size of a file, in bytes."""
 DRAWS = 2_000
-"""Draws that a file holds."""
+"""Number of draws in a file."""
 MOST_CRITERIA = 100
 MOST_COST, MOST_DRAWN = 1e100, 1e50
 """Greatest cost, and greatest sharpness and nu that are drawn; the least range and nu are one by these. No product of
@@ -49,7 +50,10 @@ _DRAWS: Kinds = {"shares": dict, "sharpness": list, "ties": list}
 
 
 class Stored(NamedTuple):
-    """Contents of a file; shares (D, f), sharpness (D,) and Davidson's nu (D,) of draws of equal weight."""
+    """Contents of a preference file.
+
+    Its D draws of shares (D, f), sharpness (D,) and Davidson's nu (D,) have equal weight.
+    """
 
     scale: CostScale
     question: str
@@ -82,7 +86,7 @@ def read(path: str | os.PathLike[str]) -> Stored:
             raise
         _refuse(path, f"a file of at most {SIZE_LIMIT} bytes", "a larger one")
     try:
-        return _stored(parse(data))
+        return _parse_stored(parse(data))
     except RecursionError:
         _refuse(path, "a preference", "brackets nested too deeply")
     except (StudyError, ValueError) as error:
@@ -120,19 +124,19 @@ def _document(stored: Stored) -> dict[str, Any]:
         "seed": stored.seed,
         "answers": [answer._asdict() for answer in stored.answers],
         "draws": {
-            "shares": {name: _rounded(stored.shares[:, j]) for j, name in enumerate(scale.columns)},
-            "sharpness": _rounded(stored.sharpness),
-            "ties": _rounded(stored.ties_nu),
+            "shares": {name: _six_digits(stored.shares[:, j]) for j, name in enumerate(scale.columns)},
+            "sharpness": _six_digits(stored.sharpness),
+            "ties": _six_digits(stored.ties_nu),
         },
     }
 
 
-def _rounded(column: FloatArray) -> list[float]:
-    """Return numbers of six digits, far more than the precision of the draws."""
+def _six_digits(column: FloatArray) -> list[float]:
+    """Return numbers rounded to six digits, far more than the precision of the draws."""
     return [float(f"{value:.6g}") for value in column.tolist()]
 
 
-def _stored(given: Any) -> Stored:
+def _parse_stored(given: Any) -> Stored:
     schema, version, question, n, front, criteria, features, prior, ties, seed, answers, draws = parts(
         given, "the file", _TOP
     )
@@ -142,42 +146,44 @@ def _stored(given: Any) -> Stored:
         raise ValueError(f"{len(criteria)} criteria, not from 1 to {MOST_CRITERIA}")
     if not 0 <= seed <= MOST_SEED:
         raise ValueError(f"the seed {seed}")
-    scale = _scale(criteria, features)
+    scale = _parse_scale(criteria, features)
     k = len(scale.names)
     if not len(answers) == n <= MOST_ANSWERS:
         raise ValueError(f"{len(answers)} answers, and n {n}")
     return Stored(
         scale,
         checked_question(question),
-        tuple(_answer(one, k) for one in answers),
-        _prior(prior, scale),
+        tuple(_parse_answer(one, k) for one in answers),
+        _parse_prior(prior, scale),
         ties,
         seed,
         front,
-        *_draws(draws, scale),
+        *_parse_draws(draws, scale),
     )
 
 
-def _scale(criteria: list[Any], features: dict[str, Any]) -> CostScale:
+def _parse_scale(criteria: list[Any], features: dict[str, Any]) -> CostScale:
     rows = [parts(one, "a criterion", _CRITERION) for one in criteria]
     names, units, ideal, span = zip(*rows, strict=True)
     if len(set(names)) < len(names):
         raise ValueError(f"a criterion twice among {', '.join(names)}")
-    low = _limited(list(ideal), "ideal", len(names), -MOST_COST, MOST_COST)
-    size = _limited(list(span), "range", len(names), 0, MOST_COST)
+    low = _bounded_column(list(ideal), "ideal", len(names), -MOST_COST, MOST_COST)
+    size = _bounded_column(list(span), "range", len(names), 0, MOST_COST)
     if ((size > 0) & (size < 1 / MOST_COST)).any():
         raise ValueError(f"a range below {1 / MOST_COST:g}")
     return CostScale(names, units, low, size, features)
 
 
-def _prior(given: dict[str, Any], scale: CostScale) -> Prior:
+def _parse_prior(given: dict[str, Any], scale: CostScale) -> Prior:
     # Earlier files had neither, and all people cared for all costs.
     concentration, about, *rest = parts({"about": [], "selective": 0.0, **given}, "the prior", _PRIOR)
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
     if measures and len(measures) != len(values):
         raise ValueError(f"a prior of {len(values)} concentrations about {len(measures)} costs")
-    sizes = _limited([size for *_, size in measures], "the ranges of the prior", len(measures), 0, MOST_COST).tolist()
+    sizes = _bounded_column(
+        [size for *_, size in measures], "the ranges of the prior", len(measures), 0, MOST_COST
+    ).tolist()
     names = tuple(Measure(name, unit, size) for (name, unit, _), size in zip(measures, sizes, strict=True))
     sharpness, spread, random, ties, ties_spread, selective = map(float, rest)
     prior = Prior(values, sharpness, spread, random, ties, ties_spread, selective, names).on(scale.measures)
@@ -185,32 +191,34 @@ def _prior(given: dict[str, Any], scale: CostScale) -> Prior:
     return prior
 
 
-def _answer(given: Any, k: int) -> PairAnswer:
+def _parse_answer(given: Any, k: int) -> PairAnswer:
     first, second, chosen, costs, weight = parts(given, "an answer", _ANSWER)
     if len(costs) != 2 or not all(isinstance(one, list) for one in costs):
         raise ValueError("costs of an answer that are not those of two rows")
-    pair = tuple(tuple(_limited(one, "the costs of an answer", k, -MOST_COST, MOST_COST).tolist()) for one in costs)
+    pair = tuple(
+        tuple(_bounded_column(one, "the costs of an answer", k, -MOST_COST, MOST_COST).tolist()) for one in costs
+    )
     if min(first, second) < 0 or first == second or chosen not in (first, second, None) or not 0 < weight <= 1:
         raise ValueError(f"an invalid answer: {shown(given)}")
     return PairAnswer(first, second, chosen, (pair[0], pair[1]), float(weight))
 
 
-def _draws(given: dict[str, Any], scale: CostScale) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _parse_draws(given: dict[str, Any], scale: CostScale) -> tuple[FloatArray, FloatArray, FloatArray]:
     shares, sharpness, ties = parts(given, "draws", _DRAWS)
     columns = parts(shares, "the shares", dict.fromkeys(scale.columns, list))
     size = len(ties)
     if not 0 < size <= 1_000_000:
         raise ValueError(f"{size} draws")
-    table = np.column_stack([_limited(c, n, size, 0, 1) for c, n in zip(columns, scale.columns, strict=True)])
+    table = np.column_stack([_bounded_column(c, n, size, 0, 1) for c, n in zip(columns, scale.columns, strict=True)])
     if (table.sum(axis=1) <= 0).any():
         raise ValueError("draws without any share")
-    sharp = _limited(sharpness, "sharpness", size, 0, MOST_DRAWN)
-    nu = _limited(ties, "ties", size, 1 / MOST_DRAWN, MOST_DRAWN)
+    sharp = _bounded_column(sharpness, "sharpness", size, 0, MOST_DRAWN)
+    nu = _bounded_column(ties, "ties", size, 1 / MOST_DRAWN, MOST_DRAWN)
     return table / table.sum(axis=1, keepdims=True), sharp, nu
 
 
-def _limited(values: list[Any], name: str, size: int, least: float, most: float) -> FloatArray:
-    """Return a column of ``size`` numbers between two limits."""
+def _bounded_column(values: list[Any], name: str, size: int, least: float, most: float) -> FloatArray:
+    """Return a column of ``size`` numbers, each between ``least`` and ``most``; ValueError otherwise."""
     column = numbers(values, name, size)
     if size and not least <= column.min() <= column.max() <= most:
         raise ValueError(f"numbers from {column.min():g} to {column.max():g} in {name}, not from {least:g} to {most:g}")

@@ -9,7 +9,7 @@ from typing import Any, cast, overload
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import LEAST, MOST, real
-from hpop.base.registry import completed, make_model
+from hpop.base.registry import make_model, with_optional_members
 from hpop.base.table import facts_html, picture_html
 from hpop.base.text import shown
 from hpop.criteria.base import Criterion, CriterionSpec, check_usable, describe_criterion, make_criterion
@@ -24,7 +24,7 @@ from hpop.problems import evaluation, solving
 from hpop.problems.evaluation import Trace, trace
 from hpop.problems.front import Front
 from hpop.problems.solving import StageCallback, last_answer, notes_on_landmarks
-from hpop.runtime.status import ProgressCallback, followed
+from hpop.runtime.status import ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.predictions import bounded, with_people
@@ -84,7 +84,7 @@ class Problem:
                 f"model must be a robot model, such as hpop.DifferentialDrive(radius=0.3), got {shown(model)}"
                 f"{_lacks(model)}"
             )
-        laws_of(completed(model, MODEL_DEFAULTS))
+        laws_of(with_optional_members(model, MODEL_DEFAULTS))
         if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
             raise CriterionError(f"criteria must be a list such as ['turns', 'length'], got {shown(criteria)}")
         checked = tuple(make_criterion(spec) for spec in criteria)
@@ -159,7 +159,7 @@ class Problem:
         several = [planner] if isinstance(planner, str) or not isinstance(planner, Sequence) else planner
         if not several:
             raise OptionError("give at least one planner, such as 'lattice'")
-        with followed(progress) as tell:
+        with progress_callback(progress) as tell:
             *_, front = self.fronts(several, progress=tell, executor=executor, **options)
         return front
 

@@ -22,7 +22,7 @@ from hpop.problems.problem import Problem
 from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
 from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure, GoalResult, GoalStatus, Interface, failed, values_of
-from hpop.runtime.status import ProgressCallback, Status, why_none
+from hpop.runtime.status import ProgressCallback, Status, no_path_note
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
 MOST_OPTIONS = 500  # most points of a front in a message
@@ -144,7 +144,7 @@ class GoalPlanner:
         if not len(front):
             ended = [CODES.get(cast(Status, one), ErrorCode.UNKNOWN) for one in front.status.split(JOINT)]
             code = next((one for one in ended if one is not ErrorCode.NO_VALID_PATH), ErrorCode.NO_VALID_PATH)
-            raise Failure(code, why_none(front.notes) or f"no path was found: {front.status}; {front.certificate}")
+            raise Failure(code, no_path_note(front.notes) or f"no path was found: {front.status}; {front.certificate}")
         return front
 
     def _state(self, whole: Values, pose: PlanarPose) -> Values:

@@ -28,11 +28,11 @@ class _Cluster(Executor):
         remote = self._client.submit(fn, *arguments, **named, pure=False)
         local: Future[T] = Future()
         local.add_done_callback(lambda ended: remote.cancel() if ended.cancelled() else None)
-        self._client.loop.add_callback(_answer, remote, local)
+        self._client.loop.add_callback(_copy_outcome, remote, local)
         return local
 
 
-async def _answer(remote: Any, local: Future[Any]) -> None:
+async def _copy_outcome(remote: Any, local: Future[Any]) -> None:
     """Copy the outcome of a Dask job to its future."""
     try:
         result = await remote
@@ -69,7 +69,7 @@ def dask(address: str) -> Iterator[Executor]:
 
 
 class _RayCluster(Executor):
-    """The workers of a Ray cluster, each with one processor."""
+    """Executor over the workers of a Ray cluster; each job takes one processor."""
 
     def __init__(self, library: Any) -> None:
         self._library = library

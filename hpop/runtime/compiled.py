@@ -50,7 +50,7 @@ _event: Any = import_module("numba.core.event")
 
 
 class _Stopwatch(_event.Listener):  # type: ignore[misc]
-    """Stopwatch for compilation; a kernel that another kernel calls is compiled, and timed, within it."""
+    """Clock of compilation time; the time of a kernel includes that of the kernels that it calls."""
 
     def __init__(self) -> None:
         self.seconds = self.began = 0.0
@@ -82,7 +82,7 @@ def compiling_seconds() -> float:
 
 @contextmanager
 def compiling_elsewhere() -> Iterator[None]:
-    """Count the wait for another process that compiles as compiling."""
+    """Count the time in this block, a wait for another process that compiles, as compilation time."""
     _stopwatch.on_start(None)
     try:
         yield
@@ -91,7 +91,7 @@ def compiling_elsewhere() -> Iterator[None]:
 
 
 @cache
-def _ready_to_compile() -> None:
+def _import_compilable() -> None:
     """Import everything that numba can compile, except scipy.linalg."""
     with suppress(ImportError, AttributeError):  # another version of numba may differ: then it takes longer
         linalg: Any = __import__("numba.np.linalg", fromlist=["ensure_blas"])
@@ -105,30 +105,31 @@ def _ready_to_compile() -> None:
 
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function at its first call, and cache the result on disk where a folder can be written."""
-    return _compiled(function)
+    return _cached_dispatcher(function)
 
 
 def lean(function: Callable[..., Any]) -> Any:
-    """Compile a kernel that allocates nothing, so that numba need not count references to its arrays.
+    """Compile a kernel that allocates no arrays, so that numba need not count references.
 
-    Otherwise numba counts them at each call of another kernel, with two atomic instructions an array: up to 40 % of the
-    time of a loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
+    By default numba counts references at each call of another kernel, with two atomic instructions per array: up to 40
+    % of
+    the time of a loop that calls helpers. (The option is numba's own for such functions, though undocumented.)
     """
-    return _compiled(function, _nrt=False)
+    return _cached_dispatcher(function, _nrt=False)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a lean helper that becomes part of each kernel that calls it, for the innermost loops."""
-    return _compiled(function, _nrt=False, forceinline=True)
+    return _cached_dispatcher(function, _nrt=False, forceinline=True)
 
 
 def wide(function: Callable[..., Any]) -> Any:
-    """Compile a lean kernel in which equal steps on neighbouring numbers become one step on a vector.
+    """Compile a lean kernel with vectorization of equal operations on neighbouring numbers.
 
-    LLVM's pass for that is off in numba by default, because it takes time and few kernels gain from it.
+    LLVM's pass for this (SLP) is off in numba by default, because it takes time and few kernels gain from it.
     """
     dispatcher = lean(function)
-    if isinstance(dispatcher, _Plain):
+    if isinstance(dispatcher, _PlainKernel):
         return dispatcher
     compiled = dispatcher._compiler.compile
 
@@ -150,13 +151,13 @@ def _config_set(name: str, value: Any) -> Iterator[None]:
         setattr(numba.config, name, before)
 
 
-class _Plain:
+class _PlainKernel:
     """Kernel that runs as plain Python, with the attributes of a compiled one; used with NUMBA_DISABLE_JIT."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         update_wrapper(self, function)
         self.py_func = function
-        self.overloads = _Every()
+        self.overloads = _AnySignature()
         self._cache = None
 
     def __call__(self, *arguments: Any) -> Any:
@@ -166,21 +167,21 @@ class _Plain:
         """Do nothing: there is nothing to compile."""
 
 
-class _Every:
+class _AnySignature:
     """Variants of an uncompiled kernel, which takes arguments of all types."""
 
     def __contains__(self, signature: Any) -> bool:
         return True
 
 
-def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+def _cached_dispatcher(function: Callable[..., Any], **options: Any) -> Any:
     if getattr(numba.config, "DISABLE_JIT"):  # noqa: B009  (set when numba is imported)
-        return _Plain(function)
+        return _PlainKernel(function)
     dispatcher = numba.njit(function, nogil=True, **options)
     try:
         dispatcher._cache = _DiskCache(function)
     except (RuntimeError, OSError):
-        _ready_to_compile()
+        _import_compilable()
         _warn_once("no folder for it can be written")
     return dispatcher
 
@@ -196,7 +197,7 @@ class _DiskCache(_caching.FunctionCache):  # type: ignore[misc]
         except Exception:  # a damaged file may raise anything
             loaded = None
         if loaded is None:
-            _ready_to_compile()
+            _import_compilable()
         return loaded
 
     def save_overload(self, signature: Any, data: Any) -> None:

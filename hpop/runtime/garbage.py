@@ -1,7 +1,8 @@
-"""Rare garbage collection in commands, and none at their end.
+"""Garbage collection: rare in commands, and none when they end.
 
-Python searches new objects for unused cycles and, as it ends, all objects several times. Nearly everything that a
-command imports and draws lives to its end, so little is found: the searches took an eighth of the total time.
+Python's collector searches new objects for unused cycles and, when the process ends, searches all objects several
+times.
+Nearly all objects of a command live to its end, so these searches find little, but took an eighth of the total time.
 """
 
 from __future__ import annotations
@@ -18,17 +19,18 @@ OBJECTS = 300_000  # new objects between two searches: all imports and four pict
 
 
 @cache
-def seldom() -> None:
+def collect_rarely() -> None:
     """Collect garbage rarely in this process, and not as it ends."""
     gc.set_threshold(OBJECTS)
-    atexit.register(leave)  # registered first, called last
+    atexit.register(stop_collecting)  # registered first, called last
 
 
-def leave() -> None:
+def stop_collecting() -> None:
     """Exclude all objects from further collection; the system frees the memory when the process ends.
 
-    Where a user's code is registered, collection goes on: a file that it has left open may hold lines that are written
-    only when the file is collected. It also goes on for a library that would print the number of uncollected objects.
+    Two cases keep collecting. A file that a user's registered code left open may hold lines that are written only when
+    the
+    file is collected. And some libraries print the number of uncollected objects.
     """
     has_plugins = any(registry.own() for registry in (criteria, goals, models, planners, readers))
     if not has_plugins and COUNTING not in sys.modules:

@@ -1,8 +1,8 @@
-"""Ctrl-C: signals that act like it, when it is answered, and where it must wait.
+"""Ctrl-C: signals that act like Ctrl-C, blocks in which it must wait, and an immediate reply on the terminal.
 
 CasADi takes Ctrl-C for a failed evaluation and goes on; LLVM loses it or frees memory twice; a process pool that is
-left in the middle never ends. If Ctrl-C comes just after Python's futures have taken a lock, the lock is never
-released, and threads that need it wait for ever.
+interrupted never ends. If Ctrl-C comes just after Python's futures have taken a lock, the lock is never released, and
+threads that need it wait for ever.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SIGNALS = (signal.SIGINT, *ENDING)  # ENDING acts like Ctrl-C on the command lin
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C until the block has ended, then let it act.
+    """Delay Ctrl-C until the block has ended.
 
     Only the main thread gets signals; where they are ignored, as in workers, nothing is held.
 
@@ -83,7 +83,7 @@ def endings_interrupt() -> Iterator[None]:
 
 @contextmanager
 def stopping_announced() -> Iterator[None]:
-    """Print an answer to the first Ctrl-C at once, because saving the results of millions of labels takes seconds."""
+    """Print a reply to the first Ctrl-C at once, because saving the results of millions of labels takes seconds."""
     answered: list[int] = []
 
     def stop(number: int, frame: FrameType | None) -> None:

@@ -52,7 +52,7 @@ def forget_current_folder() -> None:
 
 @cache
 def _share(folder: str) -> None:
-    """Hold a folder until this process ends."""
+    """Lock a folder, so that other processes keep it, until this process ends."""
     if fcntl is None:
         return
     with suppress(OSError):  # a file system without locks
@@ -63,7 +63,10 @@ def _share(folder: str) -> None:
 
 
 def _remove(folder: str, process: int, lock: int | None = None) -> None:
-    """Remove a folder at the end of a process, not of its forks; with a lock, only if no other process has one."""
+    """Remove a folder at the end of this process, but not of its forks.
+
+    With ``lock``, only if no other process holds it.
+    """
     if os.getpid() == process:
         with suppress(OSError):
             if lock is not None:
@@ -72,7 +75,7 @@ def _remove(folder: str, process: int, lock: int | None = None) -> None:
 
 
 def _user_has_folder() -> bool:
-    """Return whether Matplotlib can write, or make, its folders of configuration and fonts."""
+    """Return whether Matplotlib can write, or create, its folders of configuration and fonts."""
     try:
         home = Path.home()
     except RuntimeError:
@@ -85,6 +88,6 @@ def _user_has_folder() -> bool:
 
 
 def _can_be_written(folder: Path) -> bool:
-    """Return whether the nearest visible folder is writable; ``Path.exists`` raises in unreadable folders."""
+    """Return whether the nearest existing parent is writable; ``Path.exists`` raises in unreadable folders."""
     existing = next(path for path in (folder, *folder.absolute().parents) if os.path.exists(path))
     return os.path.isdir(existing) and os.access(existing, os.W_OK | os.X_OK)

@@ -12,14 +12,15 @@ from enum import StrEnum
 from hpop.base.options import MOST_COUNTED, real
 from hpop.base.scalars import set_python_values
 
-LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # by the unit of each
+LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # units
 NO_LIMIT = "leave it out for no limit"
 
 
 class Status(StrEnum):
-    """Outcome of a planner or a search. Only COMPLETE and NO_PATH say that nothing is missing.
+    """Outcome of a planner or a search. Only COMPLETE and NO_PATH say that the result is complete.
 
-    POINT_LIMIT: a planner's ``max_points`` was reached. RUN_LIMIT: none of a planner's runs arrived. UNFINISHED: a
+    POINT_LIMIT: a planner's ``max_points`` was reached. RUN_LIMIT: none of a planner's runs reached the goal.
+    UNFINISHED: a
     result from an early stage of a planner, while the search still goes on.
     """
 
@@ -39,19 +40,23 @@ class Status(StrEnum):
         return self in (Status.COMPLETE, Status.NO_PATH)
 
 
-def why_none(notes: Iterable[str]) -> str | None:
-    """Return the note that says why there is no path, which begins with the words of NO_PATH; None if there is none."""
+def no_path_note(notes: Iterable[str]) -> str | None:
+    """Return the note that explains why there is no path, which begins with the text of NO_PATH.
+
+    None without such a note.
+    """
     return next((note for note in notes if note.startswith(Status.NO_PATH)), None)
 
 
 @dataclass(frozen=True)
 class Budget:
-    """Limits of time and memory for a planner or a search; None is no limit.
+    """Limits of time and memory of a planner or a search; None is no limit.
 
-    time_limit  s      wall-clock time, kernels already compiled: of a planner to read the map, build its graph and
-                       search, of a search alone from when it begins
+    time_limit  s      wall-clock time without compilation. For a planner: reading the map, building its graph and
+    searching;
+                       for a search alone: from its start
     max_labels  count  labels generated (partial paths kept in memory)
-    max_memory  bytes  memory of the map that is read, of the fields that a planner makes, of its graph and its search
+    max_memory  bytes  memory of the map, of the planner's fields, of its graph and of its search
     """
 
     time_limit: float | None = None
@@ -93,11 +98,14 @@ RESERVED = 0.1  # share of a time limit that reading, building and searching lea
 
 @dataclass(frozen=True)
 class Watch:
-    """Clock of a planner of many jobs. Jobs end a little before the limit, to leave time to evaluate their results.
+    """Clock of a planner that runs many jobs.
+
+    Jobs end a little before the time limit, to leave time to evaluate their results.
 
     stage       current work in words
     time_limit  s, or None
-    began       s, on the clock of :func:`time.perf_counter`
+    progress    callback for progress reports, or None
+    began       s, start on the clock of :func:`time.perf_counter`
     """
 
     stage: str
@@ -120,7 +128,7 @@ class Watch:
         return self.left is not None and self.left < 0.0
 
     def report(self, done: int, left: int, found: int) -> None:
-        """Report the number of jobs that are done, of jobs that remain, and of results."""
+        """Report the number of finished jobs, of remaining jobs, and of results so far."""
         if self.progress is not None:
             self.progress(Progress(self.stage, done, left, found, seconds=self.seconds))
 
@@ -143,14 +151,17 @@ def progress_bar() -> Iterator[ProgressCallback]:
 
 
 @contextmanager
-def followed(progress: ProgressCallback | bool | None) -> Iterator[ProgressCallback | None]:
-    """Yield the progress callback: a given function or, for True, a line on the terminal; with a line in the log."""
+def progress_callback(progress: ProgressCallback | bool | None) -> Iterator[ProgressCallback | None]:
+    """Yield the progress callback to use: ``progress`` itself or, for True, one that shows a line on the terminal.
+
+    The callback also logs each stage of the search.
+    """
     with progress_bar() if progress is True else nullcontext(progress or None) as callback:
-        yield _logged(callback) if log.isEnabledFor(logging.DEBUG) else callback
+        yield _with_log(callback) if log.isEnabledFor(logging.DEBUG) else callback
 
 
-def _logged(callback: ProgressCallback | None) -> ProgressCallback:
-    """Return a callback that calls the given one and logs each stage as it begins."""
+def _with_log(callback: ProgressCallback | None) -> ProgressCallback:
+    """Return a callback that calls ``callback`` and logs each stage when it begins."""
     last = ""
 
     def report(progress: Progress) -> None:

@@ -44,12 +44,15 @@ ALIGNED = 64  # bytes: arrays begin at multiples, for compiled code
 _held: dict[str, Any] = {}  # in a worker: shared data of its current sweep, by key
 
 
-def _work(
+def _run_tasks(
     key: str, file: str, payload: bytes | None, job: Callable[[Any, Any], R], tasks: Sequence[Any], _number: int
 ) -> tuple[str, list[R] | None]:
-    """Do tasks in a worker; return its name, and the results, or None if it has not got the shared data.
+    """Run tasks in a worker; return the worker's name and the results, or None if the worker lacks the shared data.
 
-    The number makes messages distinct: Dask would answer an equal message with its earlier answer.
+    key       key of the sweep, by which a worker keeps its shared data
+    file      path of a file with the shared data on this machine
+    payload   pickled shared data, for a worker on another machine
+    _number   makes messages distinct: Dask would answer an equal message with its earlier answer
     """
     shared = _held.get(key)
     if shared is None:
@@ -57,20 +60,20 @@ def _work(
             shared = pickle.loads(payload)
         else:
             try:
-                shared = _mapped(Path(file))
+                shared = _load_mapped(Path(file))
             except OSError:
-                return _name(), None
+                return _worker_name(), None
         _held.clear()
         _held[key] = shared
-    return _name(), [job(shared, task) for task in tasks]
+    return _worker_name(), [job(shared, task) for task in tasks]
 
 
-def _name() -> str:
+def _worker_name() -> str:
     return f"{platform.node()} {os.getpid()}"
 
 
-def _write(shared: Any, file: Path) -> None:
-    """Write a value for :func:`_mapped`: its arrays as they are in memory, at the end of the file."""
+def _write_mapped(shared: Any, file: Path) -> None:
+    """Write a value to a file for :func:`_load_mapped`: its arrays stand at the end, as they are in memory."""
     arrays: list[pickle.PickleBuffer] = []
     pickled = pickle.dumps(shared, protocol=5, buffer_callback=arrays.append)
     parts: list[bytes | memoryview] = [pickled, *(array.raw() for array in arrays)]
@@ -87,8 +90,8 @@ def _write(shared: Any, file: Path) -> None:
             out.write(bytes(-len(part) % ALIGNED))
 
 
-def _mapped(file: Path) -> Any:
-    """Return the value in a file; its arrays stay there, in memory that all workers share until one writes to it."""
+def _load_mapped(file: Path) -> Any:
+    """Return the value in a file. Its arrays are memory-mapped: all workers share them until one writes to them."""
     with file.open("rb") as source:
         content = memoryview(mmap(source.fileno(), 0, access=ACCESS_COPY))
     size = int.from_bytes(content[:ALIGNED], "little")
@@ -104,7 +107,7 @@ class Sweep(Generic[S, T, R]):
     job       a function of a module that workers can import; its results depend on its arguments alone
     shared    data for all tasks, not None; picklable, as tasks and results are
     executor  any; None runs the tasks here, one after the other
-    chunk     most tasks sent together: some tenths of a second of work hide the cost of sending
+    chunk     largest number of tasks in one message; some tenths of a second of work hide the cost of sending
     notes     failures of the executor, for the user
 
     >>> with Sweep(pow, 2) as sweep:
@@ -138,7 +141,7 @@ class Sweep(Generic[S, T, R]):
         remaining = list(range(len(tasks)))
         if self.executor is not None and tasks:
             remaining = []
-            yield from self._elsewhere(tasks, stop, remaining)
+            yield from self._run_on_executor(tasks, stop, remaining)
         for i in remaining:
             if stop():
                 return
@@ -150,7 +153,9 @@ class Sweep(Generic[S, T, R]):
         stop: Callable[[], bool],
         report: Callable[[Mapping[int, R]], None] = lambda results: None,
     ) -> tuple[dict[int, R], Status]:
-        """Return results by the index of their task, in order, and whether ``stop()`` or Ctrl-C ended the run.
+        """Return results by the index of their task, in order, and the status.
+
+        Whether ``stop()`` or Ctrl-C ended the run.
 
         ``report(results)`` is called first, and after each result.
         """
@@ -167,11 +172,14 @@ class Sweep(Generic[S, T, R]):
             status = Status.INTERRUPTED
         return dict(sorted(results.items())), status
 
-    def _elsewhere(self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]) -> Iterator[tuple[int, R]]:
+    def _run_on_executor(
+        self, tasks: Sequence[T], stop: Callable[[], bool], lost: list[int]
+    ) -> Iterator[tuple[int, R]]:
         """Yield results of the executor; add the indices of tasks without a result to ``lost``.
 
-        Ctrl-C is held wherever futures take their locks (`concurrent.futures.wait` takes all of them), but not while
-        this waits for a result.
+        Ctrl-C is delayed wherever futures take their locks (`concurrent.futures.wait` takes all of them), but not while
+        this
+        method waits for a result.
         """
         ended: SimpleQueue[Future[Any]] = SimpleQueue()
         pending: dict[Future[Any], range] = {}
@@ -197,7 +205,7 @@ class Sweep(Generic[S, T, R]):
                 sent += more
             while pending and not stop():
                 # Messages with data last: a worker may have requested them before they arrived.
-                for future in sorted(_all_in(ended), key=supplies.__contains__):
+                for future in sorted(_ended_futures(ended), key=supplies.__contains__):
                     indices = pending.pop(future)
                     if supplies.pop(future, None) is not None:
                         for delayed in waiting:
@@ -207,7 +215,7 @@ class Sweep(Generic[S, T, R]):
                         with interrupts_held():
                             worker, results = future.result()
                     except (Exception, CancelledError) as error:
-                        self._failed(error)
+                        self._note_failure(error)
                         lost.extend(indices)
                         continue
                     if results is not None:
@@ -227,24 +235,24 @@ class Sweep(Generic[S, T, R]):
         return pickle.dumps(self.shared, protocol=pickle.HIGHEST_PROTOCOL)
 
     def submit(self, tasks: list[T], *, with_shared: bool) -> Future[Any] | None:
-        """Submit tasks to the executor and return their future; None if it takes no more.
+        """Submit tasks to the executor and return their future; None if the executor accepts no more.
 
-        The future gives the worker's name and the results, or None where the shared data have not arrived there.
+        The future holds the worker's name and the results, or None if the shared data have not arrived there.
         """
         if self.executor is None:
             return None
         try:
             if self._folder is None:
                 self._folder = TemporaryDirectory(prefix="hpop-sweep-", ignore_cleanup_errors=True)
-                _write(self.shared, Path(self._folder.name) / self._key)
+                _write_mapped(self.shared, Path(self._folder.name) / self._key)
             file = str(Path(self._folder.name) / self._key)
             payload = self._pickled_shared if with_shared else None
-            return self.executor.submit(_work, self._key, file, payload, self.job, tasks, next(self._numbers))
+            return self.executor.submit(_run_tasks, self._key, file, payload, self.job, tasks, next(self._numbers))
         except Exception as error:  # a full disk; an executor that is shut down, broken or out of reach
-            self._failed(error, worker_lost=True)
+            self._note_failure(error, worker_lost=True)
             return None
 
-    def _failed(self, error: BaseException, *, worker_lost: bool = False) -> None:
+    def _note_failure(self, error: BaseException, *, worker_lost: bool = False) -> None:
         """Note an error of the executor, once of each kind, and stop using a broken executor."""
         if worker_lost or isinstance(error, BrokenExecutor):
             self.executor = None
@@ -256,8 +264,8 @@ class Sweep(Generic[S, T, R]):
             self.notes.append(note)
 
 
-def _all_in(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
-    """Return the futures that have ended; wait a little for the first."""
+def _ended_futures(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
+    """Return the futures that have ended, after a short wait for the first of them."""
     try:
         futures = [ended.get(timeout=POLL)]
     except Empty:
@@ -269,7 +277,7 @@ def _all_in(ended: SimpleQueue[Future[Any]]) -> list[Future[Any]]:
 
 class _Processes(ProcessPoolExecutor):
     def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
-        """Submit a task. Signals are held while a worker starts, so that no half-started worker is orphaned."""
+        """Submit a task. Signals are blocked while a worker starts, so that no half-started worker is orphaned."""
         with interrupts_held():
             future = super().submit(fn, *arguments, **named)
         setattr(future, "set_exception", partial(_fail, future))  # noqa: B010
@@ -278,8 +286,9 @@ class _Processes(ProcessPoolExecutor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Shut the workers down after their current tasks.
 
-        Ctrl-C waits for that: in the join of the pool's own thread it would leave that thread, and so the process,
-        waiting for ever.
+        Ctrl-C is delayed meanwhile: if it interrupted the join of the pool's thread, that thread and the process would
+        wait for
+        ever.
         """
         with interrupts_held():
             super().shutdown(wait, cancel_futures=cancel_futures)
@@ -292,17 +301,18 @@ def _fail(future: Future[Any], error: BaseException | None) -> None:
 
 
 def processes(workers: int) -> ProcessPoolExecutor:
-    """Return a pool of fresh processes on this machine; Ctrl-C and other ends of a group are for the planning process.
+    """Return a pool of fresh worker processes on this machine; only the planning process reacts to Ctrl-C.
 
-    Raises OptionError where the system has no locks that processes share, as where /dev/shm cannot be written, or
-    cannot start a process.
+    Raises OptionError if the system has no locks that processes share (for example, /dev/shm cannot be written), or
+    cannot
+    start a process.
     """
     workers = whole("workers", workers, 1, MOST_WORKERS, "a whole number of processes")
     method = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     try:
         if method == "forkserver":
-            _serve_forks()
-        return _Processes(workers, multiprocessing.get_context(method), _begin)
+            _start_fork_server()
+        return _Processes(workers, multiprocessing.get_context(method), _prepare_worker)
     except (OSError, ImportError, NotImplementedError) as error:
         reason = getattr(error, "strerror", None) or error
         raise OptionError(
@@ -311,7 +321,7 @@ def processes(workers: int) -> ProcessPoolExecutor:
         ) from None
 
 
-def _serve_forks() -> None:
+def _start_fork_server() -> None:
     """Start the server that forks workers, protected from signals that end a group of processes.
 
     The server inherits blocked signals, and ends with the planning process. The resource tracker starts first, because
@@ -327,8 +337,8 @@ def _serve_forks() -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
-def _begin() -> None:
-    """Prepare a worker: it ignores signals to the group, and the planning process ends it."""
+def _prepare_worker() -> None:
+    """Prepare a worker: it ignores signals to its process group; the planning process ends it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
@@ -341,6 +351,6 @@ def _begin() -> None:
 
 
 def _end_with(planning: Any) -> None:
-    """End a worker with the planning process, even if that is killed; it would wait for tasks for ever."""
+    """End this worker when the planning process ends, even if it is killed; a worker would wait for ever."""
     planning.join()
     os._exit(1)

@@ -19,7 +19,16 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticOmit, core_schema
 
 from hpop.base.options import Degrees
-from hpop.base.registry import Registry, criteria, goals, model_parameters, models, needed, planners, readers
+from hpop.base.registry import (
+    Registry,
+    criteria,
+    goals,
+    model_parameters,
+    models,
+    planners,
+    readers,
+    required_parameters,
+)
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
@@ -287,7 +296,7 @@ def _named(types: dict[str, Any]) -> Schema:
     properties = {}
     for name, cls in types.items():
         parameters = _parameters(cls)
-        bare = [] if needed(cls) else [{"type": "null"}]
+        bare = [] if required_parameters(cls) else [{"type": "null"}]
         properties[name] = {"anyOf": [parameters, *bare], "description": summary(cls)}
     return {
         "type": "object",
@@ -300,7 +309,9 @@ def _named(types: dict[str, Any]) -> Schema:
 
 def _choice(kind: str, types: dict[str, Any]) -> Schema:
     """Return the schema of a choice among types: a name, or a name with parameters."""
-    names = [{"const": name, "description": summary(cls)} for name, cls in types.items() if not needed(cls)]
+    names = [
+        {"const": name, "description": summary(cls)} for name, cls in types.items() if not required_parameters(cls)
+    ]
     return {"anyOf": [*names, _named(types)], "description": f"a {kind}"}
 
 

@@ -21,7 +21,7 @@ from hpop.errors import NOTE, MapError, OptionError, QueryError
 from hpop.planners.needs import elsewhere
 from hpop.planners.programs.free_map import FreeMap
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status, why_none
+from hpop.runtime.status import Status, no_path_note
 from hpop.scenario.json_schema import LINE
 from hpop.world import World
 from hpop.world.readers.readers import reader_of
@@ -231,7 +231,7 @@ def _planned(problem: Problem) -> tuple[float, tuple[Status, str] | None]:
         front = shortest.solve("lattice", step=some, time_limit=LONGEST, max_memory=MOST_MEMORY)
         if len(front):
             return some, None
-        why = why_none(front.notes) or str(front.status)
+        why = no_path_note(front.notes) or str(front.status)
         is_closed = front.status == Status.NO_PATH
         status = (Status.NO_PATH if is_closed else Status.TIME_LIMIT), why.removeprefix(f"{Status.NO_PATH}: ")
     return step, status

@@ -98,7 +98,7 @@ def main() -> None:
     """Compile the parts named on the command line, for the costs that it describes."""
     if os.cpu_count() == 1 and hasattr(os, "nice"):  # with more processors a search waits for it
         os.nice(NICENESS)
-    garbage.seldom()
+    garbage.collect_rarely()
     parts, turns, *aggregates = sys.argv[1:]
     for part in parts.split(","):
         rehearse(part, aggregates, int(turns))

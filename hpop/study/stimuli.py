@@ -21,7 +21,7 @@ from hpop.base.text import shown
 from hpop.errors import OutputError, StudyError
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Progress, ProgressCallback, followed
+from hpop.runtime.status import Progress, ProgressCallback, progress_callback
 from hpop.study.words import Words, words
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.page import licence, links_of, tilted_solids, track
@@ -123,7 +123,7 @@ def _save_video(
     problem: Problem, trajectory: Trajectory, path: Path, which: str, progress: ProgressCallback | bool | None
 ) -> Path:
     """Write a video without the file beside it, which names the costs; report ``which`` video it is to progress."""
-    with followed(progress) as told:
+    with progress_callback(progress) as told:
 
         def tell(done: Progress) -> None:
             if told is not None:

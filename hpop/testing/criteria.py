@@ -13,7 +13,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.base.randomness import RNG, seed_of
-from hpop.base.registry import completed, make_model
+from hpop.base.registry import make_model, with_optional_members
 from hpop.base.text import shown
 from hpop.criteria.base import CRITERION_DEFAULTS, Criterion
 from hpop.criteria.costs import motion_costs, running_costs, trajectory_cost, trajectory_costs
@@ -70,7 +70,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
 
     A criterion that requires joints is checked on a base with a pan-tilt head, without curves and lattices.
     """
-    completed(criterion, CRITERION_DEFAULTS)
+    with_optional_members(criterion, CRITERION_DEFAULTS)
     seed = seed_of(rng)
     random = np.random.default_rng(seed)
     base: dict[str, Any] = {"differential_drive": {"camera_offset": (0.1, 0.05)}}

@@ -11,7 +11,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column, FloatArray
 from hpop.base.randomness import RNG, seed_of
-from hpop.base.registry import completed, make_model
+from hpop.base.registry import make_model, with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
@@ -59,7 +59,7 @@ def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
 
     Laws of curves are checked if hpop can draw motions of them, as of "drive".
     """
-    completed(model, MODEL_DEFAULTS)
+    with_optional_members(model, MODEL_DEFAULTS)
     seed = seed_of(rng)
     random = np.random.default_rng(seed)
     world = random_world(random)

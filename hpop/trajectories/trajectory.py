@@ -14,7 +14,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray, frozen
 from hpop.base.math import wrap
 from hpop.base.options import LEAST, MOST, real, whole
-from hpop.base.registry import completed
+from hpop.base.registry import with_optional_members
 from hpop.base.table import Table
 from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
@@ -56,7 +56,7 @@ class Trajectory:
             raise ModelError(f"{len(self.kinds)} motions need {len(self.kinds) + 1} states in every column")
         if not all(np.isfinite(column).all() for column in columns.values()):
             raise ModelError("the states of a trajectory must be finite numbers")
-        laws = laws_of(completed(self.model, MODEL_DEFAULTS))
+        laws = laws_of(with_optional_members(self.model, MODEL_DEFAULTS))
         unknown = set(self.kinds) - set(laws)
         if unknown:
             raise ModelError(f"no motion law {sorted(unknown)}; this model has {sorted(laws)}")

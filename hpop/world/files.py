@@ -18,7 +18,7 @@ from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import Any
 
-from hpop.apart.child import ChildAnswer, ChildRefused, unpacked
+from hpop.apart.child import ChildAnswer, ChildRefused, unpack
 from hpop.base.files import read_regular
 from hpop.base.text import shown
 from hpop.errors import MapError
@@ -190,7 +190,7 @@ def extract(module: str, path: str | Path, data: bytes, options: dict[str, Any])
     asked = {"module": module, "options": options, "memory": MEMORY, "seconds": SECONDS}
     said = _said(asked, data, path)
     try:
-        answer = unpacked(said)
+        answer = unpack(said)
     except ChildRefused as refused:
         raise MapError(f"{named(path)}: {refused}.") from None
     except (ValueError, KeyError, TypeError):

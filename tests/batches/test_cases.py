@@ -2,7 +2,7 @@
 
 import pytest
 
-from hpop.batches.cases import OfProblems, Specification, label
+from hpop.batches.cases import OfProblems, Specification, planner_label
 from hpop.errors import HpopError, OptionError, ScenarioError, UnknownName
 
 ROOM = """\
@@ -97,7 +97,7 @@ def test_a_goal_that_cannot_be_reached_is_for_the_row_of_its_case(written):
 
 
 def test_labels_are_short():
-    assert label({"lattice": {"step": 0.5, "eps": 0.1}}) == "lattice(step=0.5, eps=0.1)"
+    assert planner_label({"lattice": {"step": 0.5, "eps": 0.1}}) == "lattice(step=0.5, eps=0.1)"
     with pytest.raises(OptionError, match="at least one"):
         OfProblems.of([], "lattice")
     with pytest.raises(OptionError, match=r"hpop\.Problem"):

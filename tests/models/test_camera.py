@@ -6,7 +6,7 @@ import math
 import pytest
 
 from hpop import DifferentialDrive
-from hpop.base.registry import completed, make_model
+from hpop.base.registry import make_model, with_optional_members
 from hpop.errors import ModelError
 from hpop.models.camera import field_of_view
 from hpop.motions import MODEL_DEFAULTS
@@ -19,7 +19,7 @@ def test_it_is_kept_with_the_model_and_left_out_where_there_is_none():
 
 
 def test_a_model_that_does_not_say_sees_all_round_and_a_criterion_may_ask_for_less():
-    for model in (DifferentialDrive(), completed(type("Plain", (), {})(), MODEL_DEFAULTS)):
+    for model in (DifferentialDrive(), with_optional_members(type("Plain", (), {})(), MODEL_DEFAULTS)):
         assert field_of_view(model) == (2 * math.pi, math.pi)
     narrow = DifferentialDrive(field_of_view=(1.92, 1.2))
     assert field_of_view(narrow) == (1.92, 1.2)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hpop.errors import StudyError
 from hpop.frontier import Front
 from hpop.preference import Preference, Prior
-from hpop.preference.posterior import NOTICEABLE, information, judged_alone, row_of
+from hpop.preference.posterior import NOTICEABLE, expected_information, least_cost_row, row_probability_and_regret
 from tests import preferring as people
 
 THREE: Front[int] = Front.of([[0.0, 1.0], [0.3, 0.3], [1.0, 0.0]], names=["turns", "length"], quanta=[1e-6, 1e-6])
@@ -54,7 +54,7 @@ def test_left_and_right_are_drawn() -> None:
 
 def test_information_is_nothing_where_all_agree_and_a_bit_where_half_are_sure() -> None:
     sure = np.array([[30.0, 30.0], [30.0, -30.0], [0.0, 0.0]])  # (pairs, draws)
-    told = information(sure, None) / np.log(2)
+    told = expected_information(sure, None) / np.log(2)
     np.testing.assert_allclose(told[[0, 2]], 0.0, atol=1e-12)
     assert 0.9 < told[1] < 1.0  # but for lapses
 
@@ -115,7 +115,7 @@ def test_telling_questions_find_the_best_sooner_than_random_ones(n: int) -> None
        st.tuples(*[st.integers(0, 3)] * 3).filter(any))  # fmt: skip
 def test_a_dominated_row_is_never_best(rows: list[tuple[int, ...]], weights: tuple[int, ...]) -> None:
     table = np.array(rows, dtype=np.float64)
-    best = table[row_of(table, np.array(weights) / sum(weights))]
+    best = table[least_cost_row(table, np.array(weights) / sum(weights))]
     assert not ((table <= best).all(axis=1) & (table < best).any(axis=1)).any()
 
 
@@ -130,7 +130,7 @@ def test_the_best_row_is_where_the_expected_cost_is_least() -> None:
     costs = draws.shares @ rows.T
     regrets = (costs - costs.min(axis=1, keepdims=True)) / np.ptp(costs, axis=1, keepdims=True)
     np.testing.assert_allclose(best.regrets, draws.probability() @ regrets, atol=0.02)
-    probability, regret = judged_alone(rows, person._equal(2_000), best.row)
+    probability, regret = row_probability_and_regret(rows, person._equal_draws(2_000), best.row)
     assert (probability, regret) == pytest.approx((best.probability[best.row], best.regret), abs=1e-12)
     assert set(best.near) == set(np.flatnonzero(best.regrets <= best.regret + 0.02).tolist())
     assert best.near[0] == best.row

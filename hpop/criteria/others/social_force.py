@@ -9,7 +9,7 @@ import numpy as np
 from hpop.base.arrays import Column
 from hpop.base.math import erf, erfcx, hypot, is_zero
 from hpop.base.options import LEAST, MOST, set_reals
-from hpop.base.symbols import summed
+from hpop.base.symbols import sum_over_rows
 from hpop.criteria.base import criterion
 from hpop.criteria.others import base_velocity, clock
 from hpop.errors import CriterionError
@@ -77,7 +77,7 @@ class SocialForce:
         if not is_zero(deviation):
             ahead = np.where(apart, ex, 1.0)  # any direction serves where none is defined
             columns = (distance, ahead, ey, walks_x - vx, walks_y - vy, np.maximum(deviation, TINY))
-            return summed(self._towards, DIRECTIONS, *columns)
+            return sum_over_rows(self._towards, DIRECTIONS, *columns)
         reach, strongest = self._along(ex, ey, walks_x - vx, walks_y - vy)
         return strongest * np.exp(-distance / reach)
 

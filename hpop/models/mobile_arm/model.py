@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.options import Angle
-from hpop.base.registry import completed
+from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, QueryError
 from hpop.models.base import PlanarModel, model
@@ -301,7 +301,7 @@ def _check_parts(arm: Any, base: Any) -> None:
             "an arm is carried by a base in the plane that has no joints of its own, such as "
             f"base=DifferentialDrive(...); got {shown(base)}"
         )
-    camera = completed(base, MODEL_DEFAULTS).mounts.get("camera")
+    camera = with_optional_members(base, MODEL_DEFAULTS).mounts.get("camera")
     if (camera is not None and camera.view is not None) or base.field_of_view is not None:
         raise ModelError("the camera is the arm's: leave view out of its base, and give field_of_view to the arm")
     if taken := [name for name in arm.joints if name in base.space.names]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.registry import graphs, made
+from hpop.base.registry import graphs, plugin_from_spec
 from hpop.criteria.base import make_criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnknownName
@@ -228,7 +228,7 @@ def make_family(spec: GraphSpec) -> GraphFamily:
     Raises UnknownName for a name that is not registered and OptionError for options that the family does not have.
     """
     try:
-        return cast(GraphFamily, made(graphs, spec))
+        return cast(GraphFamily, plugin_from_spec(graphs, spec))
     except OptionError as error:
         if isinstance(error, UnknownName) or f"has no {graphs.parameter} " not in str(error):
             raise

@@ -27,7 +27,7 @@ from hpop.problems.front import Front
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.status import Progress, ProgressCallback, followed
+from hpop.runtime.status import Progress, ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, mark_spherical, panorama, png
 from hpop.view.ride.scene import VERSION
@@ -182,7 +182,7 @@ def save_video(
     with (
         _written(target),
         _folder(target.parent, clip, VIDEO_BYTES),
-        followed(progress) as tell,
+        progress_callback(progress) as tell,
         replacing(target) as file,
         replacing(target.with_name(f"{target.name}.json")) as beside,
     ):
@@ -212,7 +212,7 @@ def save_frames(
     """
     clip = Clip.of(problem, of, row=row, fps=fps, width=width, workers=workers)
     target = Path(folder)
-    with _written(target), _folder(target.parent, clip, PNG_BYTES), followed(progress) as tell:
+    with _written(target), _folder(target.parent, clip, PNG_BYTES), progress_callback(progress) as tell:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             raise OutputError(f"{target} is there already and is not an empty folder; remove it, or choose another")
         partial = Path(mkdtemp(prefix=f".{target.name}.", dir=target.parent))

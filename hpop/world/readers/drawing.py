@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from hpop.apart.child import ChildAnswer
-from hpop.apart.lines import said
+from hpop.apart.lines import counts_text
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of, whole
 from hpop.base.text import shown
@@ -96,7 +96,7 @@ def build(
     nothing    advice for a drawing without lines
     """
     words, arrays = found
-    left = f"left out: {said(words['left_out'])}" if words["left_out"] else ""
+    left = f"left out: {counts_text(words['left_out'])}" if words["left_out"] else ""
     starts, area = arrays["starts"], arrays["area"]
     if len(starts) < 2:
         raise MapError(f"{path} has no lines{' on those layers' * (options.layers is not None)}; {left or nothing}.")
@@ -121,12 +121,14 @@ def build(
     try:
         check_joinable(solid, f"{path}")
     except MapError as error:
-        raise MapError(f"{error} layers chooses which are read, such as those of walls: {said(by_layer)}.") from None
+        raise MapError(
+            f"{error} layers chooses which are read, such as those of walls: {counts_text(by_layer)}."
+        ) from None
     limits.check(READING)
     union = shapely.disjoint_subset_union_all(solid)  # in a thirtieth of the time of union_all
     several = "lines and fills" if len(starts) > 2 else "line or fill"
     size = f"{len(starts) - 1:,} {several} of {width:.4g} x {height:.4g} m"
-    notes = [f"{size}; lines are walls {options.wall_width:g} m thick. Layers: {said(by_layer)}", left]
+    notes = [f"{size}; lines are walls {options.wall_width:g} m thick. Layers: {counts_text(by_layer)}", left]
     if thick := words["wide"] + np.count_nonzero(wide > options.wall_width):
         notes.append(f"lines as thick as they are drawn: {thick:,}")
     if swings:

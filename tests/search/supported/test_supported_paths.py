@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
 from hpop.runtime.status import Budget, Progress, Status
-from hpop.runtime.sweep import _mapped
+from hpop.runtime.sweep import _load_mapped
 from hpop.search import Graph, SupportedPaths, pareto_paths, supported_paths
 from hpop.search.supported.weighted_path import encoded, weighted_path
 from hpop.search.supported.weights import integer_weights, simplex_lattice
@@ -258,7 +258,7 @@ def test_workers_are_sent_32_bits_a_cost_where_reduced_ones_fit_though_paths_cos
 
     class Seen(ThreadPoolExecutor):
         def submit(self, fn: Any, key: str, file: str, *rest: Any) -> Any:  # type: ignore[override]
-            sent.append(_mapped(Path(file)).costs)
+            sent.append(_load_mapped(Path(file)).costs)
             return super().submit(fn, key, file, *rest)
 
     tails = np.arange(6).repeat(3)

@@ -178,7 +178,7 @@ def test_what_would_grow_without_end_is_refused(monkeypatch):
     words, _ = extract(dxf(cyclic), {"layers": None})
     assert words["left_out"] == {"blocks more than 16 deep": 1}
     monkeypatch.setattr(collected, "MOST_THINGS", 5000)
-    with pytest.raises(ChildRefused, match="more than 5,000 things"):
+    with pytest.raises(ChildRefused, match="more than 5,000 entities"):
         lines(nested)
 
 

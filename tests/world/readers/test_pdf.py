@@ -114,12 +114,12 @@ def test_lines_as_light_as_paper_and_what_is_not_drawn_are_none():
          r"no lines; left out: images \(1\)\. Is it scanned\? .* pdftoppm -r 150 .* image with resolution 0.01693"),
         (pdf(b"BT /F 12 Tf (Hall) Tj ET", resources=b"/Font << /F 5 0 R >>", objects=[LETTERS]), {"ratio": 100},
          r"has no lines; left out: texts \(1\)"),
-        (pdf(ROOM), {"ratio": 100, "page": 2}, "it has 1 pages; page must be one of them, got 2"),
+        (pdf(ROOM), {"ratio": 100, "page": 2}, "it has 1 pages; page must be from 1 to 1, got 2"),
         (pdf(ROOM), {"ratio": 100, "page": 0}, "page must be a whole number"),
         (pdf(ROOM), {"ratio": 0.001}, "expected a building. Give another scale"),
         (pdf(ROOM), {"ratio": 100, "inside": (0, 0)}, r"inside \(0, 0\) is in a wall or beyond"),
-        (b"%PDF-1.6 but nothing else", {"ratio": 100}, "no PDF that can be read"),
-        (b"plain text", {"ratio": 100}, "no PDF that can be read"),
+        (b"%PDF-1.6 but nothing else", {"ratio": 100}, "cannot be read as a PDF"),
+        (b"plain text", {"ratio": 100}, "cannot be read as a PDF"),
         (pdf(ROOM), {"ratio": 1e8}, "expected a building. Give another scale"),
     ],
 )  # fmt: skip
@@ -173,7 +173,7 @@ def test_what_lies_outside_of_the_page_is_not_shown():
     assert parts[0][:2] == [[50, 50], [350, 50]]
     assert parts[1] == pytest.approx(np.array([[390, 100], [400.01, 100]]))
     assert shapely.Polygon(parts[2]).bounds == pytest.approx((380, 200, 400.01, 250))
-    assert words["left_out"] == {"in part or whole outside of the page or of a clip path": 3}
+    assert words["left_out"] == {"partly or wholly outside the page or a clip path": 3}
     cropped = found(pdf(ROOM, page=b"/CropBox [0 0 200 300]"))[1]
     assert max(x for part in cropped for x, _ in part) == pytest.approx(200.01)
 
@@ -186,7 +186,7 @@ def test_clip_paths_cut_what_is_drawn():
         [pytest.approx([99.99, 150]), pytest.approx([200.01, 150])],
         [pytest.approx([0, 50]), pytest.approx([50, 50])],
     ]
-    assert words["left_out"] == {"in part or whole outside of the page or of a clip path": 3}
+    assert words["left_out"] == {"partly or wholly outside the page or a clip path": 3}
     fill = found(pdf(b"q 100 100 m 300 100 l 100 300 l h W n 0 g 0 0 200 200 re f Q"))[1]
     assert shapely.Polygon(fill[0]).area == pytest.approx(100 * 100)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop.apart.child import ChildAnswer, ChildRefused, refusal, unpacked
+from hpop.apart.child import ChildAnswer, ChildRefused, refusal, unpack
 from hpop.errors import MapError
 from hpop.runtime import limits
 from hpop.world import World, files
@@ -73,16 +73,16 @@ def test_a_limit_of_whoever_plans_ends_the_process(tmp_path):
 
 def test_an_answer_is_numbers_and_words_and_nothing_else():
     answer = ChildAnswer({"layers": ["Ä"]}, {"points": np.arange(6.0).reshape(3, 2), "cells": np.zeros((2, 0), "|i1")})
-    again = unpacked(answer.packed())
+    again = unpack(answer.packed())
     assert again.words == answer.words
     assert {name: array.tolist() for name, array in again.arrays.items()} == {
         name: array.tolist() for name, array in answer.arrays.items()
     }
     with pytest.raises(ChildRefused, match="no lines"):
-        unpacked(refusal("no lines"))
+        unpack(refusal("no lines"))
     for arrays in ([["points", "|O", [1]]], [["points", "<f8", [10**9]]], [["points", "<f8", [-1]]], 3):
         with pytest.raises((ValueError, TypeError)):
-            unpacked(json.dumps({"words": {}, "arrays": arrays}).encode() + b"\n" + bytes(8))
+            unpack(json.dumps({"words": {}, "arrays": arrays}).encode() + b"\n" + bytes(8))
 
 
 def test_a_reader_is_found_by_the_ending(tmp_path):
