@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hpop.base.arguments import checked_arguments
+from hpop.base.status import Status
 from hpop.base.text import printable, shown
 from hpop.frontier import conditions, storage, union
 from hpop.frontier.choices import Choices
@@ -24,7 +25,7 @@ from hpop.frontier.dominance import (
     is_nondominated,
     quantised,
 )
-from hpop.frontier.points import FrontFileError, Point, as_json, floats, minimised, names_of, origins
+from hpop.frontier.points import FrontError, FrontFileError, Point, as_json, floats, minimised, names_of, origins
 
 if TYPE_CHECKING:
     import pandas
@@ -53,7 +54,7 @@ class Front(Choices[T], Generic[T]):
     reported        (n, r)    further values of each point, not optimised
     reported_names  r
     reported_units  r
-    status                    outcome of the search; "complete" if it ran to its end
+    status                    outcome of the search, a value of hpop.Status; "complete" if it ran to its end
     certificate               claim about the points, and the search space it holds for
     provenance      n         origin of each point, as JSON
     problem                   description of the problem, as JSON, or None
@@ -99,6 +100,9 @@ class Front(Choices[T], Generic[T]):
         object.__setattr__(self, "status", str(self.status))
         if not self.status or not self.certificate:
             raise ValueError("a front needs a status (how its search ended) and a certificate (what it claims)")
+        if not set(self.status.split(union.JOINT)) <= set(Status):  # a union has those of both
+            known = ", ".join(Status)
+            raise FrontError(f"status must be one of {known} (a member of hpop.Status), got {shown(self.status)}")
         for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
             if len(getattr(self, name)) != expected:
                 raise ValueError(f"expected {expected} {name}, got {len(getattr(self, name))}")

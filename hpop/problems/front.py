@@ -15,15 +15,12 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.registry import GROUPS, make_model
 from hpop.base.table import facts_html, picture_html, table_html
-from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.frontier import FrontError, FrontFileError, storage
 from hpop.frontier.choices import Preferring
 from hpop.frontier.storage import checked_path
-from hpop.frontier.union import JOINT
 from hpop.models import files
 from hpop.motions import Model
-from hpop.runtime.status import Status
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
@@ -66,13 +63,6 @@ class Front(frontier.Front[Trajectory]):
         ) -> Point: ...
         def nearest(self, wishes: Mapping[str, float]) -> Point: ...
         def reference_point(self, aspirations: Mapping[str, float]) -> Point: ...
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        unknown = set(self.status.split(JOINT)) - set(Status)
-        if unknown:  # a union has those of both
-            known = ", ".join(Status)
-            raise FrontError(f"status must be one of {known} (a member of hpop.Status), got {shown(self.status)}")
 
     @classmethod
     def _numbers(cls, n: int) -> Sequence[Trajectory]:

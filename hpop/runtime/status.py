@@ -1,4 +1,4 @@
-"""Status of a search, its limits and its progress; the progress line and the log of a command."""
+"""Limits of a search and its progress; the progress line and the log of a command."""
 
 from __future__ import annotations
 
@@ -7,37 +7,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
-from enum import StrEnum
 
 from hpop.base.options import MOST_COUNTED, real
 from hpop.base.scalars import set_python_values
+from hpop.base.status import Status as Status
 
 LIMITS = {"time_limit": "seconds", "max_labels": "labels", "max_memory": "bytes"}  # units
 NO_LIMIT = "leave it out for no limit"
-
-
-class Status(StrEnum):
-    """Outcome of a planner or a search. Only COMPLETE and NO_PATH say that the result is complete.
-
-    POINT_LIMIT: a planner's ``max_points`` was reached. RUN_LIMIT: none of a planner's runs reached the goal.
-    UNFINISHED: a
-    result from an early stage of a planner, while the search still goes on.
-    """
-
-    COMPLETE = "complete"
-    NO_PATH = "no path"
-    TIME_LIMIT = "time limit"
-    LABEL_LIMIT = "label limit"
-    MEMORY_LIMIT = "memory limit"
-    POINT_LIMIT = "point limit"
-    RUN_LIMIT = "run limit"
-    INTERRUPTED = "interrupted"
-    UNFINISHED = "unfinished"
-
-    @property
-    def is_final(self) -> bool:
-        """True if the search ran to its end, so that the result is complete."""
-        return self in (Status.COMPLETE, Status.NO_PATH)
 
 
 def no_path_note(notes: Iterable[str]) -> str | None:

@@ -224,6 +224,7 @@ def test_a_front_joins_only_fronts():
         ({"provenance": [{"x": object()}]}, "JSON"),
         ({"problem": {"x": {1, 2}}}, "JSON"),
         ({"status": ""}, "how its search ended"),
+        ({"status": "hurra"}, r"status must be one of complete, no path, .*got 'hurra'"),
         ({"certificate": ""}, "what it claims"),
     ],
 )

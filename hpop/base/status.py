@@ -1,0 +1,28 @@
+"""Status of a search: how it ended."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """Outcome of a planner or a search. Only COMPLETE and NO_PATH say that the result is complete.
+
+    POINT_LIMIT: a planner's ``max_points`` was reached. RUN_LIMIT: none of a planner's runs reached the goal.
+    UNFINISHED: a result from an early stage of a planner, while the search still goes on.
+    """
+
+    COMPLETE = "complete"
+    NO_PATH = "no path"
+    TIME_LIMIT = "time limit"
+    LABEL_LIMIT = "label limit"
+    MEMORY_LIMIT = "memory limit"
+    POINT_LIMIT = "point limit"
+    RUN_LIMIT = "run limit"
+    INTERRUPTED = "interrupted"
+    UNFINISHED = "unfinished"
+
+    @property
+    def is_final(self) -> bool:
+        """True if the search ran to its end, so that the result is complete."""
+        return self in (Status.COMPLETE, Status.NO_PATH)
