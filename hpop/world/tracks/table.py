@@ -144,8 +144,9 @@ def tracks_of(
     x, y   (N,)  m
 
     Rows are sorted by time, and repeated rows count once. Single unreachable points, and people with one point, are
-    left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)". Notes
-    tell all this. Raises MapError with the file and the id for an invalid track or a missing id.
+    left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another, such as "7 (2)";
+    between irregular or rare rows a person walks straight. Notes tell all this. Raises MapError with the file and the
+    id for an invalid track or a missing id.
     """
     if not len(ids):
         raise source.error("has no rows: expected one a person and time.")
@@ -235,10 +236,17 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
     """Split each person's points at jumps and long absences, and return the parts and notes."""
     steps, goes_on = np.diff(points.t), points.goes_on
     usual = float(np.median(steps[goes_on])) if goes_on.any() else np.inf
-    watched = usual <= MISSING and (steps[goes_on] <= 2 * usual).mean() >= MOSTLY
-    missing = goes_on & (steps > max(MISSING, 5 * usual)) & watched
-    jumps, leaves = _few(points.speeds > FASTEST), missing & (steps > LEAVES)
+    missing = goes_on & (steps > max(MISSING, 5 * usual))
+    regular = steps[goes_on & ~missing] <= 2 * usual
+    watched = usual <= MISSING and regular.mean() >= MOSTLY
+    fast = points.speeds > FASTEST
+    jumps, leaves = _few(fast), missing & (steps > LEAVES) & watched
     notes = []
+    if fast.any() and not jumps.any():
+        notes.append(
+            f"has people who are faster than {FASTEST:g} m/s in {counted(int(fast.sum()), 'step')} of "
+            f"{int(goes_on.sum()):,}; check the unit and the frame rate: {_named(names, points.who[:-1][fast])}"
+        )
     for which, said in (
         (jumps & ~leaves, f"has people who jump (faster than {FASTEST:g} m/s), and go on as others"),
         (leaves, f"has people who are missing for more than {LEAVES:g} s, and come back as others"),
@@ -260,8 +268,12 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
 
 
 def _few(marked: BoolArray) -> BoolArray:
-    """Return the marks if they are few, else none: many faults mean a wrong unit, which is reported elsewhere."""
-    return marked if marked.size and marked.mean() <= 1 - MOSTLY else np.zeros_like(marked)
+    """Return the marks if they are few, else none: many faults mean a wrong unit, which is reported elsewhere.
+
+    Few are a tenth of the marks, or two in a file of six steps or more.
+    """
+    most = max((1 - MOSTLY) * marked.size, min(2.0, marked.size / 3))
+    return marked if marked.sum() <= most else np.zeros_like(marked)
 
 
 def _named(names: Sequence[Hashable], numbers: IntArray) -> str:

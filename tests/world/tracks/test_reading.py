@@ -220,6 +220,35 @@ def test_who_is_missing_for_a_while_is_told_and_comes_back_as_another_after_long
     assert noted(tmp_path, waypoints)[1] == ""  # nobody watched: they are waypoints
 
 
+def test_who_is_missing_in_a_short_track_comes_back_as_another_too(tmp_path):
+    times = (0, 0.4, 0.8, 1.2, 61.2, 61.6, 62)
+    short = [(1, t, 0.5 * i, 0.0) for i, t in enumerate(times)]
+    tracks, notes = noted(tmp_path, short)
+    assert {name: (track.begin, track.end) for name, track in tracks.items()} == {1: (0, 1.2), "1 (2)": (61.2, 62)}
+    assert "missing for more than 10 s, and come back as others: 1 after 1.2 s, for 60 s" in notes
+    tracks, notes = noted(tmp_path, [*short, *((1, t + 100, x, y) for _, t, x, y in short[:3])])
+    assert list(tracks) == [1, "1 (2)", "1 (3)"]
+
+
+def test_a_gap_between_irregular_or_slow_rows_is_told(tmp_path):
+    irregular = [(1, t, 0.1 * t, 0.0) for t in (0, 0.2, 0.4, 0.6, 1.4, 1.6, 2.5, 2.7, 30, 30.2)]
+    slow = [(1, t, 0.1 * t, 0.0) for t in (0, 2, 4, 6, 8, 50, 52)]
+    for rows, gap in ((irregular, "1 after 2.7 s, for 27.3 s"), (slow, "1 after 8 s, for 42 s")):
+        tracks, notes = noted(tmp_path, rows)
+        assert list(tracks) == [1]
+        assert f"missing for a while, in which they are taken to walk straight: {gap}" in notes
+
+
+def test_nobody_jumps_in_a_short_track(tmp_path):
+    tracks, notes = noted(tmp_path, [(1, 0.4 * i, 0.4 * i + 20.0 * (i > 3), 0.0) for i in range(7)])
+    assert {name: track.speed for name, track in tracks.items()} == pytest.approx({1: 1.0, "1 (2)": 1.0})
+    assert "has people who jump (faster than 10 m/s), and go on as others: 1 after 1.2 s, for 0.4 s" in notes
+    often = [(1, 0.4 * i, 8.0 * (i % 4 == 3), 0.0) for i in range(30)]
+    tracks, notes = noted(tmp_path, often)
+    assert list(tracks) == [1]
+    assert "faster than 10 m/s in 14 steps of 29; check the unit and the frame rate: 1" in notes
+
+
 def test_nobody_jumps(tmp_path):
     other = [(1, t, x + 40.0, y) for _, t, x, y in WALK[31:]]  # another person under the same id
     tracks, notes = noted(tmp_path, [*WALK[:31], *other])
