@@ -1,6 +1,9 @@
 """Benchmark of many queries on one map: processor time of the first query and of others, in a world that is kept.
 
-    python benchmarks/many_queries.py [--map NAME ...] [--queries 25] [--out FILE]
+    python benchmarks/many_queries.py [--map NAME ...] [--queries 25] [--loop 50] [--out FILE]
+
+Then the loop of a robot node: each query is from half of the way on the knee of the last front, on cells of which a box
+of 2 x 3 at a random place became occupied; the time of the update is included.
 
 Step 0.25 m, criteria exposure, turns and length. Kernels are loaded by queries in another world before; then the map
 is read anew, and what the first query takes includes its fields and its lattice, but not reading the file. Starts and
@@ -70,11 +73,49 @@ def measure(name: str, queries: int) -> dict[str, Any]:
     }
 
 
+def measure_loop(name: str, queries: int) -> dict[str, Any]:
+    """Time updates and queries on a map of cells that change."""
+    asked = problem(name)
+    if asked.world.raster is None:
+        return {}
+    many, robot = planning(asked), asked.start
+    for _ in range(2):
+        many.solve(robot, asked.goal)
+    updates, solved = list[float](), list[float]()
+    rng = np.random.default_rng(2)
+    x0, y0, x1, y1 = asked.world.bounds
+    free = np.argwhere(~asked.world.raster.cells)
+    rows, columns = asked.world.raster.cells.shape
+    while len(solved) < queries:
+        row, column = free[rng.integers(len(free))].tolist()
+        box = np.ones((min(2, rows - row), min(3, columns - column)), dtype=bool)
+        goal = rng.uniform((x0, y0), (x1, y1)).round(2)
+        begun = process_time()
+        many = many.updated(many.world.updated(box, at=(column, row)))
+        updated = process_time()
+        try:
+            front = many.solve(robot, (*goal, None))
+        except QueryError:
+            continue
+        if len(front):
+            updates.append(updated - begun)
+            solved.append(process_time() - updated)
+            states = front.knee().trajectory.states
+            half = len(states.x) // 2
+            robot = tuple(float(column[half]) for column in (states.x, states.y, states.yaw))
+    return {
+        "loop_median_s": round(float(np.median(np.add(updates, solved))), 3),
+        "loop_update_median_s": round(float(np.median(updates)), 3),
+        "loop_query_median_s": round(float(np.median(solved)), 3),
+    }
+
+
 def main() -> None:
     """Measure, print, and write what was measured."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--map", nargs="+", default=["museum", "pal_office", "nav2_depot"])
     parser.add_argument("--queries", type=int, default=25)
+    parser.add_argument("--loop", type=int, default=50)
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
     result = {}
@@ -82,7 +123,7 @@ def main() -> None:
         if name != "museum" and (why := maps.missing(name)):
             print(f"{name}: left out, {why}")
             continue
-        result[name] = measure(name, options.queries)
+        result[name] = measure(name, options.queries) | measure_loop(name, options.loop)
         print(name, result[name], flush=True)
     if options.out:
         options.out.parent.mkdir(parents=True, exist_ok=True)

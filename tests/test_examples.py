@@ -238,6 +238,13 @@ def test_many_queries_on_one_map_are_answered(capsys):
     assert "4 queries, " in capsys.readouterr().out
 
 
+def test_the_loop_of_a_robot_node_plans_on_a_changing_grid(capsys):
+    fronts = example("08_many_queries.py").loop(step=1.0, queries=4)
+    assert [front.status for front in fronts] == ["complete"] * 4
+    assert all("edges_rechecked" in front.runs[0] for front in fronts[1:])
+    assert "4 queries on a changing grid" in capsys.readouterr().out
+
+
 def test_a_batch_compares_planners_on_the_same_problems(tmp_path, capsys):
     results = example("09_batch.py").main(str(tmp_path / "batch"), floors=1, pairs=2, workers=1)
     assert len(set(results.table(["id"])["id"].to_pylist())) == 6

@@ -35,6 +35,7 @@ from hpop.search.machinery.slices import PARTS, Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 MOST = 1024  # a turn raises its cost by less
+SPARE = 8  # columns of turns for nodes that are added
 NODE, ARC = 24, 8  # bytes of a node in groups, also while they are searched, and of an arc that is no turn
 
 
@@ -53,7 +54,7 @@ class Groups:
     rows      (g, 3)    first node, number of nodes, offset in ``turns`` of each group
     dearest   (g, k)    costs of the dearest turn of each group
     alike     (k,)      whether all turns of each group have equal costs
-    turns     (k, t)    costs of turns, one per pair of nodes (from, to) of a group; empty if all are alike
+    turns     (k, t)    costs of turns, one per pair of nodes (from, to) of a group, and spare ones; empty if alike
     start     (n + 1,)  the plain arcs of node v are start[v] : start[v + 1]
     heads     (m,)      heads of the plain arcs
     origin    (m,)      their indices in the graph
@@ -123,11 +124,18 @@ class Groups:
             place=place,
             rows=np.concatenate([self.rows, rows]),
             dearest=np.concatenate([self.dearest, zeros]),
-            turns=np.concatenate([self.turns, zeros.T], axis=1) if self.turns.size else self.turns,
+            turns=self._turns_beside(more),
             start=at + np.append(0, np.cumsum(counts)),
             heads=inserted(self.heads, before, place[graph.heads[j[order]]].astype(np.int32)),
             origin=inserted(origin, before, j[order].astype(np.int32)),
         )
+
+    def _turns_beside(self, more: int) -> IntArray:
+        """Return the costs of turns with those of more single nodes, which do not turn."""
+        pairs = int((self.rows[:, SIZE] ** 2).sum())
+        if not self.turns.size or pairs + more <= self.turns.shape[1]:
+            return self.turns
+        return np.concatenate([self.turns, np.zeros((len(self.turns), more), np.int64)], axis=1)
 
     @classmethod
     def _of_column(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
@@ -174,7 +182,7 @@ class Groups:
         if not alike.all():
             pairs = int((rows[:, SIZE] ** 2).sum())
             _check_room(clock, most + graph.criteria * pairs * dearest.itemsize)
-            turns = np.zeros((graph.criteria, pairs), np.int64)
+            turns = np.zeros((graph.criteria, pairs + SPARE), np.int64)
             clock.call_all(tell_turns, [(*tables[:-1], part, turns) for part in _parts(rows)])
         return cls(column, step, nodes, place, rows, dearest, alike, turns, start, heads[:m], origin[:m])
 

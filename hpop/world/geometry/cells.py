@@ -174,20 +174,21 @@ class CellSpace(FreeSpace):
         """Return the distance (m) to the nearest edge of the border, from either side; inf without a border."""
         return self.whole.distance(x, y)
 
+    @cached_property
+    def _lines(self) -> tuple[FloatArray, FloatArray]:
+        """The lines between columns (W + 1,) and between rows (H + 1,), m."""
+        rows, columns = self.raster.cells.shape
+        return (
+            self.raster.to_world(np.arange(columns + 1.0), np.zeros(columns + 1))[0],
+            self.raster.to_world(np.zeros(rows + 1), np.arange(rows + 1.0))[1],
+        )
+
     def contains(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Mark points strictly inside the free region."""
-        cells = self.raster.cells
-        free = np.ones(np.shape(x), dtype=np.bool_)
-        spans = []
-        for at, axis in ((x, 0), (y, 1)):
-            lines = self.raster.to_world(*(np.arange(cells.shape[1 - axis] + 1.0),) * 2)[axis]
-            # a point on a line between cells touches both
-            spans.append([np.searchsorted(lines, at, side=side) - 1 for side in ("left", "right")])
-            free &= (at > lines[0]) & (at < lines[-1])
-        last_row, last_column = cells.shape[0] - 1, cells.shape[1] - 1
-        for column in spans[0]:
-            for row in spans[1]:
-                free &= ~cells[np.clip(row, 0, last_row), np.clip(column, 0, last_column)]
+        from hpop.world.geometry._cells import inside_cells  # numba is slow to import
+
+        free = np.empty(x.shape, dtype=np.bool_)
+        inside_cells(self.raster.cells, *self._lines, np.asarray(x, np.float64), np.asarray(y, np.float64), free)
         if self.rest is not None:
             inside = np.flatnonzero(free)
             free[inside] = self.rest.contains(x[inside], y[inside])

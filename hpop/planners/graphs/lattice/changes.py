@@ -14,7 +14,7 @@ from hpop.base.arrays import BoolArray, FloatArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.motions import lacking
-from hpop.planners.graphs.arcs import Arcs
+from hpop.planners.graphs.arcs import MOVE, Arcs
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.objectives import quantised
 from hpop.world import World
@@ -25,7 +25,7 @@ Ids = NDArray[np.int32]
 TURNED = 1.1  # of a robot's reach: turns are checked by slightly larger hulls
 SLACK = 1e-3  # m
 TRIED = 512  # sample of arcs that shows which attributes of a world a criterion reads
-SMOOTHED = 4.0  # field cells from a sample within which the field depends on it, and one more
+SMOOTHED = 3.0  # field cells from a sample within which the field depends on it, two along each axis
 RIGID = 1e-9  # m: a camera at this constant distance from the base's axis does not move in the base
 
 
@@ -191,14 +191,15 @@ def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolA
     if boxes is None or before.outside_is_obstacle != lattice.world.outside_is_obstacle:
         return None
     cell = max(raster.resolution for raster in rasters if raster is not None)
-    within = radius + SMOOTHED * cell + aside + _longest(lattice) + SLACK
+    within = radius + SMOOTHED * cell + aside + SLACK
     x, y = lattice.position(*lattice.cells)
-    near = np.zeros(x.size, dtype=np.bool_)
+    away = np.full(x.size, np.inf)
     for x0, y0, x1, y1 in boxes:
         across, up = np.maximum(np.maximum(x0 - x, x - x1), 0), np.maximum(np.maximum(y0 - y, y - y1), 0)
-        near |= np.hypot(across, up) <= within
+        away = np.minimum(away, np.hypot(across, up))
     degrees = np.diff(lattice.arcs.start).reshape(-1, lattice.width).sum(axis=1)
-    return np.repeat(near, degrees)
+    near, farther = (np.repeat(away <= reach, degrees) for reach in (within, within + _longest(lattice)))
+    return near | (farther & (lattice.arcs.kinds == MOVE))
 
 
 def _camera_aside(lattice: StateLattice) -> float | None:
