@@ -199,7 +199,8 @@ def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolA
         away = np.minimum(away, np.hypot(across, up))
     degrees = np.diff(lattice.arcs.start).reshape(-1, lattice.width).sum(axis=1)
     near, farther = (np.repeat(away <= reach, degrees) for reach in (within, within + _longest(lattice)))
-    return near | (farther & (lattice.arcs.kinds == MOVE))
+    affected: BoolArray = near | (farther & (lattice.arcs.kinds == MOVE))
+    return affected
 
 
 def _camera_aside(lattice: StateLattice) -> float | None:
