@@ -30,6 +30,8 @@ MAX_BYTES = 1_000_000_000
 """Largest file that is read."""
 MAX_DEPTH = 20
 """Deepest nesting of a yaml file."""
+MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+"""Byte-order marks of UTF-16."""
 PROBE = 1_000
 """Bytes on either side of one that is no UTF-8 by which text is told from other files."""
 
@@ -68,6 +70,11 @@ def named(path: str | Path) -> str:
 
 def read_text(data: bytes, path: str | Path, what: str) -> str:
     """Decode UTF-8, or raise `MapError` naming the probable encoding."""
+    if not data.startswith(MARKS) and _is_wide(data[:PROBE]):
+        raise MapError(
+            f"{what} {named(path)} must be UTF-8 text. It seems to be UTF-16 or UTF-32 without a byte-order mark: save "
+            "it as UTF-8."
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -76,9 +83,23 @@ def read_text(data: bytes, path: str | Path, what: str) -> str:
         ) from None
 
 
+def _is_wide(data: bytes) -> bool:
+    """Return whether bytes seem to be text of two or four bytes a letter: every second byte is 0, the others are not.
+
+    Of four bytes a letter one, the first or the last, is not 0.
+    """
+    quarters = [data[i::4] for i in range(4)]
+    zero = [quarter.count(0) > 0.9 * len(quarter) for quarter in quarters]
+    letters = [quarter.count(0) < 0.1 * len(quarter) for quarter in quarters]
+    patterns = ("x0x0", "0x0x", "x000", "000x")
+    return len(data) >= 8 and any(
+        all((letters if mark == "x" else zero)[i] for i, mark in enumerate(pattern)) for pattern in patterns
+    )
+
+
 def _encoding_of(data: bytes, first: int) -> str:
     """Return advice on the probable encoding of bytes that are not UTF-8 from ``first`` on."""
-    if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+    if data.startswith(MARKS):
         return "It is UTF-16, as PowerShell's > and Notepad's Unicode write it: save it as UTF-8."
     around = data[max(0, first - PROBE) : first + PROBE]
     if all(byte >= 32 or byte in b"\t\n\r\f" for byte in around):

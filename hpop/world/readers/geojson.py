@@ -47,6 +47,10 @@ from hpop.world.world import World
 
 HEIGHTS = ("min_height", "height")
 """Properties that give the lower and upper end of an obstacle."""
+ESTIMATED = "est_height"
+"""OpenStreetMap's estimate of a height, for features without ``height``."""
+FLOORS = ("building:levels", "building:min_level")
+"""OpenStreetMap's numbers of floors, which are no heights."""
 Meaning = Literal["obstacles", "free", "outline", "rooms"]
 FAR = 100_000.0
 """Coordinates, m, that no plan has whose origin is in the building: those of projections are larger."""
@@ -94,9 +98,9 @@ def read(
         Doors are chosen by their level alone.
 
     An obstacle's property ``height`` is its height above the floor, m, also as text ("3", "12 ft"), or a pair [z_min,
-    z_max]; ``min_height`` is its lower end. Without a readable height above 0 it is unlimited. ``world.notes`` tell
-    what was left out or mended, such as features without geometry and self-crossing or open outlines; how degrees
-    became metres; and which rooms touch, so that they are one.
+    z_max]; ``min_height`` is its lower end, and ``est_height`` stands for a missing height. Without a readable height
+    above 0 it is unlimited. ``world.notes`` tell what was left out or mended, such as features without geometry and
+    self-crossing or open outlines; how degrees became metres; and which rooms touch, so that they are one.
 
     Raises
     ------
@@ -120,7 +124,7 @@ def read(
     of, shapes = _shapes(features, kinds, noted, doors=are_rooms)
     placement, shapes, options = _placed_by(given, crs, document, of, shapes, path)
     plan = _Plan([], [], [])
-    for feature, parts in placed(of, shapes, placement, noted):
+    for feature, parts in placed(of, shapes, placement, noted, rooms=are_rooms):
         plan.add(feature, parts, width if width is not None else 0.0, noted, doors=are_rooms)
     hint = (f"{path}: wall_width: 0.1 makes walls of its lines, 0.1 m thick.",) * any(
         left_out(kind, POLYGONS) in noted for kind in LINES
@@ -128,7 +132,9 @@ def read(
     areas, lines = plan.areas, plan.lines
     if not areas and (polygons != "obstacles" or not lines):
         what = "polygon" if width is None or polygons != "obstacles" else "polygon or line"
-        raise MapError(f"{path} has no {what}: nothing to make a world of. {' '.join((*noted.lines(), *hint))}")
+        raise MapError(
+            f"{path} has no {what}: nothing to make a world of. {' '.join((*document.notes, *noted.lines(), *hint))}"
+        )
     options |= {"polygons": polygons, "wall_width": wall_width if wall_width is None else width}
     options |= {"where": chosen.given} if chosen else {}
     source = file_source("geojson", path, options, content)
@@ -296,13 +302,20 @@ def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
     for name, value in properties.items():
         if name not in HEIGHTS and name.lower() in HEIGHTS and value is not None:
             notes.add(feature, f"{printable(name)} {shown(value)} is not read: name it {name.lower()}")
-    low, high = (_in_bounds(length(properties.get(key))) for key in HEIGHTS)
+    upper = "height"
+    if given is None:
+        if any(properties.get(key) is not None for key in FLOORS):
+            notes.add(feature, f"{' and '.join(FLOORS)} are numbers of floors, not read; give height in m")
+        if properties.get(ESTIMATED) is not None:
+            upper, given = ESTIMATED, properties[ESTIMATED]
+            notes.add(feature, f"{ESTIMATED} is read as its height")
+    low, high = (_in_bounds(length(properties.get(key))) for key in ("min_height", upper))
     if given is None and properties.get("min_height") is None:
         return WHOLE
     if (given is not None and (high is None or high <= 0)) or (
         low is None and properties.get("min_height") is not None
     ):
-        what = {key: properties[key] for key in ("height", "min_height") if properties.get(key) is not None}
+        what = {key: properties[key] for key in (upper, "min_height") if properties.get(key) is not None}
         said = ", ".join(f"{key} {shown(value)}" for key, value in what.items())
         notes.add(feature, f"{said}, which is no height above 0 in m, so of the whole height")
         return WHOLE

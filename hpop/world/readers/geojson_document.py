@@ -98,22 +98,24 @@ def read_document(content: bytes, path: str | Path) -> GeoJsonDocument:
     features: list[Feature] = []
     declared: str | None = None
     elsewhere = False
+    notes = []
     for text in texts:
         found = _features(text, path, several=len(texts) > 1)
-        own = placement.declared(text.get("crs")) if isinstance(text, dict) else None
+        own, said = placement.declared_by(text, found, path) if isinstance(text, dict) else (None, ())
+        notes += said
         if own is not None and declared not in (None, own):
             raise MapError(f"{path}: its texts declare several crs, {declared} and {own}; give one file of each.")
         declared = own or declared
         for data in found:
             if not isinstance(data, dict):
                 raise MapError(f"{path}: feature {len(features)} must be an object; got {shown(data)}.")
-            elsewhere |= data is not text and data.get("crs") is not None
+            elsewhere |= data is not text and any(data.get(key) is not None for key in placement.MEMBERS)
             features.append(Feature(path, len(features), data))
-    notes = []
     if len(texts) > 1:
         notes.append(f"{path}: {len(texts):,} texts of JSON, read as one collection.")
     if elsewhere:
-        notes.append(f"{path}: a crs of single features is not read; the file's own is {declared or 'not declared'}.")
+        own = declared or "not declared"
+        notes.append(f"{path}: a crs or coordRefSys of single features is not read; the file's own is {own}.")
     return GeoJsonDocument(features, declared, tuple(notes))
 
 
@@ -219,19 +221,25 @@ def shaped(
 
 
 def placed(
-    of: Sequence[Feature], shapes: NDArray[np.object_], placement: Placement, notes: FeatureNotes
+    of: Sequence[Feature],
+    shapes: NDArray[np.object_],
+    placement: Placement,
+    notes: FeatureNotes,
+    *,
+    rooms: bool = False,
 ) -> Iterator[tuple[Feature, list[Any]]]:
     """Yield features with the parts of their geometries, m, in blocks; mended geometries are noted.
 
     Limits are checked between blocks. Polygons are valid: a self-crossing outline is mended, or refused with `MapError`
-    if it crosses itself so often that mending would not end.
+    if it crosses itself so often that mending would not end. With ``rooms`` the polygons of a MultiPolygon are not
+    merged where they touch or overlap.
     """
     for begin in range(0, len(of), BLOCK):
         limits.check(READING)
         some = of[begin : begin + BLOCK]
         there = placement.place(shapes[begin : begin + BLOCK])
         areas = np.isin(shapely.get_type_id(there), AREAS)
-        there = _mended(some, there, areas, notes)
+        there = _mended(some, there, areas, notes, rooms)
         parts, owner = shapely.get_parts(there, return_index=True)
         parts, outer = shapely.get_parts(parts, return_index=True)  # a mended geometry may be nested
         owner = owner[outer]
@@ -253,7 +261,8 @@ def _shaped(
 ) -> Iterator[BaseGeometry]:
     """Yield the geometries of a feature in the file's units, from collections one by one; other kinds are noted."""
     if data is None:
-        notes.add(feature, "no geometry, left out")
+        place = " but a place of JSON-FG" if feature.data.get("place") is not None else ""
+        notes.add(feature, f"no geometry{place}, left out")
         return
     kind = data.get("type") if isinstance(data, dict) else None
     if kind == COLLECTION and isinstance(data.get("geometries"), list) and deep < MOST_DEEP:
@@ -333,16 +342,27 @@ def _bounds_area(ring: list[list[Any]]) -> bool:
 
 
 def _mended(
-    of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes
+    of: Sequence[Feature], shapes: NDArray[np.object_], areas: BoolArray, notes: FeatureNotes, rooms: bool
 ) -> NDArray[np.object_]:
-    """Return geometries of features, with invalid areas made valid."""
+    """Return geometries of features, with invalid areas made valid; with ``rooms`` each polygon by itself."""
     check_each_joinable(shapes[areas], [each for each, area in zip(of, areas, strict=True) if area])
     invalid = np.flatnonzero(areas & ~shapely.is_valid(shapes)).tolist()
     crossings = [check_mendable(shapes[i], str(of[i])) for i in invalid]
     check_mendable_together(crossings, str(of[0].path) if of else "")
     for i in invalid:
         limits.check(READING)
-        reason, *_ = shapely.is_valid_reason(shapes[i]).split("[")  # without the position: features share a note
-        notes.add(of[i], f"no valid polygon ({reason}), mended")
-        shapes[i] = shapely.make_valid(shapes[i])
+        polygons = shapely.get_parts(shapes[i])
+        if not rooms or len(polygons) == 1:
+            shapes[i] = _valid(of[i], shapes[i], notes)
+            continue
+        mended = [polygon if shapely.is_valid(polygon) else _valid(of[i], polygon, notes) for polygon in polygons]
+        notes.add(of[i], "its polygons touch or overlap, so each is a room of its own")
+        shapes[i] = shapely.geometrycollections(shapely.get_parts(shapely.get_parts(mended)))
     return shapes
+
+
+def _valid(feature: Feature, shape: BaseGeometry, notes: FeatureNotes) -> BaseGeometry:
+    """Return an invalid area made valid, with a note."""
+    reason, *_ = shapely.is_valid_reason(shape).split("[")  # without the position: features share a note
+    notes.add(feature, f"no valid polygon ({reason}), mended")
+    return shapely.make_valid(shape)

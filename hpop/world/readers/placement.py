@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import FARTHEST, one_of
+from hpop.base.scalars import is_number
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world.geometry.shapes import check_coordinates, check_positive
@@ -32,6 +33,10 @@ MERCATOR = frozenset({"EPSG:3857", "ESRI:102100", "EPSG:3785", "ESRI:102113"})
 OLD = {"EPSG:900913": "EPSG:3857"}
 CODE = re.compile(r"\b(EPSG|ESRI)\b.*?(\d{4,6})", re.IGNORECASE)
 LONGITUDE_FIRST = re.compile(r".*\bCRS:?84h?", re.IGNORECASE)
+MEMBERS = ("crs", "coordRefSys")
+"""Members that declare a coordinate system: of GeoJSON 2008, and of JSON-FG."""
+DEEPEST = 20
+"""Collections within collections, and lists within lists, that are searched for a position."""
 Units = Literal["m", "deg"]
 FARTHEST_UNIT = 1000 * FARTHEST
 """Greatest coordinate of a file, in its units, which may be millimetres."""
@@ -71,11 +76,20 @@ def crs_of(name: Any) -> str:
 def declared(member: Any) -> str | None:
     """Return the crs that a file's member ``crs`` names (GeoJSON 2008, dropped by RFC 7946), or None.
 
+    The member ``coordRefSys`` of JSON-FG is read too: a text in brackets, a reference, or a list, whose first is
+    horizontal.
+
     >>> declared({"type": "name", "properties": {"name": "EPSG:25832"}}), declared(None)
     ('EPSG:25832', None)
     """
     if member is None:
         return None
+    if isinstance(member, list) and member:
+        return declared(member[0])
+    if isinstance(member, dict) and member.get("type") == "Reference":
+        member = member.get("href")
+    if isinstance(member, str):
+        member = member.strip().removeprefix("[").removesuffix("]")
     properties = member.get("properties") if isinstance(member, dict) else None
     if not isinstance(properties, dict):
         return crs_of(member)
@@ -83,6 +97,38 @@ def declared(member: Any) -> str | None:
     if isinstance(member.get("type"), str) and member["type"].upper() == "EPSG":
         name = f"EPSG:{name}"
     return crs_of(name)
+
+
+def declared_by(text: Mapping[str, Any], features: Sequence[Any], path: Any) -> tuple[str | None, tuple[str, ...]]:
+    """Return the crs that the JSON of a file declares for its geometries, or None, and notes.
+
+    In JSON-FG (OGC 21-045) the member ``coordRefSys`` is the crs of the members ``place``, which are not read, and
+    geometries are in degrees. A file whose geometries are beyond all degrees has them in that crs too.
+    """
+    crs, system = (text.get(key) for key in MEMBERS)
+    if crs is not None or system is None:
+        return declared(crs), ()
+    given = [item for item in features if isinstance(item, dict)]
+    first = next((position for item in given if (position := _first_position(item.get("geometry")))), [0.0, 0.0])
+    if any(abs(value) > most for value, most in zip(first, MOST_DEGREES, strict=True)):
+        return declared(system), ()
+    if all(item.get("place") is None for item in given):
+        return DEGREES, ()
+    return DEGREES, (
+        f"{path}: its members place (JSON-FG), in {shown(system)}, are not read, only its geometries in degrees. "
+        "ogr2ogr -f GeoJSON makes geometries of places.",
+    )
+
+
+def _first_position(geometry: Any) -> list[float]:
+    """Return the first position [x, y] of a geometry in JSON; [] without one."""
+    data = geometry
+    for _ in range(2 * DEEPEST):
+        if isinstance(data, dict):
+            data = data.get("coordinates", data.get("geometries"))
+        elif isinstance(data, list) and data and isinstance(data[0], list | dict):
+            data = data[0]
+    return data[:2] if isinstance(data, list) and len(data) > 1 and all(map(is_number, data[:2])) else []
 
 
 def degrees_of(points: FloatArray, crs: str, what: Any) -> FloatArray:

@@ -308,6 +308,54 @@ def test_a_scenario_chooses_features(tmp_path):
     assert load_scenario(tmp_path / "scenario.yaml").problem.world.extent.area == 5 * 6 + 10 * 2
 
 
+def test_rooms_of_one_multipolygon_keep_the_wall_they_share(tmp_path):
+    both = feature([square(0, 0, 5, 6)], [square(5, 0, 10, 6)], kind="MultiPolygon", indoor="room", name="R")
+    door = feature(5, 3, kind="Point", door="yes", width="1 m")
+    world = World.from_geojson(write(tmp_path, both, door), polygons="rooms", wall_width=0.2)
+    apart = World.from_geojson(write(tmp_path, *ROOMS[:2], door, name="two.geojson"), polygons="rooms", wall_width=0.2)
+    assert world.extent.equals(apart.extent)
+    assert clear(world, (5, 1), (5, 3)) == pytest.approx([0, 0.5], abs=0.015)
+    assert "2 rooms with walls 0.2 m thick and 1 door." in " ".join(world.notes)
+    assert "feature 0 'R': its polygons touch or overlap, so each is a room of its own." in world.notes[0]
+    assert "mended" not in " ".join(world.notes)
+    bow = feature([[[0, 0], [5, 6], [5, 0], [0, 6], [0, 0]]], [square(5, 0, 10, 6)], kind="MultiPolygon", indoor="room")
+    mended = World.from_geojson(write(tmp_path, bow), polygons="rooms")
+    assert "3 rooms" in " ".join(mended.notes)
+    assert "no valid polygon (Self-intersection), mended" in " ".join(mended.notes)
+
+
+# JSON-FG
+
+
+@pytest.mark.parametrize(
+    "system",
+    [
+        "http://www.opengis.net/def/crs/EPSG/0/3857",
+        "[EPSG:3857]",
+        {"type": "Reference", "href": "http://www.opengis.net/def/crs/EPSG/0/3857", "epoch": 2016.47},
+        ["http://www.opengis.net/def/crs/EPSG/0/3857", "http://www.opengis.net/def/crs/EPSG/0/5703"],
+    ],
+)
+def test_geometries_in_the_coordinates_of_json_fg_are_as_large_as_on_the_earth(tmp_path, system):
+    pytest.importorskip("pyproj")
+    world = World.from_geojson(write(tmp_path, feature(in_web_mercator(HALL)), coordRefSys=system), polygons="free")
+    assert world.extent.area == pytest.approx(240, rel=1e-4)
+    assert "its coordinates are in EPSG:3857" in world.notes[0]
+
+
+def test_geometries_of_json_fg_are_degrees_and_its_places_are_told(tmp_path):
+    system = "http://www.opengis.net/def/crs/EPSG/0/25832"
+    place = {"type": "Polygon", "coordinates": [square(513000, 5403000, 513020, 5403012)]}
+    degrees = {**feature(in_degrees(HALL)), "place": place}
+    world = World.from_geojson(write(tmp_path, degrees, coordRefSys=system), polygons="free")
+    assert world.extent.area == pytest.approx(240, rel=1e-4)
+    assert f"its members place (JSON-FG), in '{system}', are not read" in world.notes[0]
+    without = {**degrees, "place": None}
+    assert "place" not in " ".join(World.from_geojson(write(tmp_path, without, coordRefSys=system)).notes)
+    with pytest.raises(MapError, match=r"are not read.*no geometry but a place of JSON-FG, left out"):
+        World.from_geojson(write(tmp_path, {**degrees, "geometry": None}, coordRefSys=system))
+
+
 # Heights as tags
 
 
@@ -327,6 +375,28 @@ def test_heights_as_openstreetmap_writes_them_are_metres(tmp_path, properties, h
     world = World.from_geojson(write(tmp_path, feature(HALL), feature(CASE, **properties)), polygons="outline")
     assert world.obstacles[0].heights == pytest.approx(heights)
     assert world.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("properties", "heights", "note"),
+    [
+        ({"est_height": "3"}, (0, 3), "est_height is read as its height"),
+        ({"est_height": 3, "min_height": 1}, (1, 3), "est_height is read as its height"),
+        ({"est_height": "tall"}, (-math.inf, math.inf), "est_height 'tall', which is no height above 0 in m"),
+        ({"building:levels": "2"}, (-math.inf, math.inf), "are numbers of floors, not read; give height in m"),
+        ({"building:levels": 2, "building:min_level": 1, "est_height": 6}, (0, 6), "are numbers of floors, not read"),
+    ],
+)
+def test_estimated_heights_are_read_and_numbers_of_floors_are_told(tmp_path, properties, heights, note):
+    world = World.from_geojson(write(tmp_path, feature(HALL), feature(CASE, **properties)), polygons="outline")
+    assert world.obstacles[0].heights == heights
+    assert note in " ".join(world.notes)
+
+
+def test_a_height_comes_before_an_estimate(tmp_path):
+    case = feature(CASE, **{"height": 3, "est_height": 5, "building:levels": 1})
+    world = World.from_geojson(write(tmp_path, feature(HALL), case), polygons="outline")
+    assert (world.obstacles[0].heights, world.notes) == ((0, 3), ())
 
 
 @pytest.mark.parametrize("height", [0, "0", -9999, "high", "3 storeys", "", True, {"a": 1}, "9" * 100, 1e300])
