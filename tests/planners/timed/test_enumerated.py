@@ -233,7 +233,7 @@ def sampled(trajectory: Trajectory) -> Drive:
 
 
 def stopped(case: Case, people: Sequence[Person], names: str) -> tuple[Person, ...]:
-    """Return people of whom those named stop 2 cm before what the robot needs about its start, or at once."""
+    """Return the people; those named stop 2 cm before the space that the robot needs at its start, or at once."""
     x, y = (case.robot.step * i for i in case.start[:2])
     reach = 0.1 if case.robot is ROUND else math.hypot(*CORNERS[0])
     found = []
