@@ -1,4 +1,4 @@
-"""How far an independent search can improve splines that the planner calls settled."""
+"""Independent search for improvements of splines that the planner calls settled."""
 
 import numpy as np
 import pytest
