@@ -20,7 +20,7 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.text import shown
 from hpop.errors import CoversRobot, DriveError, MapError, did_you_mean
 from hpop.models.base import PlanarModel
-from hpop.models.collision.leaving import Leaving, alone
+from hpop.models.collision.leaving import Leaving, world_of_area
 from hpop.motions import Collision, Model, States
 from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.state_graph import StateGraph
@@ -73,9 +73,9 @@ class Closing:
         return {"name": self.name, "area": mapping(self.area)}
 
     @cached_property
-    def alone(self) -> World:
+    def world_of_area(self) -> World:
         """A world with this area as its only obstacle."""
-        return alone(self.area)
+        return world_of_area(self.area)
 
     def collision(self, model: Model) -> Collision:
         """Return the collision check with this area; motions out of contact with a standing person are free."""

@@ -16,7 +16,7 @@ from hpop.base.text import shown
 from hpop.drive.closings import Closing, named_areas, to_close, to_open
 from hpop.drive.drive_graph import OF_PEOPLE, bare
 from hpop.errors import DriveError, did_you_mean
-from hpop.models.execution import needed_about
+from hpop.models.execution import clearance_radius
 from hpop.motions import States
 from hpop.world import Person, World
 from hpop.world.content.content import Content
@@ -136,7 +136,7 @@ class DriveSurroundings:
         ----------
         times : (n,) s, of the drive, at which the robot comes to each state
         """
-        reach = needed_about(self.problem.model, self.margin)
+        reach = clearance_radius(self.problem.model, self.margin)
         people = self.people
         begins = np.maximum(times - self.since, 0.0).tolist()
         for x, y, begin in zip(states.x.tolist(), states.y.tolist(), begins, strict=True):

@@ -1,4 +1,4 @@
-"""Robots in the plane, defined by their parts and laws, so that a model of one's own is one short file."""
+"""Robots in the plane, defined by their parts and motion laws, so that a model of your own is one short file."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ from hpop.models.rigid import (
     RigidTwist,
     RigidTwistRate,
     carried_body,
-    farthest,
     is_planar,
+    motion_bounds,
     rigid_body,
 )
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
@@ -76,9 +76,10 @@ def model(name: str) -> Callable[[T], T]:
 
 @checked_arguments
 def plane_space(metres_a_radian: float, joints: Iterable[Joint] = (), speed: float = 1.0) -> StateSpace:
-    """Return the space of position and heading, then joints; a radian is as far as ``metres_a_radian``.
+    """Return the state space of position and heading, followed by joints.
 
-    A change of a joint is as far as a base at ``speed``, m/s, goes meanwhile.
+    metres_a_radian  distance that a change of heading by one radian counts as
+    speed            m/s; a change of a joint counts as the distance that a base at this speed covers meanwhile
     """
     joints = tuple(joints)
     bounds = (FARTHEST, FARTHEST, math.pi)
@@ -101,7 +102,7 @@ class PlanarModel(Model):
     """
 
     executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin"}
-    """The law by which motions of a planned law are done; those of other laws are done as planned."""
+    """Law of execution by planned law; motions of other laws are executed as planned."""
 
     @property
     @abstractmethod
@@ -130,7 +131,7 @@ class PlanarModel(Model):
 
     @property
     def platform(self) -> tuple[Part, ...]:
-        """Parts placed by x, y and yaw; a part on joints is replaced by all that it sweeps."""
+        """Parts placed by x, y and yaw; a part carried by joints is replaced by the volume that it sweeps."""
         return tuple(part.swept for part in self.parts)
 
     @property
@@ -140,7 +141,7 @@ class PlanarModel(Model):
 
     @property
     def carrying(self) -> tuple[Joint, ...]:
-        """Joints that carry its parts and bodies, each once."""
+        """Joints that carry parts or bodies of the robot, each once."""
         if len(self.space.names) == 3:
             return ()
         carried: list[Mount | Part] = [*self.mounts.values(), *self.parts]
@@ -187,9 +188,9 @@ class PlanarModel(Model):
         return rigid_body(name, mount, motions) if known else integrated(name, motions)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
-        """Return bounds (M,), m and rad, on how far any body moves and turns: levers lengthen their paths."""
+        """Return bounds (M,), m and rad, on how far any body moves and turns; a lever lengthens the path of a body."""
         lever = max(mount.lever for mount in self.mounts.values())
-        moved, turned = farthest(motions, lever)
+        moved, turned = motion_bounds(motions, lever)
         joints = [joint for joint in self.carrying if joint.name in motions.law.varies]
         if not joints:
             return moved, turned
@@ -197,7 +198,10 @@ class PlanarModel(Model):
         return moved + farther, turned + more
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return a turn towards b, a straight move, a turn to its heading; then one joint after the other."""
+        """Return the legs from states a to b.
+
+        A turn towards b, a straight move, a turn to b's heading, then joint by joint.
+        """
         if not {"turn", "move"} <= self.laws.keys():
             raise ModelError(
                 f"{self.name} has no laws turn and move, its laws are {', '.join(self.laws)}; give it connect(a, b), "
@@ -207,9 +211,13 @@ class PlanarModel(Model):
         return legs_of_joints(self.space, legs, a, b, self.joints) if self.joints else legs
 
     def stations(self, yaw: FloatArray) -> Stations:
-        """Return each heading (H,), rad, with both stops of each joint and 0 or their middle, and motions in place.
+        """Return the stations of a lattice.
 
-        Raises UnsupportedModel for a model with other states, which needs a method of its own.
+        Each heading (H,), rad, with three values of each joint, and the motions in place.
+
+        The values of a joint are both stops and 0, or the middle if 0 is not between the stops. Raises UnsupportedModel
+        for a model
+        with other states, which needs a method of its own.
         """
         joints = self.joints
         if other := [name for name in self.space.names if name not in ("x", "y", "yaw", *joints)]:

@@ -20,7 +20,7 @@ ALL = (2 * math.pi, math.pi)
 FieldOfView = tuple[Angle, Angle]
 
 
-def rises(model: Model) -> bool:
+def height_varies(model: Model) -> bool:
     """Return whether the camera's height depends on the state, as on an arm or a lift."""
     states = model.space.sample(np.random.default_rng(0), POSTURES)
     return bool(np.ptp(model.pose("camera", states).z + np.zeros(POSTURES)) > LEVEL)
@@ -48,7 +48,7 @@ def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
 
 
 def checked_fov(fov: float | None) -> float | None:
-    """Return a criterion's own angle of view, None for the model's; CriterionError unless it is an angle."""
+    """Return a criterion's angle of view, rad; None stands for the model's. CriterionError if it is no such angle."""
     if fov is None:
         return None
     kind = "None for the model's, or an angle of view in rad"

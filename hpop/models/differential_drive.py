@@ -23,7 +23,7 @@ from hpop.models.rigid import Mount
 from hpop.motions import Law, States, StateSpace, is_curve, laws_of
 from hpop.trajectories.trajectory import Trajectory
 
-CLOSE = 1e-5  # m or rad: rounding of states written in decimals
+CLOSE = 1e-5  # m or rad: tolerance for states that were rounded to decimals
 STEPS = 100  # samples of a curve
 FASTER = 1e-3  # share by which a wheel may exceed its limits
 MAST_RADIUS = 0.05  # m
@@ -33,7 +33,10 @@ SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: least limit of a robot
 
 
 def doubtful(law: Law, start: States, end: States) -> BoolArray:
-    """Return which motions (M,) slide sideways or go back; curves count as doubtful, they need a closer check."""
+    """Return which motions (M,) slide sideways or go backwards.
+
+    Curves count as doubtful, because they need a closer check.
+    """
     if is_curve(law):
         return np.ones(start.size, dtype=bool)
     if not {"x", "y"} <= law.varies:
@@ -44,7 +47,7 @@ def doubtful(law: Law, start: States, end: States) -> BoolArray:
 
 
 def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
-    """Yield motions that slide sideways or go back, and motions with wheels faster than the model's."""
+    """Yield motions that slide sideways or go backwards, or whose wheels are faster than the model's."""
     states, wrong = trajectory.states, np.zeros(len(trajectory), dtype=bool)
     kinds = np.array(trajectory.kinds, dtype=object)
     curved = np.zeros(len(trajectory), dtype=bool)
@@ -57,11 +60,11 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
     if wrong.any():
         first = int(np.argmax(wrong))
         yield f"does not go ahead in motion {first}, a {trajectory.kinds[first]}"
-    yield from _of_curves(model, trajectory, np.flatnonzero(curved))
+    yield from _curve_faults(model, trajectory, np.flatnonzero(curved))
 
 
-def _of_curves(model: DifferentialDrive, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
-    """Yield faults of curves, found by differences of positions and headings over hundredths of each motion."""
+def _curve_faults(model: DifferentialDrive, trajectory: Trajectory, curved: IntArray) -> Iterator[str]:
+    """Yield faults of curves, by finite differences of positions and headings over hundredths of each motion."""
     lasts = trajectory.durations[curved]
     times = trajectory.times[curved][:, None] + lasts[:, None] * np.linspace(0.0, 1.0, STEPS + 1)  # (c, STEPS + 1)
     s = trajectory.at(times.ravel())
@@ -84,7 +87,7 @@ def _of_curves(model: DifferentialDrive, trajectory: Trajectory, curved: IntArra
             yield f"{fault} in motion {i}, a {trajectory.kinds[i]}"
 
 
-FIXED, UNWOUND = "fixed", "unwound"  # views: of a camera that looks where the base does, or always the same way
+FIXED, UNWOUND = "fixed", "unwound"  # views of a camera: turns with the base, or keeps its direction in the world
 
 
 class WheelTrack(NamedTuple):
@@ -98,7 +101,7 @@ class WheelTrack(NamedTuple):
 
 
 class OnBase:
-    """Wheels of a robot on a ``base`` that has them."""
+    """Mixin for a robot on a ``base`` with wheels: its wheels are those of the base."""
 
     base: Any
 
@@ -249,11 +252,11 @@ class DifferentialDrive(PlanarModel):
         return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield motions that slide sideways or go back, or turn a wheel faster or harder than it can."""
+        """Yield motions that slide sideways or go backwards, or exceed the speed or acceleration of a wheel."""
         yield from faults(self, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return which motions (M,) do not go ahead; curves count as doubtful."""
+        """Return which motions (M,) do not go straight ahead; curves count as doubtful."""
         return doubtful(law, start, end)
 
 

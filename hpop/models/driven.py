@@ -36,10 +36,11 @@ NODES = gauss(6)
 
 @dataclass(frozen=True)
 class Drive(LawDefaults):
-    """Law of an interval of constant wheel accelerations.
+    """Law of a motion with constant wheel accelerations.
 
-    The states at its ends should agree; their error (a solver's tolerance) is spread evenly over the motion, so that it
-    begins and ends in them.
+    The states at both ends should agree with these. Their mismatch (a solver's tolerance) is spread evenly over the
+    motion, so
+    that the motion begins and ends in the given states.
     """
 
     kind: str = "drive"
@@ -56,29 +57,29 @@ class Drive(LawDefaults):
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         begin = getattr(start, name)
         if name in ("x", "y"):
-            return begin + self._gone(name, start, end, share) + share * self.defect(name, start, end)
+            return begin + self._displacement(name, start, end, share) + share * self.defect(name, start, end)
         displacement = (getattr(end, name) - begin) * share
         if name == "yaw":
-            return begin + displacement - 0.5 * _grown(start, end) * share * (1.0 - share)
+            return begin + displacement - 0.5 * _rotation_change(start, end) * share * (1.0 - share)
         return begin + displacement
 
     def slopes(self, name: str, start: States, end: States, share: Column) -> tuple[Column, Column]:
         """Return the first and second derivatives of a state by the fraction of the motion's time."""
         span = getattr(end, name) - getattr(start, name)
         if name == "yaw":
-            return span - _grown(start, end) * (0.5 - share), _grown(start, end) + 0.0 * share
+            return span - _rotation_change(start, end) * (0.5 - share), _rotation_change(start, end) + 0.0 * share
         if name not in ("x", "y"):
             return span, 0.0 * span
         lasts, gain = end.clock - start.clock, end.speed - start.speed
         speed, yaw = start.speed + gain * share, self.interpolate("yaw", start, end, share)
         turning = self.slopes("yaw", start, end, share)[0]
-        ahead, aside = (np.cos(yaw), -np.sin(yaw)) if name == "x" else (np.sin(yaw), np.cos(yaw))
+        states_after, aside = (np.cos(yaw), -np.sin(yaw)) if name == "x" else (np.sin(yaw), np.cos(yaw))
         off = self.defect(name, start, end)
-        return lasts * speed * ahead + off, lasts * (gain * ahead + speed * turning * aside)
+        return lasts * speed * states_after + off, lasts * (gain * states_after + speed * turning * aside)
 
     def travel(self, start: States, end: States, lever: Column) -> Column:
-        """Return the path length (M,), m, of the base, or more: that of a point ``lever`` metres off the axis."""
-        length = _absolute(end.clock - start.clock, start.speed, end.speed)
+        """Return an upper bound (M,), m, on the path length of a point ``lever`` metres from the axis."""
+        length = _absolute_integral(end.clock - start.clock, start.speed, end.speed)
         return length + lever * self.swept(start, end) if lever else length
 
     def turned(self, start: States, end: States) -> Column:
@@ -86,7 +87,7 @@ class Drive(LawDefaults):
 
     def swept(self, start: States, end: States) -> Column:
         """Return the absolute rotation (M,), rad: ∫ |ω| dt, also where ω changes its sign within the motion."""
-        return _absolute(end.clock - start.clock, start.turn_rate, end.turn_rate)
+        return _absolute_integral(end.clock - start.clock, start.turn_rate, end.turn_rate)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
         """Return the signed rotation (M,), rad, before and after the yaw rate changes its sign, if it does."""
@@ -97,19 +98,19 @@ class Drive(LawDefaults):
         return first, np.where(changes, 0.5 * lasts * after * (1.0 - share), 0.0)
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the distance (M,), m or rad, of each given end from the computed one; inf if time runs backwards."""
+        """Return the distance (M,), m or rad, of each stated end from the computed end; inf if time runs backwards."""
         x, y, yaw = (np.abs(self.defect(name, start, end)) for name in ("x", "y", "yaw"))
         return np.where(end.clock >= start.clock, np.maximum(np.maximum(x, y), yaw), np.inf)
 
     def defect(self, name: str, start: States, end: States) -> Column:
         """Return the error (M,), m or rad, of the end in x, y or yaw."""
-        travelled = self.turned(start, end) if name == "yaw" else self._gone(name, start, end, 1.0)
+        travelled = self.turned(start, end) if name == "yaw" else self._displacement(name, start, end, 1.0)
         return getattr(end, name) - getattr(start, name) - travelled
 
-    def _gone(self, name: str, start: States, end: States, share: Column) -> Column:
+    def _displacement(self, name: str, start: States, end: States, share: Column) -> Column:
         """Return the displacement (M,), m, along an axis of the world up to a share: ∫ v cos θ dt or ∫ v sin θ dt."""
         projection, component = np.cos if name == "x" else np.sin, 0.0
-        gain, span, half = end.speed - start.speed, end.yaw - start.yaw, 0.5 * _grown(start, end)
+        gain, span, half = end.speed - start.speed, end.yaw - start.yaw, 0.5 * _rotation_change(start, end)
         for node, weight in self.nodes:
             at = node * share
             yaw = start.yaw + span * at - half * at * (1.0 - at)  # as in `interpolate`
@@ -117,13 +118,13 @@ class Drive(LawDefaults):
         return (end.clock - start.clock) * share * component
 
 
-def _grown(start: States, end: States) -> Column:
+def _rotation_change(start: States, end: States) -> Column:
     """Return α T², rad: the rotation at the last yaw rate less that at the first."""
     return (end.clock - start.clock) * (end.turn_rate - start.turn_rate)
 
 
-def _absolute(duration: Column, begin: Column, end: Column) -> Column:
-    """Return ∫ |r| dt of a rate that changes linearly; a kink only where it is zero throughout."""
+def _absolute_integral(duration: Column, begin: Column, end: Column) -> Column:
+    """Return ∫ |r| dt of a rate that changes linearly; it has a kink only where the rate is zero throughout."""
     same = begin * end >= 0
     whole = smooth_abs(0.5 * duration * (begin + end))
     gap = np.where(same, 1.0, np.abs(begin - end))
@@ -131,13 +132,16 @@ def _absolute(duration: Column, begin: Column, end: Column) -> Column:
     return np.where(same, whole, split)
 
 
-def ahead(start: States, acceleration: Column, turn_acceleration: Column, duration: Column) -> States:
-    """Return states (M,) after seconds of constant accelerations, m/s² and rad/s²; start has all columns of a drive."""
+def states_after(start: States, acceleration: Column, turn_acceleration: Column, duration: Column) -> States:
+    """Return states (M,) after ``duration`` seconds of constant accelerations, m/s² and rad/s².
+
+    start  states with all columns of a drive
+    """
     speed, turn_rate = start.speed + acceleration * duration, start.turn_rate + turn_acceleration * duration
     yaw = start.yaw + 0.5 * duration * (start.turn_rate + turn_rate)
     columns = {"yaw": yaw, "speed": speed, "turn_rate": turn_rate, "clock": start.clock + duration}
     straight = States(x=start.x, y=start.y, **columns)
-    x, y = (getattr(start, axis) + Drive()._gone(axis, start, straight, 1.0) for axis in ("x", "y"))
+    x, y = (getattr(start, axis) + Drive()._displacement(axis, start, straight, 1.0) for axis in ("x", "y"))
     return States(x=x, y=y, **columns)
 
 
@@ -159,6 +163,6 @@ def driven(
     states = [States(**{n: np.array([float(v)]) for n, v in zip(names, (*pose, speed, 0.0, 0.0), strict=True)})]
     for acceleration, turn_acceleration, duration in controls:
         one = (np.array([float(value)]) for value in (acceleration, turn_acceleration, duration))
-        states.append(ahead(states[-1], *one))
+        states.append(states_after(states[-1], *one))
     columns = {name: np.concatenate([getattr(state, name) for state in states]) for name in names}
     return Trajectory(model, States(**columns), (Drive().kind,) * len(controls))

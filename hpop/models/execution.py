@@ -63,8 +63,11 @@ class Ramps(NamedTuple):
         return cls(0.5 * run.speed / run.acceleration, run.speed**2 / (8.0 * run.acceleration))
 
 
-def needed_about(model: Model, margin: float) -> float:
-    """Return the space that a robot needs about its axis, m: its body, a margin, and its distance from the plan."""
+def clearance_radius(model: Model, margin: float) -> float:
+    """Return the radius, m, that a robot needs free about its axis.
+
+    Its body, a margin, and its deviation from the plan.
+    """
     ramps = Ramps.of(model)
     reach = max((float(part.reach) for part in model.platform), default=0.0)
     return reach + margin + (0.0 if ramps is None else ramps.stray)
@@ -80,15 +83,15 @@ def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> 
     """
     if planned.punctual:  # motions planned from rest to rest keep their times
         executed = {kind: becomes for kind, becomes in executed.items() if becomes != kind}
-    ends, kinds = _runs(planned, executed)
+    ends, kinds = _executed_ends(planned, executed)
     if kinds and kinds == planned.kinds:
         return planned, planned.times
     done = Trajectory(planned.model, planned.states.take(np.array(ends)), kinds)
-    passed = _passed(planned.states, ends, done)
-    return _in_time(planned, ends, done, passed) if planned.punctual else (done, passed)
+    passed = _passing_times(planned.states, ends, done)
+    return _punctual_execution(planned, ends, done, passed) if planned.punctual else (done, passed)
 
 
-def _in_time(
+def _punctual_execution(
     planned: Trajectory, ends: list[int], done: Trajectory, passed: FloatArray
 ) -> tuple[Trajectory, FloatArray]:
     """Return an execution with each motion in the middle of its planned time, or as soon after as possible.
@@ -108,13 +111,14 @@ def _in_time(
         elif last:  # no later motion to wait for
             now = max(now, float(times[i + 1]))
     when[ends[-1]] = now
-    return _with_standing(done, begins, now), when
+    return _with_waits(done, begins, now), when
 
 
-def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajectory:
-    """Return the motions of a trajectory, except holds, beginning at some times (n,), s, with standing between.
+def _with_waits(done: Trajectory, begins: FloatArray, until: float) -> Trajectory:
+    """Return the motions of a trajectory without holds, each starting at its time in ``begins`` (n,), s.
 
-    No hold is shorter than LEAST: a motion begins at most that much too early, and none after it for that reason.
+    The robot waits between them, and then up to ``until``, s. No wait is shorter than LEAST: a motion begins at most
+    that much too early, and no later motion does for that reason.
     """
     moves = [i for i, kind in enumerate(done.kinds) if kind != HOLD.kind]
     lasts, clock = done.durations, getattr(done.states, CLOCK, np.zeros(len(done) + 1))
@@ -136,8 +140,8 @@ def _with_standing(done: Trajectory, begins: FloatArray, until: float) -> Trajec
     return Trajectory(done.model, States(**{name: states[name] for name in names}), tuple(kinds))
 
 
-def _runs(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], tuple[str, ...]]:
-    """Return indices of the states (e+1,) at which executed motions begin and end, and their kinds (e,)."""
+def _executed_ends(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], tuple[str, ...]]:
+    """Return the indices (e+1,) of states at which executed motions begin and end, and their kinds (e,)."""
     ends, kinds, laws = [0], list[str](), planned.model.laws
     for i, kind in enumerate(planned.kinds):
         becomes = executed.get(kind)
@@ -150,7 +154,7 @@ def _runs(planned: Trajectory, executed: Mapping[str, str]) -> tuple[list[int], 
 
 
 def _continues(law: Law, states: States, begin: int, i: int) -> bool:
-    """Return whether motion i continues the one that began at state ``begin``; motions in place never do."""
+    """Return whether motion i continues the motion that began at state ``begin``; motions in place never do."""
     if not {"x", "y"} <= law.varies:
         return False
     (x0, x1, x2), (y0, y1, y2) = ([getattr(states, axis)[j] for j in (begin, i, i + 1)] for axis in ("x", "y"))
@@ -167,7 +171,7 @@ def _continues(law: Law, states: States, begin: int, i: int) -> bool:
     return True
 
 
-def _passed(states: States, ends: list[int], done: Trajectory) -> FloatArray:
+def _passing_times(states: States, ends: list[int], done: Trajectory) -> FloatArray:
     """Return the time at which each planned state is passed: within a run, when its distance is covered."""
     passed = np.zeros(states.size)
     passed[ends] = done.times

@@ -1,4 +1,4 @@
-"""Files of a robot, identified in a description by path and SHA-256, and found again after both have moved.
+"""Files of a robot: identified in a description by path and SHA-256, and found again after front and files were moved.
 
 In a description a file is a record, ``{"path": ..., "sha256": [...]}``; a folder is a record without hashes. In a saved
 front the path is relative to the front's folder, marked by ``"relative"``.
@@ -20,17 +20,17 @@ MOST_BYTES = 100_000_000  # largest file that is hashed
 
 
 def record(path: str | os.PathLike[str], *hashes: str) -> Record:
-    """Return the record of a file in a description, or of a folder, without hashes."""
+    """Return the record of a file in a description; without hashes, that of a folder."""
     return {"path": os.path.abspath(path), "sha256": list(hashes)}
 
 
 def is_record(value: Any) -> TypeGuard[Mapping[str, Any]]:
-    """Return whether a value is such a record."""
+    """Return whether a value is a record of a file or folder."""
     return isinstance(value, Mapping) and {"path", "sha256"} <= value.keys() <= {"path", "sha256", "relative"}
 
 
-def seen_from(folder: str, description: Any) -> Any:
-    """Return a description with paths of files that are also relative to a folder."""
+def with_relative_paths(folder: str, description: Any) -> Any:
+    """Return a description in which each record of a file also has its path relative to a folder."""
 
     def seen(one: Mapping[str, Any]) -> Record:
         path = one["path"]
@@ -39,15 +39,19 @@ def seen_from(folder: str, description: Any) -> Any:
         place = place_seen_from(folder, path)
         return {**one, "path": place, "relative": place}
 
-    return _each_record(seen, description)
+    return _map_records(seen, description)
 
 
-def found_from(folder: str, description: Any) -> Any:
-    """Return the description with whole paths of files found from a folder, without marks of :func:`seen_from`.
+def with_absolute_paths(folder: str, description: Any) -> Any:
+    """Return the description with absolute paths of files, found from a folder.
 
-    If a relative path leads nowhere, a file of the same name in the folder is taken. Records of earlier versions have
-    whole paths as well: if the relative file has changed, and that at the whole path has not, the latter is taken. The
-    record of a file that is nowhere keeps its relative path.
+    The inverse of :func:`with_relative_paths`.
+
+    If a relative path leads nowhere, a file of the same name in the folder is used. Records of earlier versions also
+    have
+    absolute paths: if the file at the relative path has changed and the one at the absolute path has not, the latter is
+    used.
+    The record of a missing file keeps its relative path.
     """
 
     def found(one: Mapping[str, Any]) -> Record:
@@ -58,16 +62,16 @@ def found_from(folder: str, description: Any) -> Any:
         there, beside = places_found_from(folder, relative)
         first = path if os.path.isabs(path) else there
         if os.path.exists(there):
-            changed = not _is(there, one) and _is(first, one)
+            changed = not _has_hash(there, one) and _has_hash(first, one)
             return plain | {"path": first if changed else there}
         near = next(filter(os.path.exists, (first, beside)), None)
         return plain | ({"path": first, "relative": there} if near is None else {"path": near})
 
-    return _each_record(found, description)
+    return _map_records(found, description)
 
 
 def path_of(given: Mapping[str, Any], what: str) -> Any:
-    """Return the path of a record; ModelError with both places of a file that cannot be found."""
+    """Return the path of a record; ModelError names both expected places of a missing file. ``what`` names the file."""
     path, there = given["path"], given.get("relative")
     if there is not None and not os.path.exists(str(path)):
         once = f"neither at {shown(path, 400)}, where it was, nor" if path != there else "not"
@@ -78,22 +82,22 @@ def path_of(given: Mapping[str, Any], what: str) -> Any:
     return path
 
 
-def _is(path: str, one: Mapping[str, Any]) -> bool:
-    """Return whether a file has the first of a record's hashes."""
+def _has_hash(path: str, one: Mapping[str, Any]) -> bool:
+    """Return whether the file at a path has the first of a record's hashes."""
     try:
         return not one["sha256"] or sha256(read_regular(path, MOST_BYTES)) == one["sha256"][0]
     except (OSError, TypeError, LookupError):
         return False
 
 
-def without_places(description: Any) -> Any:
-    """Return a description without paths of files that have hashes."""
-    return _each_record(lambda one: {"sha256": one["sha256"]}, description)
+def without_paths(description: Any) -> Any:
+    """Return a description without the paths of files that have hashes."""
+    return _map_records(lambda one: {"sha256": one["sha256"]}, description)
 
 
-def _each_record(change: Callable[[Mapping[str, Any]], Record], value: Any) -> Any:
+def _map_records(change: Callable[[Mapping[str, Any]], Record], value: Any) -> Any:
     if is_record(value):
         return change(value)
     if isinstance(value, Mapping):
-        return {key: _each_record(change, inner) for key, inner in value.items()}
-    return [_each_record(change, inner) for inner in value] if isinstance(value, list) else value
+        return {key: _map_records(change, inner) for key, inner in value.items()}
+    return [_map_records(change, inner) for inner in value] if isinstance(value, list) else value

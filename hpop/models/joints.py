@@ -1,7 +1,7 @@
 """Joints that carry parts and bodies of a robot in the plane: lifts, slides and hinges.
 
-A joint keeps its load upright, so a part on a lift or on a boom remains an upright prism. Joints form a chain, the one
-on the base first; positions of parts and bodies are given for every joint at 0.
+A joint keeps its load upright, so a part on a lift or on a boom remains an upright prism. Joints form a chain from the
+base outwards. Positions of parts and bodies are those at joint values of 0.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Joint:
 
     @property
     def unit(self) -> str:
-        """Unit of its state."""
+        """Unit of the joint's state."""
         return "rad" if self.along == "round" else "m"
 
     @property
@@ -88,52 +88,58 @@ def reach_of(point: tuple[float, float], on: Sequence[Joint]) -> float:
     return reach
 
 
-class Carried(NamedTuple):
-    """Carried point (x, y) in the world, and its first and second derivatives by time, m, m/s and m/s²."""
+class CarriedPoint(NamedTuple):
+    """Point (x, y) in the world that joints carry, m, with its velocity, m/s, and acceleration, m/s²."""
 
     place: tuple[Column, Column]
     velocity: tuple[Column, Column] = (0.0, 0.0)
     acceleration: tuple[Column, Column] = (0.0, 0.0)
 
 
-def carried(
+def carried_point(
     point: tuple[Column, Column],
     on: Sequence[Joint],
     states: States,
     rates: States | None = None,
     changes: States | None = None,
-) -> Carried:
+) -> CarriedPoint:
     """Return position, velocity and acceleration of a point (ahead, left), m, carried by joints and base.
 
-    changes : second derivatives of the states, for accelerations
+    on : joints that carry the point
+    rates, changes : first and second derivatives of the states, for velocity and acceleration
     """
-    found = Carried(point)
+    found = CarriedPoint(point)
     for joint in reversed(on):
         if joint.along == "round":
-            found = _turned(found, joint.name, joint.at, states, rates, changes)
+            found = _after_turn(found, joint.name, joint.at, states, rates, changes)
         elif joint.along != "up":
-            found = _slid(found, joint.name, int(joint.along == "left"), states, rates, changes)
-    found = _turned(found, "yaw", (0.0, 0.0), states, rates, changes)
+            found = _after_slide(found, joint.name, int(joint.along == "left"), states, rates, changes)
+    found = _after_turn(found, "yaw", (0.0, 0.0), states, rates, changes)
     for axis, name in enumerate("xy"):
-        found = _slid(found, name, axis, states, rates, changes)
+        found = _after_slide(found, name, axis, states, rates, changes)
     return found
 
 
-def _slid(
-    found: Carried, name: str, axis: int, states: States, rates: States | None, changes: States | None
-) -> Carried:
+def _after_slide(
+    found: CarriedPoint, name: str, axis: int, states: States, rates: States | None, changes: States | None
+) -> CarriedPoint:
     columns = []
     for old, source in zip(found, (states, rates, changes), strict=True):
         new = list(old)
         if source is not None:
             new[axis] = new[axis] + getattr(source, name)
         columns.append((new[0], new[1]))
-    return Carried(*columns)
+    return CarriedPoint(*columns)
 
 
-def _turned(
-    found: Carried, name: str, at: tuple[float, float], states: States, rates: States | None, changes: States | None
-) -> Carried:
+def _after_turn(
+    found: CarriedPoint,
+    name: str,
+    at: tuple[float, float],
+    states: States,
+    rates: States | None,
+    changes: States | None,
+) -> CarriedPoint:
     """Return a point rotated about another: p = a + R d, its rate R d' + w J R d, ..., with w the angle's rate."""
     angle = getattr(states, name)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -144,22 +150,22 @@ def _turned(
     ux, uy = turned(found.place[0] - at[0], found.place[1] - at[1])
     place = at[0] + ux, at[1] + uy
     if rates is None:
-        return Carried(place)
+        return CarriedPoint(place)
     rate, (rx, ry) = getattr(rates, name), turned(*found.velocity)
     velocity = rx - rate * uy, ry + rate * ux
     if changes is None:
-        return Carried(place, velocity)
+        return CarriedPoint(place, velocity)
     change, (bx, by) = getattr(changes, name), turned(*found.acceleration)
     square = rate * rate
-    return Carried(
+    return CarriedPoint(
         place,
         velocity,
         (bx - 2.0 * rate * ry - change * uy - square * ux, by + 2.0 * rate * rx + change * ux - square * uy),
     )
 
 
-def total(on: Sequence[Joint], along: str, states: States) -> Column:
-    """Return the sum of the states of the joints along one direction: the lift (N,), m, or the turn (N,), rad."""
+def joint_sum(on: Sequence[Joint], along: str, states: States) -> Column:
+    """Return the sum of the states of all joints along one direction: the lift (N,), m, or the turn (N,), rad."""
     return sum((getattr(states, joint.name) for joint in on if joint.along == along), 0.0)
 
 
@@ -183,7 +189,7 @@ def swept_corners(corners: FloatArray, on: Sequence[Joint]) -> tuple[FloatArray,
 
 
 def legs_of_joints(space: StateSpace, legs: list[Leg], a: States, b: States, joints: Sequence[str]) -> list[Leg]:
-    """Return the legs of a base, then one leg per joint by the law of the joint's name; NaN in b keeps a joint."""
+    """Return the legs of the base, then one leg per joint, by the law of that joint; a joint that is NaN in b stays."""
     end = States(**{name: getattr(a, name) for name in space.names})
     made = []
     for leg in legs:
@@ -261,12 +267,12 @@ def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple
     heading, *at = (index.ravel() for index in np.indices(shape))
     zero, number = np.zeros(heading.size), np.arange(heading.size).reshape(shape)
     columns = {name: values[index] for (name, values), index in zip(joints.items(), at, strict=True)}
-    motions = {kind: _joined(number, axis) for axis, kind in enumerate(("turn", *joints))}
+    motions = {kind: _motions_along_axis(number, axis) for axis, kind in enumerate(("turn", *joints))}
     return Stations(States(x=zero, y=zero, yaw=yaw[heading], **columns), heading, motions), number
 
 
-def _joined(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
-    """Return tails and heads of motions between any two stations that differ in one axis only."""
+def _motions_along_axis(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
+    """Return tails and heads of motions between any two stations that differ only along one axis."""
     lines = np.moveaxis(number, axis, -1).reshape(-1, number.shape[axis])
     a, b = np.nonzero(~np.eye(lines.shape[1], dtype=bool))
     return lines[:, a].ravel(), lines[:, b].ravel()

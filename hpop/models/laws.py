@@ -48,8 +48,8 @@ def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[P
     )
 
 
-def standing(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
-    """Return the phases of a motion in place between two waits that share the loss, s, of stopping and starting."""
+def with_waits(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
+    """Return the phases of a motion in place between two waits, which share the loss, s, of stopping and starting."""
     nothing = 0.0 * motion[0].begin
     wait = 0.5 * loss + nothing
     stand = Phase(wait, nothing, nothing, "hold")
@@ -58,7 +58,7 @@ def standing(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
 
 
 def linear(name: str, start: States, end: States, share: Column) -> Column:
-    """Return state ``name`` where it changes evenly with the share of the motion done."""
+    """Return the state ``name`` at a share of the motion, for a state that changes linearly with the share."""
     begin = getattr(start, name)
     return begin + (getattr(end, name) - begin) * share
 
@@ -116,7 +116,7 @@ class Turn(_InPlace):
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         spin = rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
-        return standing(spin, self.loss)
+        return with_waits(spin, self.loss)
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class JointMove(LawDefaults):
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         """Return a profile from rest to rest, the base standing."""
         motion = rest_to_rest(smooth_abs(self.change(start, end)), self.speed, self.acceleration)
-        return standing(motion, self.loss) if self.loss else motion
+        return with_waits(motion, self.loss) if self.loss else motion
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         """Return state ``name`` where a share of the change is done."""
@@ -189,9 +189,9 @@ class JointMove(LawDefaults):
 
 
 def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
-    """Return two laws of each joint: the planned one by its name, the executed one by NAME_run.
+    """Return two laws for each joint: the planned law under the joint's name, the executed law under NAME_run.
 
-    loss : s, that the base takes to stop for it and to start again
+    loss : s, time that the base loses by stopping and starting again
     """
     laws = dict[str, JointMove]()
     for joint in joints:
@@ -201,9 +201,9 @@ def joint_laws(joints: Iterable[Joint], loss: float) -> dict[str, JointMove]:
 
 
 def turn_move_turn(space: StateSpace, a: States, b: States, *, turn: str = "turn", move: str = "move") -> list[Leg]:
-    """Return the legs from states a (M,) to b: a turn towards b, a straight move, a turn to its heading.
+    """Return the legs from states a (M,) to b: a turn towards b, a straight move, a turn to b's heading.
 
-    ``turn`` and ``move`` are the kinds of the laws by which it turns and moves.
+    turn, move : kinds of the laws for turns and moves
     """
     apart = np.hypot(b.x - a.x, b.y - a.y) > UNMOVED
     arrives = np.where(np.isnan(b.yaw), a.yaw, b.yaw)
@@ -249,7 +249,7 @@ class Unwind(Turn):
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         """Return a profile from rest to rest, by the angle of the base."""
         spin = rest_to_rest(smooth_abs(end.yaw - start.yaw), self.turn_rate, self.turn_acceleration)
-        return standing(spin, self.loss) if self.loss else spin
+        return with_waits(spin, self.loss) if self.loss else spin
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
         """Return state ``name`` where a share of the angle is done; the pan turns back as far as the yaw turns on."""

@@ -99,15 +99,17 @@ def stations(space: StateSpace, yaw: FloatArray) -> Stations:
 
     Raises OptionError for headings that no pan can turn back, and for stops without a pan between them.
     """
-    pans = _pans(space, yaw)
+    pans = _pan_values(space, yaw)
     found, number = grid_of_stations(yaw, {"pan": pans, "tilt": stops_of(space, "tilt")})
-    return found._replace(motions={**found.motions, "unwind": _unwound(number, space, yaw, pans)})
+    return found._replace(motions={**found.motions, "unwind": _unwind_motions(number, space, yaw, pans)})
 
 
-def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
-    """Return pans (P,), rad, in ascending order, as far apart as turning back between two headings needs."""
+def _pan_values(space: StateSpace, yaw: FloatArray) -> FloatArray:
+    """Return pans (P,), rad, ascending, spaced so that the head can turn back on each turn of the base."""
     turns = yaw - yaw[0]
-    step = next((step for step in (COARSEST, FINER) if (np.abs(_off(turns, step)) < ALIKE).all()), None)
+    step = next(
+        (step for step in (COARSEST, FINER) if (np.abs(_distance_to_multiple(turns, step)) < ALIKE).all()), None
+    )
     if step is None:
         raise OptionError(
             f"{yaw.size} headings are no multiples of 45 degrees apart, so no pan of a lattice turns the head back as "
@@ -125,13 +127,15 @@ def _pans(space: StateSpace, yaw: FloatArray) -> FloatArray:
     return pans
 
 
-def _off(angles: FloatArray, step: float) -> FloatArray:
+def _distance_to_multiple(angles: FloatArray, step: float) -> FloatArray:
     """Return the distance (N,), rad, of angles from a multiple of a step."""
     return np.asarray(angles - step * np.round(angles / step))
 
 
-def _unwound(number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return tails and heads of turns during which the head turns back, where the pan for that exists."""
+def _unwind_motions(
+    number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatArray
+) -> tuple[IntArray, IntArray]:
+    """Return tails and heads of turns during which the head turns back, wherever the pan for this exists."""
     turn = wrap(yaw[None, :] - yaw[:, None])  # (H, H), half a turn counter-clockwise
     view = turn[:, :, None, None] + pans[None, None, None, :] - pans[None, None, :, None]  # (H, H, P, P)
     stays = np.abs(wrap(view) if "pan" in space.turning else view) < ALIKE
@@ -175,8 +179,8 @@ class PanTilt(OnBase, PlanarModel):
     def __post_init__(self) -> None:
         _check_base(self.base)
         if not (isinstance(self.pan, str) and self.pan == ALL_ROUND):
-            object.__setattr__(self, "pan", _stops("pan", self.pan, FARTHEST_TURNED, f", or {ALL_ROUND!r}"))
-        object.__setattr__(self, "tilt", _stops("tilt", self.tilt, 0.5 * math.pi))
+            object.__setattr__(self, "pan", _checked_stops("pan", self.pan, FARTHEST_TURNED, f", or {ALL_ROUND!r}"))
+        object.__setattr__(self, "tilt", _checked_stops("tilt", self.tilt, 0.5 * math.pi))
         rates = ("pan_rate", "pan_acceleration", "tilt_rate", "tilt_acceleration")
         set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
@@ -254,7 +258,7 @@ class PanTilt(OnBase, PlanarModel):
         return HeadTwist(self._mount(body), states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of that twist."""
+        """Return the derivative of the twist of base or camera."""
         if body != "camera":
             return super().twist_rate(body, states, rates, changes)
         return HeadTwistRate(self._mount(body), states, rates, changes)
@@ -288,7 +292,7 @@ class PanTilt(OnBase, PlanarModel):
         return stations(self.space, yaw)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield what the base cannot do, and a head beyond its end stops."""
+        """Yield motions that the base cannot do, and a head beyond its end stops."""
         yield from self.base.faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)
 
@@ -322,8 +326,8 @@ def _check_base(base: Any) -> None:
         raise ModelError("the camera is the head's: give field_of_view to the pan_tilt, not to its base")
 
 
-def _stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[float, float]:
-    """Return checked end stops."""
+def _checked_stops(name: str, given: Any, most: float, otherwise: str = "") -> tuple[float, float]:
+    """Return checked end stops (low, high), rad."""
     try:
         low, high = given
     except (TypeError, ValueError):

@@ -11,7 +11,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column
 from hpop.base.math import hypot, norm, smooth_abs
-from hpop.models.joints import Joint, carried, reach_of, total
+from hpop.models.joints import Joint, carried_point, joint_sum, reach_of
 from hpop.motions import Body, Curve, Law, Motions, States, integrated, is_curve
 from hpop.motions.laws import follows
 from hpop.motions.states import Vector
@@ -20,10 +20,10 @@ from hpop.motions.states import Vector
 @checked_arguments
 @dataclass(frozen=True)
 class Mount:
-    """Position of a body on the base: ahead and to the left of the axis, and above the floor, m.
+    """Position of a body on the base, m: ahead and to the left of the axis, and above the floor.
 
-    The body looks where the base does, unless ``view`` is its yaw in the world, rad: of a picture turned back in
-    software. ``on`` are the joints that carry it, the one on the base first; the position is for all of them at 0.
+    view  yaw in the world, rad, of a picture that software turns back; None for a body that looks where the base does
+    on    joints that carry the body, from the base outwards; the position is that at joint values of 0
     """
 
     ahead: float = 0.0
@@ -142,7 +142,7 @@ class CarriedPose(RigidPose):
 
     @cached_property
     def _place(self) -> tuple[Column, Column]:
-        return carried((self.mount.ahead, self.mount.left), self.mount.on, self.states).place
+        return carried_point((self.mount.ahead, self.mount.left), self.mount.on, self.states).place
 
     @property
     def x(self) -> Column:
@@ -154,11 +154,11 @@ class CarriedPose(RigidPose):
 
     @property
     def z(self) -> Column:
-        return super().z + total(self.mount.on, "up", self.states)
+        return super().z + joint_sum(self.mount.on, "up", self.states)
 
     @property
     def yaw(self) -> Column:
-        return super().yaw + (0.0 if self.mount.view is not None else total(self.mount.on, "round", self.states))
+        return super().yaw + (0.0 if self.mount.view is not None else joint_sum(self.mount.on, "round", self.states))
 
 
 @dataclass(frozen=True)
@@ -168,8 +168,8 @@ class CarriedTwist(RigidTwist):
     @property
     def velocity(self) -> Vector:
         mount = self.mount
-        found = carried((mount.ahead, mount.left), mount.on, self.states, self.rates)
-        return *found.velocity, total(mount.on, "up", self.rates)
+        found = carried_point((mount.ahead, mount.left), mount.on, self.states, self.rates)
+        return *found.velocity, joint_sum(mount.on, "up", self.rates)
 
     @property
     def rotation(self) -> Vector:
@@ -177,7 +177,7 @@ class CarriedTwist(RigidTwist):
         return (
             0.0,
             0.0,
-            turn_rate if self.mount.view is not None else turn_rate + total(self.mount.on, "round", self.rates),
+            turn_rate if self.mount.view is not None else turn_rate + joint_sum(self.mount.on, "round", self.rates),
         )
 
 
@@ -188,13 +188,17 @@ class CarriedTwistRate(RigidTwistRate):
     @property
     def velocity(self) -> Vector:
         mount = self.mount
-        found = carried((mount.ahead, mount.left), mount.on, self.states, self.rates, self.changes)
-        return *found.acceleration, total(mount.on, "up", self.changes)
+        found = carried_point((mount.ahead, mount.left), mount.on, self.states, self.rates, self.changes)
+        return *found.acceleration, joint_sum(mount.on, "up", self.changes)
 
     @property
     def rotation(self) -> Vector:
         change = super().rotation[2]
-        return 0.0, 0.0, change if self.mount.view is not None else change + total(self.mount.on, "round", self.changes)
+        return (
+            0.0,
+            0.0,
+            change if self.mount.view is not None else change + joint_sum(self.mount.on, "round", self.changes),
+        )
 
 
 @runtime_checkable
@@ -220,7 +224,7 @@ def is_planar(law: Law) -> TypeGuard[PlanarLaw]:
     return follows(law, PlanarLaw)
 
 
-def farthest(motions: Motions, lever: float) -> tuple[Column, Column]:
+def motion_bounds(motions: Motions, lever: float) -> tuple[Column, Column]:
     """Return bounds (M,), m and rad, on the motion of the axis and of points within ``lever`` metres of it."""
     m, law = motions, motions.law
     if is_planar(law):
@@ -231,9 +235,9 @@ def farthest(motions: Motions, lever: float) -> tuple[Column, Column]:
 
 
 def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
-    """Return a mounted body's motion in each motion: it turns with the base, and its lever lengthens its path.
+    """Return the motion of a mounted body in each motion: it turns with the base, and its lever lengthens its path.
 
-    On curves the path of a body off the axis may be longer or shorter than the base's, and is integrated.
+    On curves the path of a body off the axis may be longer or shorter than the base's, so it is integrated.
     """
     m, law = motions, cast(PlanarLaw, motions.law)
     rotation = law.turned(m.start, m.end)
@@ -271,7 +275,7 @@ def turned_body(name: str, motions: Motions) -> Body:
 
 
 def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
-    """Return the motion of a body carried by joints: integrated where these move, else as of a rigid one."""
+    """Return the motion of a body carried by joints: integrated where joints move, else as for a rigid body."""
     law, joints = motions.law, {joint.name: joint.along for joint in mount.on}
     turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
     if is_planar(law) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:

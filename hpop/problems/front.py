@@ -190,7 +190,7 @@ class Front(frontier.Front[Trajectory]):
 
 def question_of(problem: Mapping[str, Any]) -> dict[str, Any]:
     """Return the description of a problem without the paths of its files, which are identified by their hashes."""
-    return _changed(problem, without_places, files.without_places)
+    return _changed(problem, without_places, files.without_paths)
 
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:
@@ -220,13 +220,13 @@ def _trajectories(path: str | os.PathLike[str], model: Model, items: dict[str, A
 def seen_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
     """Return a problem in which files of world, model and criteria are also named relative to a front's folder."""
     folder = _folder(path)
-    return _changed(problem, partial(seen_from, folder), partial(files.seen_from, folder))
+    return _changed(problem, partial(seen_from, folder), partial(files.with_relative_paths, folder))
 
 
 def found_from_file(path: str | os.PathLike[str], problem: Mapping[str, Any]) -> dict[str, Any]:
     """Return a problem in which files are found relative to a front's folder."""
     folder = _folder(path)
-    return _changed(problem, partial(found_from, folder), partial(files.found_from, folder))
+    return _changed(problem, partial(found_from, folder), partial(files.with_absolute_paths, folder))
 
 
 def _folder(path: str | os.PathLike[str]) -> str:

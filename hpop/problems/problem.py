@@ -16,7 +16,7 @@ from hpop.criteria.base import Criterion, CriterionSpec, check_usable, describe_
 from hpop.criteria.costs import trajectory_costs, with_quanta
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.goals import Goal, GoalSet, GoalSpec, checked_goal
-from hpop.models.collision.leaving import left
+from hpop.models.collision.leaving import world_with_leaving
 from hpop.motions import MODEL_DEFAULTS, Model, laws_of
 from hpop.motions.states import StateSpec, Values
 from hpop.planners.base import Candidates, Planner, PlannerSpec, edge_objectives, make_planner
@@ -100,7 +100,7 @@ class Problem:
         _check_stand_ins(checked)
         checked = with_quanta(checked, quanta)
         begin = model.space.state(start, what="start")
-        world, touching = left(world, model, begin)
+        world, touching = world_with_leaving(world, model, begin)
         object.__setattr__(self, "world", world)
         object.__setattr__(self, "horizon", horizon)
         unseen = notes_on_landmarks(world, model, begin, checked)

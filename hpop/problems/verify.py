@@ -13,7 +13,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import MOST
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
-from hpop.models.execution import needed_about
+from hpop.models.execution import clearance_radius
 from hpop.motions import Motions, States, free_along
 from hpop.motions.states import Values
 from hpop.planners.judgement import on_map
@@ -87,7 +87,7 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
             problem.world.content.people,
             _numbers(front.provenance[i].get("people_who_stop")),
             (float(trajectory.states.x[0]), float(trajectory.states.y[0])),
-            needed_about(problem.model, kept),
+            clearance_radius(problem.model, kept),
         )
         if fault := contact(parts, people, trajectory, kept, left):
             yield f"trajectory {i} {fault}"

@@ -15,7 +15,7 @@ from hpop.base.options import whole
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.errors import CriterionError
-from hpop.models.driven import ahead
+from hpop.models.driven import states_after
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.laws import CLOCK
 from hpop.testing.contracts import Check, differ, fault_of
@@ -103,7 +103,7 @@ def random_motions(rng: np.random.Generator, world: World, model: Model, kind: s
         bends = bends * rng.choice([-1.0, 1.0], size) * np.array([np.ones(size), np.where(np.arange(size) % 4, 1, -1)])
         lasts = rng.uniform(0.2, 0.4, size)
         start = States(x=x, y=y, yaw=yaw, speed=speeds[0], turn_rate=bends[0], clock=rng.uniform(0, 60, size))
-        end = ahead(start, (speeds[1] - speeds[0]) / lasts, (bends[1] - bends[0]) / lasts, lasts)
+        end = states_after(start, (speeds[1] - speeds[0]) / lasts, (bends[1] - bends[0]) / lasts, lasts)
         return Motions(world, model, model.laws[kind], start, end, t0=start.clock)
     if kind == HOLD.kind:
         return holds(world, model, States(x=x, y=y, yaw=yaw), rng)

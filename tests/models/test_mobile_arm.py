@@ -347,7 +347,7 @@ def test_an_arm_whose_joint_is_called_as_a_state_of_the_base_is_refused(tmp_path
     arm = crane(tmp_path)
     text = (tmp_path / "crane.urdf").read_text().replace('name="swing"', 'name="yaw"')
     (tmp_path / "crane.urdf").write_text(text)
-    with pytest.raises(ModelError, match="'yaw' is called as a state of its base"):
+    with pytest.raises(ModelError, match="'yaw' has the name of a state of the base"):
         MobileArm(hpop.SerialArm.from_urdf(tmp_path / "crane.urdf", tip="eye", acceleration=2.0), BASE)
     assert MobileArm(arm, BASE, folded=(0.0,) * 4).joints == arm.joints
 

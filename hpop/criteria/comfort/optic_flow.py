@@ -11,7 +11,7 @@ from hpop.base.arrays import Column, FloatArray
 from hpop.base.options import set_reals, set_wholes
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera import FieldOfView, camera_height, field_of_view, rises
+from hpop.models.camera import FieldOfView, camera_height, field_of_view, height_varies
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows, surfaces_of
 from hpop.world.sight.bearings import ALL_ROUND, REACH, ViewAngles, bearings
@@ -53,7 +53,7 @@ class _Flow:
 
     def _rate(self, m: Motions, *, largest: bool) -> Rate:
         """Return the rate of the flow as the camera moves and turns: the mean, or the largest."""
-        if rises(m.model):
+        if height_varies(m.model):
             view = rays_of_view(field_of_view(m.model), self.bearings)
             return flow_in_space(surfaces_of(m.world), view, self.nearest, largest=largest)
         around = bearings(m.world, camera_height(m), self.bearings)
@@ -71,7 +71,7 @@ class _Flow:
     @staticmethod
     def _turns_alone(m: Motions) -> bool:
         """Return whether the camera only turns in place about the vertical, so that its turn rate is the flow."""
-        return m.camera.stays and m.camera.upright and not rises(m.model)
+        return m.camera.stays and m.camera.upright and not height_varies(m.model)
 
 
 @criterion("optic_flow", group="C", unit="rad", aggregate="sum", requires=("camera",))

@@ -8,7 +8,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera import checked_fov, field_of_view, rises
+from hpop.models.camera import checked_fov, field_of_view, height_varies
 from hpop.motions import Motions
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.visibility import landmarks_unseen
@@ -38,7 +38,7 @@ class _Unseen:
         """Return the time integral of the unseen share (M,), s."""
         horizontal, vertical = field_of_view(m.model, self.fov)
         limits = {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
-        if rises(m.model):
+        if height_varies(m.model):
             unseen = sight_in_space.landmarks_unseen
             return m.integrate(lambda s: unseen(m.world, s.camera, s.state.size, **limits), jumps=True)
         return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, **limits))

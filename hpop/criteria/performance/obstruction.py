@@ -8,7 +8,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera import rises
+from hpop.models.camera import height_varies
 from hpop.motions import Motions, Rate
 from hpop.world.fields.obstruction import filled
 from hpop.world.geometry.rays_in_space import rows
@@ -31,7 +31,7 @@ class _Obstructed:
 
     def _fraction(self, m: Motions) -> Rate:
         """Return the rate of the obstructed fraction: from a field, or in space where the height changes."""
-        if not rises(m.model):
+        if not height_varies(m.model):
             return lambda s: m.world.obstruction(s.camera, self.radius)
         share = filled(m.world, self.radius)
         return lambda s: share(rows((s.camera.x, s.camera.y, s.camera.z), s.state.size))

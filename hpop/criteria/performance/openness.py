@@ -8,7 +8,7 @@ from hpop.base.arrays import Column
 from hpop.base.options import LEAST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera import rises
+from hpop.models.camera import height_varies
 from hpop.motions import Motions
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.visibility import openness
@@ -25,7 +25,7 @@ class _Enclosed:
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the closed share (M,), s."""
-        if rises(m.model):
+        if height_varies(m.model):
             return m.integrate(lambda s: 1.0 - sight_in_space.openness(m.world, s.camera, s.state.size, self.radius))
         return m.integrate(lambda s: 1.0 - openness(m.world, s.camera, self.radius))
 

@@ -10,7 +10,7 @@ from hpop.base.arrays import BoolArray, Column
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.models.camera import checked_fov, field_of_view, rises
+from hpop.models.camera import checked_fov, field_of_view, height_varies
 from hpop.trajectories.history import History, SampledTrajectory
 from hpop.world.content.content import Landmark
 from hpop.world.sight import sight_in_space
@@ -63,7 +63,7 @@ class UnseenLandmarks:
 
     def _sees(self, m: History, track: SampledTrajectory, landmark: Landmark) -> BoolArray:
         camera, size, view = track.camera, track.times.size, field_of_view(m.model, self.fov)
-        if rises(m.model):
+        if height_varies(m.model):
             visible = sight_in_space.sees(m.world, camera, landmark, size, far=self.far)
             return np.asarray(visible * sight_in_space.in_view(camera, landmark, size, *view) > 0.0)
         seen = sees(m.world, camera, landmark, far=self.far)

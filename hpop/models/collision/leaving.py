@@ -1,9 +1,10 @@
-"""Leaving contact with a person who stands: the robot may move where the gap does not shrink.
+"""Leaving contact with a standing person: a robot that touches a person may move where the gap does not shrink.
 
-A robot that touches a wall is stuck, or its map is wrong. A person who stands too near is neither: trackers are off by
-centimetres, and people step up to a robot. So contact may be left, by motions along which the gap grows or stays until
-the robot is free. From then on the person blocks it like all other obstacles. Since no motion leads into contact,
-motions from elsewhere cannot come there, however they are combined.
+A robot that touches a wall is stuck, or its map is wrong. Contact with a standing person is different: trackers are off
+by
+centimetres, and people step up to a robot. So contact may be left by motions along which the gap grows or stays, until
+the robot is free. From then on the person blocks the robot like any other obstacle. No motion leads into contact, so
+motions that begin free stay free, however they are combined.
 """
 
 from __future__ import annotations
@@ -26,16 +27,16 @@ if TYPE_CHECKING:
 
 FAR = 4e5  # m: border of the world of an area, beyond any robot
 SHARES = np.append(np.array([0.0, 1e-4]), np.linspace(0.0, 1.0, 65)[1:])
-"""Shares of a motion from contact to test: along a straight move the gap is convex, so the beginning matters most."""
-SHRINKS = 1e-7  # m: rounding error of a gap from sample to sample
+"""Shares of a motion at which the gap is tested, densest at its beginning: along a straight move the gap is convex."""
+SHRINKS = 1e-7  # m: tolerance for a shrinking gap, from rounding errors
 
 
 @dataclass(frozen=True, eq=False)
 class Leaving:
-    """Test of motions that keep clear of a body, or lead out of contact with it.
+    """Collision test for motions that keep clear of a person's body, or lead out of contact with it.
 
     parts  of the robot
-    place  (x, y) m, the middle of the body
+    place  (x, y) m, centre of the body
     body   collision test of states and motions with the body alone
     """
 
@@ -58,11 +59,14 @@ class Leaving:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state, in words; "" when it is free."""
+        """Return what blocks one state, in words; "" if the state is free."""
         return str(self.body.why_blocked(state))
 
     def gap(self, states: States) -> FloatArray:
-        """Return the distance (N,), m, of the middle of the body from the robot in states (N,); 0 within it."""
+        """Return the distance (N,), m, from the centre of the body to the robot in states (N,).
+
+        0 if the robot covers the centre.
+        """
         nearest = np.full(states.size, np.inf)
         here = shapely.Point(self.place)
         for part in self.parts:
@@ -74,7 +78,10 @@ class Leaving:
         return np.asarray(np.maximum(nearest, 0.0) if len(self.parts[0].corners) > 1 else nearest)
 
     def _leads_out(self, motions: Motions, rows: IntArray) -> BoolArray:
-        """Return whether motions (n,) from contact lead out of it: the gap does not shrink until they are clear."""
+        """Return whether motions (n,) that begin in contact leave it.
+
+        The gap does not shrink until the robot is clear.
+        """
         law, owner = motions.law, np.repeat(rows, SHARES.size)
         share = np.tile(SHARES, rows.size)
         start, end = motions.start.take(owner), motions.end.take(owner)
@@ -93,12 +100,12 @@ class Leaving:
 
 @dataclass(frozen=True, eq=False)
 class LeavingCollision(PlanarCollision):
-    """Collision test of a robot that starts in contact with standing people, who are left out of its ``world``.
+    """Collision test of a robot that starts in contact with standing people; its ``world`` lacks these people.
 
-    left  a test for each of these people
+    left  one test for each of these people
     """
 
-    left: tuple[Leaving, ...] = ()
+    world_with_leaving: tuple[Leaving, ...] = ()
 
     @property
     def yaw_matters(self) -> bool:
@@ -106,7 +113,7 @@ class LeavingCollision(PlanarCollision):
         return True
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether the circles swept by parts about positions (P,) are free, people in contact included."""
+        """Return whether the circles swept by the parts about positions (P,) are free, also of people in contact."""
         free = super().clear(x, y)
         for leaving in self.left:
             free &= leaving.body.clear(x, y)
@@ -120,23 +127,25 @@ class LeavingCollision(PlanarCollision):
         return free
 
 
-def alone(area: BaseGeometry) -> World:
-    """Return a world in which only one area, m, is closed to the robot."""
+def world_of_area(area: BaseGeometry) -> World:
+    """Return a world in which one area, m, is the only closed one."""
     x_min, y_min, x_max, y_max = area.bounds
     extent = shapely.box(x_min - FAR, y_min - FAR, x_max + FAR, y_max + FAR)
     return World.from_polygons([], extent=extent, keep_out=area)
 
 
 def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
-    """Return the collision test of parts in a world; they may leave people in contact at the start."""
+    """Return the collision test of parts in a world; people in contact at the start may be left."""
     if not world.content.left:
         return PlanarCollision(parts, world.for_robots)
-    left = [
-        Leaving(parts, (world.content.people[i].x, world.content.people[i].y), PlanarCollision(parts, alone(body)))
+    world_with_leaving = [
+        Leaving(
+            parts, (world.content.people[i].x, world.content.people[i].y), PlanarCollision(parts, world_of_area(body))
+        )
         for i, body in world.content.bodies.items()
         if i in world.content.left
     ]
-    return LeavingCollision(parts, world.for_robots, tuple(left))
+    return LeavingCollision(parts, world.for_robots, tuple(world_with_leaving))
 
 
 def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, ...]:
@@ -146,12 +155,13 @@ def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, 
     return tuple(
         i
         for i, body in world.content.bodies.items()
-        if shapely.distance(body, here) <= near and not PlanarCollision(parts, alone(body)).states_free(state)[0]
+        if shapely.distance(body, here) <= near
+        and not PlanarCollision(parts, world_of_area(body)).states_free(state)[0]
     )
 
 
-def left(world: World, model: Any, state: States) -> tuple[World, tuple[str, ...]]:
-    """Return the world for a robot that starts in a state (1,), with people in contact marked to be left, and notes.
+def world_with_leaving(world: World, model: Any, state: States) -> tuple[World, tuple[str, ...]]:
+    """Return the world for a robot that starts in a state (1,), with people in contact marked as such, and notes.
 
     For a model without upright parts in the plane the world is returned unchanged.
     """

@@ -12,19 +12,19 @@ import shapely
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
-from hpop.models.joints import Joint, carried, swept_corners, total
+from hpop.models.joints import Joint, carried_point, joint_sum, swept_corners
 from hpop.motions import States
 
 
 @checked_arguments
 @dataclass(frozen=True)
 class Part:
-    """Convex prism in the frame of the base.
+    """Convex prism in the frame of the base: the hull of its corners, grown by a radius.
 
-    corners       (x ahead, y left) m; one corner is a disc
-    radius        m, by which the hull of the corners is grown
+    corners       (x ahead, y left) m; a single corner makes a disc
+    radius        m
     z_min, z_max  m above the floor
-    on            joints that carry it, the one on the base first; the geometry is for all of them at 0
+    on            joints that carry the part, from the base outwards; the geometry is that at joint values of 0
     """
 
     corners: tuple[tuple[float, float], ...]
@@ -35,7 +35,7 @@ class Part:
 
     @cached_property
     def reach(self) -> float:
-        """Distance of the farthest point from the axis of the base, m, wherever its joints are."""
+        """Largest distance of its points from the axis of the base, m, at any joint values."""
         if self.on:
             return self.swept.reach
         return max(math.hypot(*corner) for corner in self.corners) + self.radius
@@ -47,7 +47,7 @@ class Part:
 
     @cached_property
     def swept(self) -> Part:
-        """Part without joints that contains this one at all joint values; itself, if it has no joints."""
+        """Part without joints that contains this one at all joint values; the part itself, if it has no joints."""
         if not self.on:
             return self
         points, grown = swept_corners(np.array(self.corners, float), self.on)
@@ -62,15 +62,15 @@ class Part:
         return replace(self, z_min=low, z_max=high, on=())
 
     def lift(self, states: States) -> FloatArray:
-        """Return the lift (N,), m, by joints in each state."""
-        return np.asarray(np.zeros(states.size) + total(self.on, "up", states))
+        """Return the height (N,), m, by which joints lift the part in each state."""
+        return np.asarray(np.zeros(states.size) + joint_sum(self.on, "up", states))
 
     def placed(self, states: States) -> FloatArray:
         """Return corners (N, c, 2), m, world frame, in each state."""
         if self.on:
             columns = {name: getattr(states, name)[:, None] for name in ("x", "y", "yaw", *joints_of([self]))}
             ahead, left = np.array(self.corners, float).T[:, None]  # (1, c) each
-            return np.stack(carried((ahead, left), self.on, States(**columns)).place, axis=2)
+            return np.stack(carried_point((ahead, left), self.on, States(**columns)).place, axis=2)
         ahead, left = np.array(self.corners).T
         cos, sin = np.cos(states.yaw)[:, None], np.sin(states.yaw)[:, None]
         x = states.x[:, None] + cos * ahead - sin * left
@@ -84,7 +84,7 @@ def joints_of(parts: Iterable[Part]) -> tuple[str, ...]:
 
 
 def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: float) -> tuple[Part, ...]:
-    """Return a polygon as convex parts: itself, or its triangles if it is not convex.
+    """Return a polygon as convex parts: a single part, or triangles if it is not convex.
 
     >>> len(convex_parts(((1, 1), (-1, 1), (-1, -1), (1, -1)), 0, 1))
     1

@@ -29,14 +29,14 @@ if TYPE_CHECKING:
 
 TOUCH = 1e-9  # m: a disc may touch
 TURN_SAMPLE = math.radians(5.0)  # rad: a turn is covered by hulls of outlines at most this far apart
-LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map are in each part's box
-TOGETHER = 4096  # hulls that are checked between two checks of the limits
+LONG = 4.0  # m: longer straight moves are halved, so that few edges of the map are in the bounding box of a piece
+TOGETHER = 4096  # number of hulls tested between two checks of the limits
 LEVEL = 0.01  # m: heights of parts on joints are rounded to multiples
 CURVE_MARGIN = 2e-3  # m: margin of the hulls that cover a curve, which sets their spacing
 
 
-def reason(world: World, part: Part, x: float, y: float) -> str:
-    """Return what blocks a part of a robot at a position of its axis and what helps, without the last full stop."""
+def blocking_reason(world: World, part: Part, x: float, y: float) -> str:
+    """Return what blocks a part of a robot whose axis is at (x, y), and a remedy, without the final full stop."""
     here = shapely.Point(x, y)
     if not shapely.covers(world.extent, here):
         x_min, y_min, x_max, y_max = world.bounds
@@ -89,10 +89,13 @@ class PlanarCollision:
         return any(part.on for part in self.parts)
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Return whether the circles that the parts sweep about positions (P,) are free: then every yaw and turn is."""
+        """Return whether the circles that the parts sweep about positions (P,) are free.
+
+        Then every yaw and turn is free.
+        """
         reaches: dict[FreeSpace, float] = {}  # of the widest part in each: mostly all parts have one in common
         for part in (part.swept for part in self.parts):
-            space = self._space(part)
+            space = self._free_space(part)
             reaches[space] = max(part.reach, reaches.get(space, 0.0))
         free = np.ones(x.size, dtype=bool)
         for space, reach in reaches.items():
@@ -101,10 +104,10 @@ class PlanarCollision:
         return free
 
     def differs(self, before: PlaneCollision, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
-        """Return where (P,), within a distance, m, collisions may differ from an earlier world's."""
+        """Return a mask (P,) of positions where collisions within ``within`` m may differ from an earlier world's."""
         if not isinstance(before, PlanarCollision) or before.parts != self.parts or self.posture_matters:
             return np.ones(x.shape, dtype=np.bool_)
-        spaces = {self._space(part): before._space(part) for part in self.parts}
+        spaces = {self._free_space(part): before._free_space(part) for part in self.parts}
         found = np.zeros(x.shape, dtype=np.bool_)
         for now, then in spaces.items():
             found |= now.differs(then, x, y, within)
@@ -135,15 +138,15 @@ class PlanarCollision:
         return self._every_part(free, len(motions))
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and what helps, without the last full stop; "" when it is free."""
+        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
         blocked = next((part for part in self.parts if not self.part_free(part, state)[0]), None)
         if blocked is None:
             return ""
         lift = float(blocked.lift(state)[0])
         blocked = blocked.between(blocked.z_min + lift, blocked.z_max + lift) if blocked.on else blocked
-        return reason(self.world, blocked, float(state.x[0]), float(state.y[0]))
+        return blocking_reason(self.world, blocked, float(state.x[0]), float(state.y[0]))
 
-    def _space(self, part: Part) -> FreeSpace:
+    def _free_space(self, part: Part) -> FreeSpace:
         return self.world.free_space((part.z_min, part.z_max))
 
     def _every_part(self, test: Callable[[Part, BoolArray], BoolArray], size: int) -> BoolArray:
@@ -156,7 +159,7 @@ class PlanarCollision:
     def _outlines_free(self, part: Part, corners: FloatArray, margin: float, *ends: States) -> BoolArray:
         """Return whether hulls of corners (N, c, 2), grown by a margin, are free at the heights of a part.
 
-        Heights of carried parts are rounded outwards, so that few differ.
+        ends  states at which joints determine these heights; they are rounded outwards, so that few differ
         """
         if not part.on:
             return self._hulls_free(part, corners, margin)
@@ -171,7 +174,7 @@ class PlanarCollision:
         return free
 
     def _carried_free(self, part: Part, start: States, end: States) -> BoolArray:
-        """Cover motions of a part that joints carry by hulls of outlines at neighbouring states.
+        """Return whether a part carried by joints is free, by hulls of its outlines at neighbouring states.
 
         All states change evenly. In a piece in which base and hinges turn by Δ together and slides go S, a point at
         distance r from their axes leaves its chord by no more than (r Δ² + 2 Δ S)/8.
@@ -198,7 +201,7 @@ class PlanarCollision:
 
     def _hulls_free(self, part: Part, corners: FloatArray, margin: float) -> BoolArray:
         """Return whether convex hulls of corners (N, c, 2), grown by a margin, are free: cheap tests decide most."""
-        space = self._space(part)
+        space = self._free_space(part)
         centre = corners.mean(axis=1)
         round_it = np.hypot(*(corners - centre[:, None]).transpose(2, 0, 1)).max(axis=1, initial=0.0)
         distance = space.clearance(centre[:, 0], centre[:, 1])
@@ -212,10 +215,11 @@ class PlanarCollision:
         return free
 
     def _straight_free(self, part: Part, start: FloatArray, end: FloatArray) -> BoolArray:
-        """Return whether a part is free on straight moves, from corners (N, c, 2) to others.
+        """Return whether a part is free on straight moves, from corners (N, c, 2) ``start`` to corners ``end``.
 
-        A long move is halved until its middle is found blocked, or its parts are short. The parts together sweep the
-        same area as the move.
+        A long move is halved until its middle is found blocked or its pieces are short. The pieces together sweep the
+        area of the
+        move.
         """
         free, owner = np.ones(len(start), dtype=bool), np.arange(len(start))
         while (long := np.hypot(*(end - start)[:, 0].T) > LONG).any():
@@ -223,7 +227,7 @@ class PlanarCollision:
             middle = (start[long] + end[long]) / 2
             centre = middle.mean(axis=1)
             away = np.hypot(*(np.concatenate([start, end], axis=1)[long] - centre[:, None]).transpose(2, 0, 1))
-            distance = self._space(part).clearance(centre[:, 0], centre[:, 1])
+            distance = self._free_space(part).clearance(centre[:, 0], centre[:, 1])
             free[owner[long][distance < part.radius - TOUCH]] = False
             settled = np.zeros(len(start), dtype=bool)
             settled[long] = distance >= part.radius + away.max(axis=1) + TOUCH
@@ -240,10 +244,12 @@ class PlanarCollision:
         return free
 
     def _turns_free(self, part: Part, start: States, end: States, *, moving: bool) -> BoolArray:
-        """Cover turns, in place or on the move, by hulls of outlines at neighbouring yaws, grown by the bulge between.
+        """Return whether a part is free on turns, in place or moving, by hulls of outlines at neighbouring yaws.
 
-        In place a point leaves the chord of its arc by no more than the sagitta, r (1 - cos(Δ/2)). On a straight way
-        its arc is carried along evenly: it leaves the chord that is gone evenly by no more than r Δ²/8.
+        Hulls are grown by the bulge of the arcs between. In place, a point leaves the chord of its arc by no more than
+        the sagitta,
+        r (1 - cos(Δ/2)). On a straight path the arc moves evenly along, and the point leaves its chord by no more than
+        r Δ²/8.
         """
         turned = np.abs(end.yaw - start.yaw)
         pieces = np.maximum(1, np.ceil(turned / TURN_SAMPLE)).astype(np.int64)
@@ -262,10 +268,10 @@ class PlanarCollision:
         return free
 
     def _curves_free(self, part: Part, motions: Motions, at: BoolArray) -> BoolArray:
-        """Cover curves by hulls of outlines at neighbouring moments, grown by how far points bend between.
+        """Return whether a part is free on curves, by covering hulls of outlines at neighbouring times.
 
-        A point at distance r from the axis accelerates by no more than |a| + |v ω| + r (|α| + ω²), A, and so leaves the
-        chord of its way in a time Δ by no more than A Δ²/8.
+        Hulls are grown by the bulge of paths between. A point at distance r from the axis accelerates by no more than
+        A = |a| + |v ω| + r (|α| + ω²), so within a time Δ it leaves its chord by no more than A Δ²/8.
         """
         start, end, law = motions.start.take(at), motions.end.take(at), motions.law
         lasts = motions.duration[at]
@@ -291,7 +297,10 @@ class PlanarCollision:
 
 
 def _hulls(corners: FloatArray, *, straight: bool) -> NDArray[np.object_]:
-    """Return convex hulls of corners (N, c, 2); with ``straight`` the line of two, made in a tenth of the time."""
+    """Return convex hulls of corners (N, c, 2).
+
+    ``straight`` means two corners each, which takes a tenth of the time.
+    """
     size, count, _ = corners.shape
     if count == 2 and straight:
         return np.asarray(shapely.linestrings(corners), dtype=object)

@@ -18,13 +18,13 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.models.collision.parts import Part, joints_of
-from hpop.models.collision.planar import reason
+from hpop.models.collision.planar import blocking_reason
 from hpop.motions import Law, Motions, States, is_curve, slopes
 
 if TYPE_CHECKING:
     from hpop.world import World
 
-MARGIN = 1e-6  # m: the robot is shrunk by this, so that touching is no collision
+MARGIN = 1e-6  # m: the robot is shrunk by this margin, so that touching is no collision
 SPACING = 0.05  # m or rad: distance between sampled states of a motion
 SAMPLES = 2**14  # states in one block
 CURVE_STEPS = 8  # samples of the speed of a curve, for its sampling
@@ -63,7 +63,7 @@ class SolidCollision:
                 continue
             for triangle in shapely.get_parts(shapely.constrained_delaunay_triangles(shape)):
                 corners = np.array(triangle.exterior.coords[:3])
-                objects.append(fcl.CollisionObject(_convex(corners, low, high), fcl.Transform()))
+                objects.append(fcl.CollisionObject(_convex_prism(corners, low, high), fcl.Transform()))
         manager = fcl.DynamicAABBTreeCollisionManager()
         manager.registerObjects(objects)
         manager.setup()
@@ -98,16 +98,16 @@ class SolidCollision:
         counts = _sample_counts(law, start, end, self._names)
         together = np.cumsum(counts) // SAMPLES
         for part in (np.flatnonzero(together == number) for number in np.unique(together)):
-            rows, owner = _dense(law, start.take(part), end.take(part), counts[part], self._names)
+            rows, owner = _sampled_states(law, start.take(part), end.take(part), counts[part], self._names)
             free[part] = np.bincount(owner, ~self._rows_free(rows), minlength=part.size) == 0
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and what helps, in words without the last full stop; "" when it is free."""
+        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
         if self.states_free(state)[0]:
             return ""
         blocked = (part for part in self.parts if not SolidCollision((part,), self.world).states_free(state)[0])
-        return reason(self.world, next(blocked), float(state.x[0]), float(state.y[0]))
+        return blocking_reason(self.world, next(blocked), float(state.x[0]), float(state.y[0]))
 
     @cached_property
     def _plan(self) -> shapely.Geometry:
@@ -116,7 +116,7 @@ class SolidCollision:
         shapely.prepare(plan)
         return plan
 
-    def _in_the_open(self, places: NDArray[np.floating[Any]]) -> BoolArray:
+    def _far_from_prisms(self, places: NDArray[np.floating[Any]]) -> BoolArray:
         """Return whether positions (N, 3) are farther from every prism, seen from above, than the robot reaches."""
         reach = max(part.reach for part in self.parts)
         near = shapely.dwithin(self._plan, shapely.points(places[:, :2]), reach + MARGIN)
@@ -130,10 +130,10 @@ class SolidCollision:
         )  # a disc on the axis is the same at every yaw
         places, inverse = np.unique(places, axis=0, return_inverse=True)
         free = np.asarray(shapely.intersects_xy(self.world.extent, places[:, 0], places[:, 1]))
-        for i in np.flatnonzero(free & ~self._in_the_open(places)):
+        for i in np.flatnonzero(free & ~self._far_from_prisms(places)):
             place = dict(zip(self._names, places[i].tolist(), strict=True))
             for part, body in self._robot:
-                body.setTransform(_placed(part, place))
+                body.setTransform(_transform_of(part, place))
                 data = fcl.CollisionData()
                 self._obstacles.collide(body, data, fcl.defaultCollisionCallback)
                 if data.result.is_collision:
@@ -155,8 +155,10 @@ def _sample_counts(law: Law, start: States, end: States, names: Sequence[str]) -
     return pieces + 1
 
 
-def _dense(law: Law, start: States, end: States, counts: IntArray, names: Sequence[str]) -> tuple[FloatArray, IntArray]:
-    """Return rows of states (N, k), ``counts`` along each motion (M,), evenly spaced; and their motions (N,)."""
+def _sampled_states(
+    law: Law, start: States, end: States, counts: IntArray, names: Sequence[str]
+) -> tuple[FloatArray, IntArray]:
+    """Return rows of states (N, k), ``counts`` (M,) evenly along each motion, and each row's motion (N,)."""
     owner, number = numbered(counts)
     share = number / (counts - 1)[owner]
     begin, stop = start.take(owner), end.take(owner)
@@ -172,25 +174,25 @@ def _part_geometry(part: Part) -> Any:
     corners = np.array(part.corners)
     centre = corners.mean(axis=0)
     shrunk = centre + (corners - centre) * (1 - MARGIN / part.reach)
-    return _convex(shrunk, part.z_min + MARGIN, part.z_max - MARGIN)
+    return _convex_prism(shrunk, part.z_min + MARGIN, part.z_max - MARGIN)
 
 
-def _placed(part: Part, place: dict[str, float]) -> Any:
+def _transform_of(part: Part, place: dict[str, float]) -> Any:
     if not part.on:
-        return _on_base(part, place["x"], place["y"], place["yaw"])
-    frame = _shifted(place["x"], place["y"], 0.0) @ _rotated(place["yaw"])
+        return _transform_on_base(part, place["x"], place["y"], place["yaw"])
+    frame = _translation(place["x"], place["y"], 0.0) @ _rotation_matrix(place["yaw"])
     for joint in part.on:
         value, (ahead, left) = place[joint.name], joint.at
         if joint.along == "round":
-            frame = frame @ _shifted(ahead, left, 0.0) @ _rotated(value) @ _shifted(-ahead, -left, 0.0)
+            frame = frame @ _translation(ahead, left, 0.0) @ _rotation_matrix(value) @ _translation(-ahead, -left, 0.0)
         else:
-            frame = frame @ _shifted(*(value * (joint.along == axis) for axis in ("ahead", "left", "up")))
+            frame = frame @ _translation(*(value * (joint.along == axis) for axis in ("ahead", "left", "up")))
     if len(part.corners) == 1:
-        frame = frame @ _shifted(*part.corners[0], (part.z_min + part.z_max) / 2)
+        frame = frame @ _translation(*part.corners[0], (part.z_min + part.z_max) / 2)
     return fcl.Transform(frame[:3, :3], frame[:3, 3])
 
 
-def _on_base(part: Part, x: float, y: float, yaw: float) -> Any:
+def _transform_on_base(part: Part, x: float, y: float, yaw: float) -> Any:
     cos, sin = math.cos(yaw), math.sin(yaw)
     rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
     if len(part.corners) > 1:
@@ -200,16 +202,16 @@ def _on_base(part: Part, x: float, y: float, yaw: float) -> Any:
     return fcl.Transform(rotation, np.array([x + cos * ahead - sin * left, y + sin * ahead + cos * left, middle]))
 
 
-def _rotated(yaw: float) -> FloatArray:
+def _rotation_matrix(yaw: float) -> FloatArray:
     cos, sin = math.cos(yaw), math.sin(yaw)
     return np.array([[cos, -sin, 0.0, 0.0], [sin, cos, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def _shifted(x: float, y: float, z: float) -> FloatArray:
+def _translation(x: float, y: float, z: float) -> FloatArray:
     return np.array([[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]])
 
 
-def _convex(corners: FloatArray, z_min: float, z_max: float) -> Any:
+def _convex_prism(corners: FloatArray, z_min: float, z_max: float) -> Any:
     """Return a convex prism over corners (c, 2) in order."""
     count = len(corners)
     if shapely.Polygon(corners).exterior.is_ccw is False:

@@ -1,9 +1,10 @@
-"""Collisions of a base that carries an arm: of the base in the plane, of the links in space.
+"""Collision tests of a mobile base with an arm: of the base in the plane, and of the links in space.
 
-The base collides with obstacles, keep-out zones and the border of the extent as it does alone. Links collide with
-solids, one another and the base. For the links, base and arm are one chain with x, y and yaw as its first joints: a
-drive, a turn in place and a reach each change joints evenly with the share done, so proofs for an arm's motions hold
-for all of them.
+The base is tested against obstacles, keep-out zones and the border of the extent, as without an arm. Links are tested
+against solids, one another and the base. For the links, base and arm form one chain with x, y and yaw as first joints.
+A
+drive, a turn in place and a reach each change these joints linearly, so proofs for an arm's motions hold for all of
+them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from hpop.world import World
 from hpop.world.geometry.solids import Cylinder, Hull, Solid
 
 BASE = 3  # joints by which the base moves, and the frame that moves with it
-PLATFORM = "mobile base"  # as messages call it, among the links
+PLATFORM = "mobile base"  # name of the base among the links in messages
 
 
 def carried_chain(space: StateSpace, chain: Chain) -> Chain:
@@ -51,12 +52,15 @@ def carried_parts(parts: Sequence[ArmPart], platform: Sequence[Prism]) -> tuple[
     """Return the solids of an arm in the frames of the carried chain, and the solids of the base."""
     return (
         *(replace(part, frame=BASE + part.frame) for part in parts),
-        *(ArmPart(PLATFORM, BASE, upright(prism)) for prism in platform),
+        *(ArmPart(PLATFORM, BASE, upright_solid(prism)) for prism in platform),
     )
 
 
-def upright(prism: Prism) -> Solid:
-    """Return a prism of a base as a solid in its frame: a cylinder for one corner, else a hull."""
+def upright_solid(prism: Prism) -> Solid:
+    """Return an upright prism of a base as a solid in the base's frame.
+
+    A cylinder if it has one corner, else a hull.
+    """
     pose, (z_min, z_max) = np.eye(4), (prism.z_min, prism.z_max)
     if len(prism.corners) == 1:
         pose[:3, 3] = (*prism.corners[0], 0.5 * (z_min + z_max))
@@ -68,17 +72,17 @@ def upright(prism: Prism) -> Solid:
 def touching_platform(
     chain: Chain, parts: Sequence[ArmPart], apart: frozenset[Pair], platform: Sequence[Prism]
 ) -> frozenset[Pair]:
-    """Return pairs of a link and the base that touch in each of 10,000 states drawn of an arm: by design.
+    """Return the pairs of a link and the base that touch in each of 10,000 random states of the arm, hence by design.
 
     Parts and frames are those of the arm's own chain.
     """
     links = dict.fromkeys(part.link for part in parts)
     known = apart | {pair_of(*pair) for pair in combinations(links, 2)}
-    return always_touching(chain, [*parts, *(ArmPart(PLATFORM, 0, upright(prism)) for prism in platform)], known)
+    return always_touching(chain, [*parts, *(ArmPart(PLATFORM, 0, upright_solid(prism)) for prism in platform)], known)
 
 
 @dataclass(frozen=True, eq=False)
-class Both:
+class BaseAndLinks:
     """Collision test that needs both the base and the links to be free."""
 
     base: Collision
@@ -98,7 +102,7 @@ class Both:
         return free
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and what helps, without the last full stop; "" when it is free."""
+        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
         return self.base.why_blocked(state) or self.links.why_blocked(state)
 
 
@@ -121,7 +125,7 @@ class LinksJudge(ArmJudge):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MobileCollision(Both):
+class MobileCollision(BaseAndLinks):
     """Collision test for planning: exact for a base on straight moves, proved for the links.
 
     platform  prisms of the base

@@ -25,7 +25,7 @@ from hpop.models.joints import legs_of_joints
 from hpop.models.laws import cruise_speed
 from hpop.models.mobile_arm.collision import (
     PLATFORM,
-    Both,
+    BaseAndLinks,
     Links,
     LinksJudge,
     MobileCollision,
@@ -33,7 +33,16 @@ from hpop.models.mobile_arm.collision import (
     carried_parts,
     touching_platform,
 )
-from hpop.models.rigid import Mount, RigidPose, RigidTwist, RigidTwistRate, farthest, is_planar, rigid_body, turned_body
+from hpop.models.rigid import (
+    Mount,
+    RigidPose,
+    RigidTwist,
+    RigidTwistRate,
+    is_planar,
+    motion_bounds,
+    rigid_body,
+    turned_body,
+)
 from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES
@@ -60,7 +69,7 @@ from hpop.world import World
 from hpop.world.geometry.solids import Shape
 
 AXIS = Mount()  # of the base, on the floor
-UNFOLDED = 1e-6  # rad or m: an arm is folded if no joint is farther from where it is then
+UNFOLDED = 1e-6  # rad or m: largest deviation of a joint of a folded arm
 REACH = "reach"  # law of the arm
 CARRIES = frozenset({"base", "plane", "rigid"})  # what a base provides that can carry an arm
 
@@ -191,7 +200,7 @@ class MobileArm(OnBase, Model):
         return self._kinematics.twist(body, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of that twist."""
+        """Return the derivative of the twist of a body."""
         if body == "base":
             return RigidTwistRate(AXIS, states, rates, changes)
         return self._kinematics.twist_rate(body, states, rates, changes)
@@ -213,7 +222,7 @@ class MobileArm(OnBase, Model):
         """Return bounds (M,), m and rad, on how far any body moves and turns."""
         if isinstance(motions.law, Reach):
             return self.arm.extent(motions)
-        return farthest(motions, self._lever)
+        return motion_bounds(motions, self._lever)
 
     @cached_property
     def _lever(self) -> float:
@@ -251,20 +260,20 @@ class MobileArm(OnBase, Model):
         start, end = states.take(slice(0, count)), states.take(slice(-count, None))
         yield from joint_faults(self.arm.chain, self.arm.laws[REACH], start, end, np.arange(count))
         drives = [i for i, kind in enumerate(trajectory.kinds) if kind in self._drives]
-        for i in np.array(drives, int)[self._unfolded(states.take(drives))][:1].tolist():
+        for i in np.array(drives, int)[self._is_unfolded(states.take(drives))][:1].tolist():
             yield f"drives with its arm unfolded in motion {i}, a {trajectory.kinds[i]}"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return motions (M,) that are doubtful for the base, for the arm, or for both together."""
         found = self.base.doubtful(law, start, end) | self.arm.doubtful(self.arm.laws[REACH], start, end)
-        return found | self._unfolded(start) if law.kind in self._drives else found
+        return found | self._is_unfolded(start) if law.kind in self._drives else found
 
     @property
     def _drives(self) -> frozenset[str]:
         """Laws of the base."""
         return frozenset(self.laws) - {REACH}
 
-    def _unfolded(self, states: States) -> BoolArray:
+    def _is_unfolded(self, states: States) -> BoolArray:
         """Return in which states (N,) the arm is not folded."""
         rest = States(**{name: np.full(states.size, value) for name, value in self._rest.items()})
         off = self.arm.space.differences(rest, states).values()
@@ -282,10 +291,10 @@ class MobileArm(OnBase, Model):
         links = Links(self.chain, self.parts, self.apart, world)
         return MobileCollision(PlanarCollision(self.platform, world), links, self.platform, world)
 
-    def judge(self, world: World) -> Both:
+    def judge(self, world: World) -> BaseAndLinks:
         """Return the judge by python-fcl: the base every 5 cm or 3 degrees, the links every 1 mm."""
         links = LinksJudge(self.chain, self.parts, self.apart, world)
-        return Both(SolidCollision(self.platform, world), links)
+        return BaseAndLinks(SolidCollision(self.platform, world), links)
 
     def describe(self) -> dict[str, Any]:
         """Return JSON-able parameters, enough to build the same robot."""
@@ -306,9 +315,11 @@ def _check_parts(arm: Any, base: Any) -> None:
         raise ModelError("the camera is the arm's: leave view out of its base, and give field_of_view to the arm")
     if taken := [name for name in arm.joints if name in base.space.names]:
         raise ModelError(
-            f"the arm's joint {shown(taken[0])} is called as a state of its base is; rename it in the URDF"
+            f"the arm's joint {shown(taken[0])} has the name of a state of the base; rename it in the URDF"
         )
     if taken := [kind for kind in base.laws if kind == REACH]:
-        raise ModelError(f"a law of the base is called {taken[0]!r}, as the arm's is; call it otherwise")
+        raise ModelError(f"a law of the base is called {taken[0]!r}, which is the arm's law; rename it")
     if any(part.link == PLATFORM for part in arm.parts):
-        raise ModelError(f"a link of the arm is called {PLATFORM!r}, as what carries it is; rename it in the URDF")
+        raise ModelError(
+            f"a link of the arm is called {PLATFORM!r}, which is the name of its base; rename it in the URDF"
+        )

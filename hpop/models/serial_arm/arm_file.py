@@ -1,7 +1,8 @@
 """Arms from URDF and SRDF files: read once, assembled, with hashes for saved fronts, and notes on oddities.
 
-SRDFs are written for several variants of a robot, so their links and joints need not exist. A misspelt name looks no
-different, so notes mention both.
+SRDFs are written for several variants of a robot, so links and joints that they name need not exist. A misspelt name
+looks
+the same as such a name, so both give a note.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
 from hpop.errors import ModelError, did_you_mean
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
-from hpop.models.serial_arm.meshes import found_mesh, hulls, mesh_bytes
+from hpop.models.serial_arm.meshes import hulls, mesh_bytes, mesh_path
 from hpop.models.serial_arm.urdf import Robot, Semantics, UrdfJoint, UrdfMesh, read_srdf, read_urdf
 from hpop.world.files import sha256
 from hpop.world.geometry.solids import Hull, Solid
@@ -40,9 +41,9 @@ ROUNDED = 5e-4
 class Assembly(NamedTuple):
     """Arm that results from a URDF and a choice of its tip.
 
-    chain   the joints that move, with the body "tool"
-    places  position of each link
-    stands  value, rad or m, of each joint that could move, but stands
+    chain   joints that move, with the body "tool"
+    places  frame that carries each link, and the pose of the link in this frame
+    stands  value, rad or m, of each joint that could move but is fixed
     """
 
     chain: Chain
@@ -50,7 +51,7 @@ class Assembly(NamedTuple):
     stands: Mapping[str, float]
 
 
-def assembled(
+def assemble(
     robot: Robot, tip: str, base: FloatArray, fixed: Mapping[str, float], acceleration: float | Mapping[str, float]
 ) -> Assembly:
     """Return the chain from the root of a robot to a tip; the root has the pose ``base`` (4, 4) in the world.
@@ -61,7 +62,7 @@ def assembled(
     for parameter, name in ((parameter, name) for parameter, values in given.items() for name in values):
         if name not in robot.joints:
             raise robot.file.error(
-                f"{parameter} gives a value for the joint {shown(name)}, which there is not; its joints are "
+                f"{parameter} gives a value for the joint {shown(name)}, which does not exist; its joints are "
                 f"{', '.join(map(shown, robot.joints))}." + did_you_mean(name, robot.joints)
             )
     ancestry = robot.ancestry(tip)
@@ -71,10 +72,10 @@ def assembled(
     if not joints:
         raise robot.file.error(f"no joint between {shown(robot.root)} and the tip {shown(tip)} moves")
     numbers = {joint.name: i for i, joint in enumerate(joints, 1)}
-    stands = _standing(robot, numbers, fixed)
+    stands = _fixed_values(robot, numbers, fixed)
     places: dict[str, Place] = {robot.root: (0, base)}
     origins = []
-    for joint in _from_the_root(robot):
+    for joint in _joints_from_root(robot):
         frame, pose = places[joint.parent]
         at = pose @ joint.origin
         if joint.name in numbers:
@@ -120,8 +121,11 @@ def parts_of(robot: Robot, places: Mapping[str, Place], hulls: Callable[[UrdfMes
                 yield ArmPart(link, frame, Solid(solid, pose @ geometry.pose, link))
 
 
-def touching(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
-    """Return pairs of links that touch by design: joined directly or through links without solids, or on one frame."""
+def touching_by_design(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
+    """Return pairs of links that touch by design.
+
+    Joined directly or through links without solids, or fixed to one frame.
+    """
     solid = [link for link, shapes in robot.links.items() if shapes]
     pairs = {pair_of(a, b) for a, b in combinations(solid, 2) if places[a][0] == places[b][0]}
     parent = {joint.child: joint.parent for joint in robot.joints.values()}
@@ -133,7 +137,7 @@ def touching(robot: Robot, places: Mapping[str, Place]) -> frozenset[Pair]:
     return frozenset(pairs)
 
 
-def _from_the_root(robot: Robot) -> Iterator[UrdfJoint]:
+def _joints_from_root(robot: Robot) -> Iterator[UrdfJoint]:
     """Yield all joints, each after the joint of its parent."""
     below: dict[str, list[UrdfJoint]] = {}
     for joint in robot.joints.values():
@@ -150,18 +154,18 @@ def _check_moves(robot: Robot, joint: UrdfJoint) -> None:
     way_out = f"if it stands, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
     if joint.kind not in MOVING:
         raise robot.file.error(
-            f"joint {shown(joint.name)}, between the root and the tip, is {joint.kind}; an arm's are fixed, "
-            f"{', '.join(MOVING)}: {way_out}"
+            f"joint {shown(joint.name)}, between the root and the tip, is {joint.kind}; the joints of an arm must "
+            f"be fixed, {', '.join(MOVING)}: {way_out}"
         )
     if joint.mimic is not None:
         raise robot.file.error(
-            f"joint {shown(joint.name)}, between the root and the tip, mimics {shown(joint.mimic.joint)}; joints of an "
-            f"arm move by themselves: {way_out}"
+            f"joint {shown(joint.name)}, between the root and the tip, mimics {shown(joint.mimic.joint)}; the "
+            f"joints of an arm move by themselves: {way_out}"
         )
 
 
-def _standing(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float]) -> dict[str, float]:
-    """Return the value, rad or m, of every joint that could move but stands; a mimicking joint follows its leader."""
+def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float]) -> dict[str, float]:
+    """Return the value, rad or m, of every joint that could move but is fixed; a mimicking joint follows its leader."""
     stands: dict[str, float] = {}
 
     def value(joint: UrdfJoint, followed: tuple[str, ...] = ()) -> float:
@@ -171,7 +175,7 @@ def _standing(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float
             leader = joint.mimic.joint
             if leader not in robot.joints or leader in moving or len(followed) == LONGEST_MIMICRY:
                 raise robot.file.error(
-                    f"joint {shown(joint.name)} mimics {shown(leader)}, which moves, or is no joint that stands; give "
+                    f"joint {shown(joint.name)} mimics {shown(leader)}, which moves or is not a fixed joint; give "
                     f"its value in fixed, as {{{joint.name}: 0.0}}"
                 )
             return joint.mimic.factor * value(robot.joints[leader], (*followed, joint.name)) + joint.mimic.offset
@@ -215,55 +219,57 @@ def _acceleration(robot: Robot, joint: UrdfJoint, given: float | Mapping[str, fl
     return given[joint.name]
 
 
-def strangers(robot: Robot, semantics: Semantics) -> Iterator[str]:
+def unknown_name_notes(robot: Robot, semantics: Semantics) -> Iterator[str]:
     """Yield notes on links, joints and groups in an SRDF that neither the URDF nor the SRDF defines."""
     links = {link for pair in semantics.disabled | semantics.enabled for link in pair} | semantics.lonely
     if strange := sorted(links - robot.links.keys()):
-        yield _unknown("says which links never collide also of", strange, robot.links)
+        yield _unknown_note("excludes collisions of links named", strange, robot.links)
     joints = {joint for values in semantics.states.values() for joint in values} - semantics.loose
     if strange := sorted(joints - robot.joints.keys()):
-        yield _unknown("gives, in states by name, values of the joints", strange, robot.joints)
+        yield _unknown_note("has states with values of joints named", strange, robot.joints)
     for state, group in sorted(semantics.grouped):
         if group not in semantics.groups:
             near = did_you_mean(group, semantics.groups)
             yield (
                 f"the state {shown(state)} of the SRDF is one of the group {shown(group)}, which the SRDF does not "
-                f"define.{near} It has {_listed(sorted(semantics.groups)) or 'none'}"
+                f"define.{near} It has {_names_text(sorted(semantics.groups)) or 'none'}"
             )
 
 
-def undriven(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
+def passive_joint_notes(joints: Iterable[str], semantics: Semantics) -> Iterator[str]:
     """Yield notes on joints between root and tip that the SRDF calls passive, though they are planned for."""
     if passive := sorted(semantics.passive & {*joints}):
         yield (
-            f"the SRDF says that the joints {_listed(passive)} are not driven (passive_joint), but the arm moves by "
-            f"them: give where they stand in fixed, as {{{passive[0]}: 0.0}}"
+            f"the SRDF says that the joints {_names_text(passive)} are not driven (passive_joint), but the arm moves "
+            f"by them: give their values in fixed, as {{{passive[0]}: 0.0}}"
         )
 
 
-def pointless(robot: Robot) -> Iterator[str]:
-    """Yield notes on limits of joints that make no sense and are left out."""
+def invalid_limit_notes(robot: Robot) -> Iterator[str]:
+    """Yield notes on joint limits that contradict one another and are ignored."""
     yield from (joint.doubt for joint in robot.joints.values() if joint.doubt)
 
 
-def uncovered(robot: Robot) -> Iterator[str]:
+def missing_collision_notes(robot: Robot) -> Iterator[str]:
     """Yield notes on links without collision geometry: the visible ones, or all if no link has any."""
     if not any(robot.links.values()):
-        yield "no link of the URDF has <collision> geometry: nothing that the arm does is held against obstacles"
+        yield "no link of the URDF has <collision> geometry: motions of the arm are not checked for collisions"
     elif bare := sorted(robot.bare):
         yield (
-            f"the links {_listed(bare)} have <visual> but no <collision> geometry in the URDF: they are not held "
+            f"the links {_names_text(bare)} have <visual> but no <collision> geometry in the URDF: they are not held "
             "against obstacles"
         )
 
 
-def _unknown(what: str, strange: list[str], known: Iterable[str]) -> str:
-    """Yield a note on names that the URDF does not have."""
+def _unknown_note(what: str, strange: list[str], known: Iterable[str]) -> str:
+    """Return a note on names in the SRDF that the URDF does not have; ``what`` says where the SRDF has them."""
     near = "".join(did_you_mean(name, known) for name in strange[:MOST_NAMED])
-    return f"the SRDF {what} {_listed(strange)}, which the URDF does not have: is it another's?{near}"
+    return (
+        f"the SRDF {what} {_names_text(strange)}, which the URDF does not have: is it the SRDF of another robot?{near}"
+    )
 
 
-def _listed(names: list[str]) -> str:
+def _names_text(names: list[str]) -> str:
     more = [f"{len(names) - MOST_NAMED:,} more"] if len(names) > MOST_NAMED else []
     return ", ".join([*map(shown, names[:MOST_NAMED]), *more])
 
@@ -271,13 +277,14 @@ def _listed(names: list[str]) -> str:
 class ArmFile(NamedTuple):
     """Contents of an arm's files.
 
-    chain    with the bodies "tool" and "camera"
-    parts    its solids
+    chain    moving joints, with the bodies "tool" and "camera"
+    parts    solids of the links
     apart    pairs of links without collision tests: they touch by design, or the SRDF excludes them
     notes    oddities in the files that do not prevent their use
     states   values of the chain's joints by the name of a state
-    unnamed  reasons why other names of the SRDF are no states; under "" the reason for all further names
-    hashes   SHA-256 of the URDF and of its meshes in the order of their names in it, and of the SRDF if there is one
+    unnamed  reasons why other names in the SRDF are no states; under "" the reason for all further names
+    hashes   SHA-256 of the URDF, then of its meshes in the order of their names in it
+    srdf_hash  SHA-256 of the SRDF, or None
     """
 
     chain: Chain
@@ -306,13 +313,13 @@ def read_arm(
     Raises ModelError for a file that is no arm, and for files that are missing or not to be trusted.
     """
     robot = read_urdf(urdf)
-    assembly = assembled(robot, tip, base, fixed, acceleration)
+    assembly = assemble(robot, tip, base, fixed, acceleration)
     hashes = {robot.file.path: sha256(robot.file.data)}
     pieces: dict[tuple[Path, tuple[float, ...]], list[Hull]] = {}
 
     def mesh_hulls(mesh: UrdfMesh) -> list[Hull]:
         try:
-            path = found_mesh(mesh, robot.file.path.parent, packages)
+            path = mesh_path(mesh, robot.file.path.parent, packages)
             key = (path, tuple(mesh.scale.tolist()))
             if key not in pieces:
                 data = mesh_bytes(path)
@@ -326,21 +333,23 @@ def read_arm(
     tool = assembly.chain.mounts["tool"]
     mounts = {"tool": tool, "camera": FrameMount(tool.frame, tool.pose @ camera)}
     chain = replace(assembly.chain, mounts=mounts)
-    apart, semantics = touching(robot, assembly.places), None if srdf is None else read_srdf(srdf)
+    apart, semantics = touching_by_design(robot, assembly.places), None if srdf is None else read_srdf(srdf)
     if semantics is not None:
         solid = [link for link, shapes in robot.links.items() if shapes]
         apart |= semantics.apart(solid)
-    notes = (*uncovered(robot), *pointless(robot))
+    notes = (*missing_collision_notes(robot), *invalid_limit_notes(robot))
     if semantics is not None:
-        notes = (*notes, *strangers(robot, semantics), *undriven(chain.names, semantics))
-    states = {} if semantics is None else _states(chain, semantics)
-    unnamed = {"": NO_SRDF} if semantics is None else _unnamed(chain, semantics)
+        notes = (*notes, *unknown_name_notes(robot, semantics), *passive_joint_notes(chain.names, semantics))
+    states = {} if semantics is None else _named_states(chain, semantics)
+    unnamed = {"": NO_SRDF} if semantics is None else _incomplete_states(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)
     return ArmFile(chain, parts, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash)
 
 
-def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
-    """Return named states that give every joint of the chain; values at most ROUNDED beyond a limit are moved to it.
+def _named_states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
+    """Return the named states that give every joint of the chain.
+
+    Values at most ROUNDED beyond a limit are moved to it.
 
     Other states beyond limits are refused when they are used: MoveIt's own SRDF of the Panda has one.
     """
@@ -354,8 +363,8 @@ def _states(chain: Chain, semantics: Semantics) -> dict[str, Values]:
     return found
 
 
-def _unnamed(chain: Chain, semantics: Semantics) -> dict[str, str]:
-    """Return which joints are missing in the SRDF's states that do not give every joint of the chain."""
+def _incomplete_states(chain: Chain, semantics: Semantics) -> dict[str, str]:
+    """Return, by name, the reason why a state of the SRDF is not usable: it lacks joints of the chain."""
     lacking = {
         name: ", ".join(joint for joint in chain.names if joint not in values)
         for name, values in semantics.states.items()

@@ -92,18 +92,18 @@ def frames(chain: Chain, states: States) -> list[FloatArray]:
     found = [np.broadcast_to(np.eye(4), (states.size, 4, 4))]
     for name, sliding, axis, origin in zip(chain.names, chain.sliding, chain.axes, chain.origins, strict=True):
         value = np.broadcast_to(getattr(states, name), (states.size,))
-        found.append(found[-1] @ origin @ (_slid if sliding else _turned)(axis, value))
+        found.append(found[-1] @ origin @ (_slide_poses if sliding else _rotation_poses)(axis, value))
     return found
 
 
-def _slid(axis: FloatArray, way: FloatArray) -> FloatArray:
+def _slide_poses(axis: FloatArray, way: FloatArray) -> FloatArray:
     """Return the poses (N, 4, 4) of slides (N,), m, along an axis."""
     poses: FloatArray = np.tile(np.eye(4), (way.size, 1, 1))
     poses[:, :3, 3] = way[:, None] * axis
     return poses
 
 
-def _turned(axis: FloatArray, angle: FloatArray) -> FloatArray:
+def _rotation_poses(axis: FloatArray, angle: FloatArray) -> FloatArray:
     """Return the poses (N, 4, 4) of rotations (N,), rad, about an axis (Rodrigues)."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -63,9 +63,9 @@ class ArmCollision:
     @cached_property
     def _scene(self) -> ArmScene:
         """All pairs of bodies that must not touch; stored with the world, which outlives the model."""
-        return self.world.derived(("arm", self.chain, self.parts, self.apart), self._with_pairs)
+        return self.world.derived(("arm", self.chain, self.parts, self.apart), self._scene_with_pairs)
 
-    def _with_pairs(self) -> ArmScene:
+    def _scene_with_pairs(self) -> ArmScene:
         scene = scene_of(self.chain, self.parts, self._solids)
         inside = within_reach(scene, self.chain, NEAR)
         own = [
@@ -96,9 +96,9 @@ class ArmCollision:
     def states_free(self, states: States) -> BoolArray:
         """Return whether the arm is free in each state (N,)."""
         rows = self._rows(states)
-        free = self._within(rows)
+        free = self._is_within(rows)
         rows = rows[free]
-        free[free] = self._blocking(rows, rows, np.zeros_like(rows), KEPT, KEPT) < 0
+        free[free] = self._blocking_pairs(rows, rows, np.zeros_like(rows), KEPT, KEPT) < 0
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
@@ -106,9 +106,9 @@ class ArmCollision:
         if is_coupled(motions.law):
             return self._curves_free(motions)
         start, end = self._rows(motions.start), self._rows(motions.end)
-        free = self._within(start) & self._within(end)
+        free = self._is_within(start) & self._is_within(end)
         start, end = start[free], end[free]
-        free[free] = self._blocking(start, end, np.zeros_like(start), NEAR, KEPT + ROUNDING) < 0
+        free[free] = self._blocking_pairs(start, end, np.zeros_like(start), NEAR, KEPT + ROUNDING) < 0
         return free
 
     def clearance(self, states: States) -> FloatArray:
@@ -155,22 +155,22 @@ class ArmCollision:
             room = found
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and what helps, without the last full stop; "" when it is free."""
+        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
         row = self._rows(state)
-        if not self._within(row)[0]:
-            return self._beyond(row[0])
-        (pair,) = self._blocking(row, row, np.zeros_like(row), KEPT, KEPT).tolist()
+        if not self._is_within(row)[0]:
+            return self._limit_reason(row[0])
+        (pair,) = self._blocking_pairs(row, row, np.zeros_like(row), KEPT, KEPT).tolist()
         if pair < 0:
             return ""
-        names = [self._named(b) for b in self._scene.pairs[pair].tolist()]
+        names = [self._body_name(b) for b in self._scene.pairs[pair].tolist()]
         return f"{names[1]} touches {names[0]}, or is nearer than {1000 * KEPT:g} mm. Take another posture"
 
-    def _named(self, body: int) -> str:
+    def _body_name(self, body: int) -> str:
         if body < len(self.parts):
             return f"the link {self.parts[body].link!r}"
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"
 
-    def _beyond(self, row: FloatArray) -> str:
+    def _limit_reason(self, row: FloatArray) -> str:
         """Return which joint is beyond its limits, in words."""
         chain = self.chain
         k = int(np.flatnonzero(~self._each_within(row[None])[0])[0])
@@ -191,10 +191,10 @@ class ArmCollision:
         ranged = (rows >= self.chain.low - 1e-9) & (rows <= self.chain.high + 1e-9)
         return np.asarray(ranged | (self.chain.turning & np.isfinite(rows)), np.bool_)
 
-    def _within(self, rows: FloatArray) -> BoolArray:
+    def _is_within(self, rows: FloatArray) -> BoolArray:
         return np.asarray(self._each_within(rows).all(axis=1))
 
-    def _blocking(
+    def _blocking_pairs(
         self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
     ) -> IntArray:
         """Return the pair that blocks each segment (M,), -1 where it is free."""
@@ -210,21 +210,24 @@ class ArmCollision:
     def _curves_free(self, motions: Motions) -> BoolArray:
         """Return which curves are free, by testing chords of pieces that bend little."""
         law, start, end = motions.law, motions.start, motions.end
-        most = np.max([self._bends(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)], axis=0)
+        most = np.max(
+            [self._second_derivatives(law, start, end, np.full(len(motions), share)) for share in (0.0, 0.5, 1.0)],
+            axis=0,
+        )
         farthest = np.where(self.chain.sliding, 1.0, self._scene.levers.max(axis=0, initial=0.0))
         pieces = np.ceil(np.sqrt(most @ farthest / (8.0 * BEND))).astype(np.int64).clip(1, MOST_PIECES)
         owner, piece = numbered(pieces)
         begin, stop, count = start.take(owner), end.take(owner), pieces[owner]
         knots = [piece / count, (piece + 1) / count]
-        first, last = (self._on_curve(law, begin, stop, share) for share in knots)
-        bends = np.maximum(*(self._bends(law, begin, stop, share) for share in knots))
+        first, last = (self._values_on_curve(law, begin, stop, share) for share in knots)
+        bends = np.maximum(*(self._second_derivatives(law, begin, stop, share) for share in knots))
         deviation = bends / (8.0 * count[:, None] ** 2)
-        free = self._within(first) & self._within(last)
+        free = self._is_within(first) & self._is_within(last)
         first, last, deviation = first[free], last[free], deviation[free]
-        free[free] = self._blocking(first, last, deviation, NEAR, KEPT + ROUNDING) < 0
+        free[free] = self._blocking_pairs(first, last, deviation, NEAR, KEPT + ROUNDING) < 0
         return np.asarray(np.bincount(owner, ~free, minlength=len(motions)) == 0)
 
-    def _on_curve(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
+    def _values_on_curve(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
         """Return joint values (M, n) at a share of each motion."""
         return self._rows(
             States(
@@ -235,7 +238,7 @@ class ArmCollision:
             )
         )
 
-    def _bends(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
+    def _second_derivatives(self, law: Law, start: States, end: States, share: FloatArray) -> FloatArray:
         """Return absolute second derivatives (M, n) of the joints by the share."""
         bends = np.zeros((share.size, len(self.chain)))
         for k, name in enumerate(self.chain.names):

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 STEP = 1e-3  # m: no point of the arm moves farther from a step to the next
-FIRST_STEPS = 32  # by which the needed number is estimated
-MOST_STEPS = 100_000  # of one motion, whatever its length
+FIRST_STEPS = 32  # number of first steps, from which the required number is estimated
+MOST_STEPS = 100_000  # largest number of steps of one motion
 LIMIT = 1e-6  # rad or m: tolerance of joint limits
-SURE = 0.9  # trusted share of a distance by fcl, less a step
+SURE = 0.9  # share of fcl's distance, less a step, that is trusted as a lower bound
 
 
 class _Steps(NamedTuple):
@@ -65,16 +65,16 @@ class ArmJudge:
     def states_free(self, states: States) -> BoolArray:
         """Return whether the arm is free in each state (N,)."""
         rows = self._rows(states)
-        return np.array([self._touching(self._at(row[None])) == "" for row in rows], dtype=np.bool_)
+        return np.array([self._contact_reason(self._steps_at(row[None])) == "" for row in rows], dtype=np.bool_)
 
     def motions_free(self, motions: Motions) -> BoolArray:
         """Return whether the arm is free at all steps along each motion (M,), both ends included."""
-        each = (self._along(motions, i) for i in range(len(motions)))
-        return np.array([self._touching(steps) == "" for steps in each], dtype=np.bool_)
+        each = (self._steps_along(motions, i) for i in range(len(motions)))
+        return np.array([self._contact_reason(steps) == "" for steps in each], dtype=np.bool_)
 
     def why_blocked(self, state: States) -> str:
-        """Return what blocks one state and what helps, in words without the last full stop; "" when it is free."""
-        reason = self._touching(self._at(self._rows(state)))
+        """Return what blocks one state and a remedy, without the final full stop; "" if the state is free."""
+        reason = self._contact_reason(self._steps_at(self._rows(state)))
         return reason and f"{reason}. Take another posture"
 
     # Places
@@ -95,14 +95,14 @@ class ArmJudge:
             frames.append(frames[-1] @ origin @ moved)
         return frames
 
-    def _at(self, rows: FloatArray) -> _Steps:
+    def _steps_at(self, rows: FloatArray) -> _Steps:
         frames = self._frames(rows)
         poses = np.stack([frames[part.frame] @ part.solid.pose for part in self.parts])[:, :, :3]
         ways = np.linalg.norm(np.diff(poses, axis=1) @ self._corners[:, None], axis=2)  # (P, S - 1, 8)
         return _Steps(rows, poses, ways.max(axis=2))
 
-    def _along(self, motions: Motions, i: int) -> _Steps:
-        """Return one motion in steps so small that no corner moves more than STEP."""
+    def _steps_along(self, motions: Motions, i: int) -> _Steps:
+        """Return the steps of one motion, so small that no corner of the arm moves more than STEP."""
         law, start, end = motions.law, motions.start.take([i]), motions.end.take([i])
         count = FIRST_STEPS
         while True:
@@ -112,7 +112,7 @@ class ArmJudge:
                 for name in self.chain.names
             }
             rows = self._rows(States(**{name: np.broadcast_to(c, share.shape) for name, c in columns.items()}))
-            steps = self._at(rows)
+            steps = self._steps_at(rows)
             longest = float(steps.moved.max(initial=0.0))
             if longest <= STEP or count >= MOST_STEPS:
                 return steps
@@ -148,18 +148,18 @@ class ArmJudge:
         parts = [fcl.CollisionObject(_geometry(part.solid), fcl.Transform()) for part in self.parts]
         return parts + [fcl.CollisionObject(_geometry(solid), _transform(solid.pose)) for solid in self._solids]
 
-    def _touching(self, steps: _Steps) -> str:
-        """Return which bodies touch at some steps, in words; "" if none do."""
+    def _contact_reason(self, steps: _Steps) -> str:
+        """Return which bodies touch at some of the steps, in words; "" if none do."""
         beyond = ~((steps.rows >= self.chain.low - LIMIT) & (steps.rows <= self.chain.high + LIMIT))
         beyond &= ~(self.chain.turning & np.isfinite(steps.rows))
         if beyond.any():
             return f"joint {self.chain.names[int(np.argmax(beyond.any(axis=0)))]!r} is beyond its limits"
         come = np.zeros((len(self._objects), len(steps.rows)))  # distance covered by each object at each step
         come[: len(self.parts), 1:] = np.cumsum(steps.moved, axis=1)
-        pair = next((pair for pair in self._pairs if self._touches(*pair, steps.poses, come)), None)
-        return "" if pair is None else f"{self._named(pair[0])} touches {self._named(pair[1])}"
+        pair = next((pair for pair in self._pairs if self._in_contact(*pair, steps.poses, come)), None)
+        return "" if pair is None else f"{self._body_name(pair[0])} touches {self._body_name(pair[1])}"
 
-    def _touches(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
+    def _in_contact(self, a: int, b: int, poses: FloatArray, come: FloatArray) -> bool:
         """Return whether two objects touch at some steps."""
         one, other = self._objects[a], self._objects[b]
         together, step = come[a] + come[b], 0
@@ -177,7 +177,7 @@ class ArmJudge:
     def _request(self) -> Any:
         return fcl.DistanceRequest()
 
-    def _named(self, body: int) -> str:
+    def _body_name(self, body: int) -> str:
         if body < len(self.parts):
             return f"the link {self.parts[body].link!r}"
         return f"the obstacle {self._solids[body - len(self.parts)].name!r}"

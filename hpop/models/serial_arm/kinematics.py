@@ -41,9 +41,12 @@ class Axes(NamedTuple):
     z: Vector
 
     def along(self, parts: Vector) -> Vector:
-        """Return a vector given in these axes, in the frame of the axes."""
+        """Return the vector with the given components along these axes."""
         x, y, z = (
-            plus(plus(times(self.x[i], parts[0]), times(self.y[i], parts[1])), times(self.z[i], parts[2]))
+            plus_unless_zero(
+                plus_unless_zero(lean_product(self.x[i], parts[0]), lean_product(self.y[i], parts[1])),
+                lean_product(self.z[i], parts[2]),
+            )
             for i in range(3)
         )
         return x, y, z
@@ -79,32 +82,32 @@ class Kinematics:
 
     def __init__(self, chain: Chain) -> None:
         self.chain = chain
-        turns = [_onto(axis) for axis in chain.axes]
+        turns = [_rotation_to_axis(axis) for axis in chain.axes]
         before = [np.eye(4), *turns]
         pairs = zip(before, chain.origins, turns, strict=False)
         self._offsets = [_offset(back.T @ origin @ turn) for back, origin, turn in pairs]
-        self._mounts = {name: self._mounted(mount, before) for name, mount in chain.mounts.items()}
+        self._mounts = {name: self._body_offset(mount, before) for name, mount in chain.mounts.items()}
         self._kept: WeakKeyDictionary[States, Posture] = WeakKeyDictionary()
 
     def __reduce__(self) -> tuple[type[Kinematics], tuple[Chain]]:
         return Kinematics, (self.chain,)
 
-    def _mounted(self, mount: FrameMount, turns: list[FloatArray]) -> Offset:
+    def _body_offset(self, mount: FrameMount, turns: list[FloatArray]) -> Offset:
         if mount.frame != len(self.chain):
             raise ModelError(f"bodies of an arm are at its tip, frame {len(self.chain)}, got frame {mount.frame}")
         return _offset(turns[-1].T @ mount.pose)
 
     def pose(self, body: str, states: States) -> ArmPose:
         """Return the pose of a body in each of the states."""
-        return (ArmPose if states.size <= MANY else ArmPoses)(self, self._of(body), states)
+        return (ArmPose if states.size <= MANY else ArmPoses)(self, self._offset_of(body), states)
 
     def twist(self, body: str, states: States, rates: States) -> ArmTwist:
         """Return the velocity and rotation of a body."""
-        return ArmTwist(self, self._of(body), states, rates)
+        return ArmTwist(self, self._offset_of(body), states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> ArmTwistRate:
         """Return the derivative of the twist of a body."""
-        return ArmTwistRate(self, self._of(body), states, rates, changes)
+        return ArmTwistRate(self, self._offset_of(body), states, rates, changes)
 
     def posture(self, states: States) -> Posture:
         """Return the frames of the chain."""
@@ -120,17 +123,21 @@ class Kinematics:
             value, step = getattr(states, name), axes.along(offset.origin)
             axes = Axes(*(axes.along(axis) for axis in offset.axes))
             if sliding:
-                step = added(step, scaled(value, axes.z))
+                step = vector_sum(step, scaled_vector(value, axes.z))
             else:
                 cos, sin = np.cos(value), np.sin(value)
                 x, y = axes.x, axes.y
-                axes = Axes(added(scaled(cos, x), scaled(sin, y)), added(scaled(cos, y), scaled(-sin, x)), axes.z)
-            origin = added(origin, step)
+                axes = Axes(
+                    vector_sum(scaled_vector(cos, x), scaled_vector(sin, y)),
+                    vector_sum(scaled_vector(cos, y), scaled_vector(-sin, x)),
+                    axes.z,
+                )
+            origin = vector_sum(origin, step)
             steps.append(step)
             lines.append(axes.z)
         return Posture(steps, lines, axes, origin)
 
-    def _of(self, body: str) -> Offset:
+    def _offset_of(self, body: str) -> Offset:
         if body not in self._mounts:
             raise ModelError(f"an arm has the bodies {' and '.join(self._mounts)}, not {body!r}")
         return self._mounts[body]
@@ -150,7 +157,7 @@ class ArmPose:
 
     @cached_property
     def _place(self) -> Vector:
-        return added(self._posture.origin, self._posture.axes.along(self.offset.origin))
+        return vector_sum(self._posture.origin, self._posture.axes.along(self.offset.origin))
 
     @property
     def x(self) -> Column:
@@ -248,10 +255,12 @@ class ArmTwist:
 
     @cached_property
     def spins(self) -> list[Vector]:
-        """ω of frames 0 to n."""
+        """Angular velocities ω of frames 0 to n."""
         spins = [NOTHING]
         for name, sliding, line in self._joints():
-            spins.append(spins[-1] if sliding else added(spins[-1], scaled(getattr(self.rates, name), line)))
+            spins.append(
+                spins[-1] if sliding else vector_sum(spins[-1], scaled_vector(getattr(self.rates, name), line))
+            )
         return spins
 
     @property
@@ -262,10 +271,10 @@ class ArmTwist:
     def velocity(self) -> Vector:
         found = NOTHING
         for (name, sliding, line), spin, step in zip(self._joints(), self.spins, self.posture.steps, strict=False):
-            found = added(found, cross(spin, step))
+            found = vector_sum(found, cross(spin, step))
             if sliding:
-                found = added(found, scaled(getattr(self.rates, name), line))
-        return added(found, cross(self.spins[-1], self.arm))
+                found = vector_sum(found, scaled_vector(getattr(self.rates, name), line))
+        return vector_sum(found, cross(self.spins[-1], self.arm))
 
     @cached_property
     def arm(self) -> Vector:
@@ -288,13 +297,13 @@ class ArmTwistRate(ArmTwist):
 
     @cached_property
     def angular(self) -> list[Vector]:
-        """α of frames 0 to n."""
+        """Angular accelerations α of frames 0 to n."""
         found = [NOTHING]
         for (name, sliding, line), spin in zip(self._joints(), self.spins, strict=False):
             change = found[-1]
             if not sliding:
-                change = added(change, scaled(getattr(self.changes, name), line))
-                change = added(change, cross(spin, scaled(getattr(self.rates, name), line)))
+                change = vector_sum(change, scaled_vector(getattr(self.changes, name), line))
+                change = vector_sum(change, cross(spin, scaled_vector(getattr(self.rates, name), line)))
             found.append(change)
         return found
 
@@ -306,35 +315,37 @@ class ArmTwistRate(ArmTwist):
     def velocity(self) -> Vector:
         found, spins, angular = NOTHING, self.spins, self.angular
         for i, ((name, sliding, line), step) in enumerate(zip(self._joints(), self.posture.steps, strict=True)):
-            found = added(found, carried(angular[i], spins[i], step))
+            found = vector_sum(found, carried_acceleration(angular[i], spins[i], step))
             if sliding:
-                found = added(found, scaled(getattr(self.changes, name), line))
-                found = added(found, scaled(2.0, cross(spins[i], scaled(getattr(self.rates, name), line))))
-        return added(found, carried(angular[-1], spins[-1], self.arm))
+                found = vector_sum(found, scaled_vector(getattr(self.changes, name), line))
+                found = vector_sum(
+                    found, scaled_vector(2.0, cross(spins[i], scaled_vector(getattr(self.rates, name), line)))
+                )
+        return vector_sum(found, carried_acceleration(angular[-1], spins[-1], self.arm))
 
 
-def times(a: Column, b: Column) -> Column:
-    """Return a b; a factor that is the number 0, 1 or -1 costs nothing."""
+def lean_product(a: Column, b: Column) -> Column:
+    """Return a times b; a factor that is the number 0, 1 or -1 adds no operation."""
     for one, other in ((a, b), (b, a)):
         if isinstance(one, float) and one in (0.0, 1.0, -1.0):
             return 0.0 if one == 0.0 else other if one == 1.0 else -other
     return a * b
 
 
-def plus(a: Column, b: Column) -> Column:
+def plus_unless_zero(a: Column, b: Column) -> Column:
     """Return a + b, without adding the number 0."""
     return b if is_zero(a) else a if is_zero(b) else a + b
 
 
-def scaled(factor: Column, vector: Vector) -> Vector:
+def scaled_vector(factor: Column, vector: Vector) -> Vector:
     """Return a vector times a factor."""
-    x, y, z = (times(factor, part) for part in vector)
+    x, y, z = (lean_product(factor, part) for part in vector)
     return x, y, z
 
 
-def added(a: Vector, b: Vector) -> Vector:
+def vector_sum(a: Vector, b: Vector) -> Vector:
     """Return a + b."""
-    x, y, z = (plus(one, other) for one, other in zip(a, b, strict=True))
+    x, y, z = (plus_unless_zero(one, other) for one, other in zip(a, b, strict=True))
     return x, y, z
 
 
@@ -342,17 +353,17 @@ def cross(a: Vector, b: Vector) -> Vector:
     """Return a × b."""
 
     def part(i: int, j: int) -> Column:
-        return plus(times(a[i], b[j]), times(-1.0, times(a[j], b[i])))
+        return plus_unless_zero(lean_product(a[i], b[j]), lean_product(-1.0, lean_product(a[j], b[i])))
 
     return part(1, 2), part(2, 0), part(0, 1)
 
 
-def carried(angular: Vector, spin: Vector, step: Vector) -> Vector:
-    """Return α × r + ω × (ω × r): the acceleration of a point carried by a turning frame."""
-    return added(cross(angular, step), cross(spin, cross(spin, step)))
+def carried_acceleration(angular: Vector, spin: Vector, step: Vector) -> Vector:
+    """Return α × r + ω × (ω × r): the acceleration of a point fixed to a rotating frame."""
+    return vector_sum(cross(angular, step), cross(spin, cross(spin, step)))
 
 
-def _onto(axis: FloatArray) -> FloatArray:
+def _rotation_to_axis(axis: FloatArray) -> FloatArray:
     """Return a rotation (4, 4) that takes z to an axis; for axes of a frame an exact permutation."""
     aside = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(aside, axis)

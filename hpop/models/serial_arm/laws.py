@@ -32,7 +32,10 @@ KRONROD = [49 / 495, 27 / 110, 14 / 45, 27 / 110, 49 / 495]
 
 
 class Extremes(NamedTuple):
-    """Extremes of one joint along motions (M,): values, and greatest absolute speed and acceleration."""
+    """Extremes of one joint along motions (M,).
+
+    Its least and greatest value, and its greatest absolute speed and acceleration.
+    """
 
     low: FloatArray
     high: FloatArray
@@ -44,18 +47,21 @@ class JointLaw(Law, Protocol):
     """Motion law of an arm."""
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return a bound (M,), rad or m, on the distance that a joint travels, back and forth."""
+        """Return a bound (M,), rad or m, on the total travel of a joint, back and forth."""
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
         """Return the exact extremes of a joint along each motion (M,)."""
 
 
 class Excess(NamedTuple):
-    """Value of motions (M,) at one limit of one joint.
+    """Excess of motions (M,) over one limit of one joint.
 
-    quantity  in words; "" for the joint value itself
+    joint     name of the joint
+    quantity  limited quantity in words; "" for the joint value itself
+    unit      unit of the quantity
+    limit     the limit
     value     (M,)
-    over      (M,)  excess over the limit; not positive within it
+    over      (M,)  excess over the limit; at most 0 within it
     """
 
     joint: str
@@ -87,7 +93,10 @@ def doubtful(chain: Chain, law: JointLaw, start: States, end: States) -> BoolArr
 
 
 def faults(chain: Chain, law: JointLaw, start: States, end: States, motions: IntArray) -> Iterator[str]:
-    """Yield each limit that a motion (M,) of a trajectory breaks, where it is broken most."""
+    """Yield each limit that motions of a trajectory break, with the motion that exceeds the limit most.
+
+    motions  (M,)  indices of the motions in the trajectory
+    """
     for excess in excesses(chain, law, start, end):
         if excess.over.max(initial=0.0) > 0.0:
             i = int(np.argmax(excess.over))
@@ -99,14 +108,17 @@ def faults(chain: Chain, law: JointLaw, start: States, end: States, motions: Int
 
 @dataclass(frozen=True)
 class Reach(LawDefaults):
-    """Motion from rest to rest in which all joints have done equal shares of their paths at each moment.
+    """Motion of an arm from rest to rest that is straight in joint space.
+
+    At each moment all joints have done an equal share.
 
     names          of the joints
-    speeds         rad/s or m/s, of each
-    accelerations  rad/s² or m/s², of each
+    speeds         rad/s or m/s, greatest speed of each joint
+    accelerations  rad/s² or m/s², greatest acceleration of each joint
 
     The most restricted joint limits the share: with the changes D, its speed is min v/|D| and its acceleration min
-    a/|D|. Reaches are executed as they are planned, and their durations add up.
+    a/|D|.
+    Reaches are executed as planned, and their durations add up.
     """
 
     names: tuple[str, ...]
@@ -174,14 +186,14 @@ def rate_of(name: str) -> str:
 
 @dataclass(frozen=True)
 class JointSpline:
-    """Piece of a spline: Hermite cubics through the joints and their speeds at both ends.
+    """Piece of a spline: cubic Hermite polynomials through the joint values and speeds at both ends.
 
     names          of the joints
-    speeds         rad/s or m/s, of each, the greatest
-    accelerations  rad/s² or m/s², of each, the greatest
+    speeds         rad/s or m/s, greatest speed of each joint
+    accelerations  rad/s² or m/s², greatest acceleration of each joint
 
-    A state needs more columns than the joints: ``<joint>_rate``, rad/s or m/s, of each, and ``clock`` (s, from any
-    zero; its difference is the motion's duration). It leads to any given state, if the clock goes on.
+    A state needs further columns: ``<joint>_rate``, rad/s or m/s, for each joint, and ``clock`` (s, from any zero; the
+    difference is the motion's duration). The law leads to any given state at a later clock.
     """
 
     names: tuple[str, ...]
@@ -256,12 +268,12 @@ class JointSpline:
         return none, none
 
     def strays(self, start: States, end: States) -> Column:
-        """Return 0 (M,); inf where time runs backwards; where no time passes, the jump of a joint or its speed."""
+        """Return 0 (M,), or inf if time runs backwards; where no time passes, the jump of a joint value or speed."""
         jump = np.max([np.abs(getattr(end, name) - getattr(start, name)) for name in self.varies - {CLOCK}], axis=0)
         return np.where(end.clock > start.clock, 0.0, np.where(end.clock == start.clock, jump, np.inf))
 
     def ways(self, name: str, start: States, end: States) -> Column:
-        """Return a bound (M,), rad or m, on a joint's travel: that between the control points of its cubic."""
+        """Return a bound (M,), rad or m, on a joint's travel: the length of the control polygon of its cubic."""
         first, last = self._tangents(name, start, end)
         span = getattr(end, name) - getattr(start, name)
         return (smooth_abs(first) + smooth_abs(last) + smooth_abs(3.0 * span - first - last)) / 3.0
@@ -274,12 +286,12 @@ class JointSpline:
             self.slopes(name, start, end, 0.0)[0],
             (self.slopes(name, start, end, u)[1] for u in (0.0, 1.0)),
         )
-        fractions = [np.zeros(lasts.size), np.ones(lasts.size), _inside(begin, begin - last)]
+        fractions = [np.zeros(lasts.size), np.ones(lasts.size), _ratios_in_unit_interval(begin, begin - last)]
         root = np.sqrt(np.maximum(0.0, begin * begin - 2.0 * first * (last - begin)))
         values = [*fractions]
         for sign in (1.0, -1.0):  # first + begin u + (last - begin) u² / 2 = 0, without cancellation
             half = -(begin + sign * np.where(begin >= 0, 1.0, -1.0) * root)
-            values += [_inside(half, last - begin), _inside(2.0 * first, half)]
+            values += [_ratios_in_unit_interval(half, last - begin), _ratios_in_unit_interval(2.0 * first, half)]
         places = np.array([self.interpolate(name, start, end, share) for share in values])
         speeds = np.array([np.abs(self.slopes(name, start, end, share)[0]) for share in fractions])
         return Extremes(
@@ -295,8 +307,8 @@ class JointSpline:
         return lasts * getattr(start, rate_of(name)), lasts * getattr(end, rate_of(name))
 
 
-def _inside(above: FloatArray, below: FloatArray) -> FloatArray:
-    """Return the quotients (M,) that lie in [0, 1]; 0 in place of others."""
+def _ratios_in_unit_interval(above: FloatArray, below: FloatArray) -> FloatArray:
+    """Return the quotients (M,) of ``above`` and ``below`` that lie in [0, 1], and 0 for others."""
     some = below != 0.0
     quotient = np.where(some, above / np.where(some, below, 1.0), 0.0)
     return np.where((quotient > 0.0) & (quotient < 1.0), quotient, 0.0)

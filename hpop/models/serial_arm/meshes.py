@@ -1,4 +1,4 @@
-"""Meshes as convex hulls: found within given folders, read by trimesh, refused if not convex."""
+"""Meshes as convex hulls: searched within given folders only, read by trimesh, refused if not convex."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ SAME = 1e-6
 KINDS = ("stl", "obj", "ply", "off")
 
 
-def found_mesh(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
+def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
     """Return the path of a mesh within the URDF's folder or the package that it names; ModelError for other paths."""
     kind, _, rest = mesh.name.partition("://")
     if rest and kind == "package":
         package, _, rest = rest.partition("/")
         if package not in packages:
             raise ModelError(
-                f"the mesh {shown(mesh.name)} is in the package {shown(package)}; say in packages where that is, as "
+                f"the mesh {shown(mesh.name)} is in the package {shown(package)}; give its folder in packages, as "
                 f"{{{printable(package)[:80]}: FOLDER}}" + did_you_mean(package, packages)
             )
         folder = Path(packages[package])
     elif rest and kind != "file":
-        raise ModelError(f"the mesh {shown(mesh.name)} must be a file, or in a package (package://name/...)")
+        raise ModelError(f"the mesh {shown(mesh.name)} must be the path of a file, or package://NAME/...")
     else:
         rest = rest or mesh.name
     path = folder / rest
@@ -60,7 +60,7 @@ def found_mesh(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Pat
 
 def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
     """Return the convex pieces of a mesh, in m; ModelError if one is not convex."""
-    mesh = _loaded(data, path)
+    mesh = _load_mesh(data, path)
     deepest = _depth(mesh, scale, path)
     bodies = [mesh] if deepest <= DEEPEST else mesh.split(only_watertight=False)
     if len(bodies) > MOST_BODIES:
@@ -68,16 +68,16 @@ def hulls(data: bytes, path: Path, scale: FloatArray) -> list[Hull]:
     if deepest > DEEPEST and not (len(bodies) > 1 and all(_is_convex(body, scale, path) for body in bodies)):
         raise _error(
             path,
-            "it is not convex, nor made of convex pieces that do not touch: its surface lies up to "
+            "it is neither convex nor made of separate convex pieces: its surface lies up to "
             f"{deepest:.3g} m within its convex hull; cut it into convex pieces (CoACD and V-HACD do), and give each a "
-            "<collision> with a file of its own; or take boxes, cylinders and spheres, or the mesh's convex hull if "
-            "that is not too much",
+            "<collision> element with its own file; or use boxes, cylinders and spheres, or the mesh's convex hull if "
+            "it is not too large",
         )
     return [Hull(_hull(np.asarray(body.vertices) * scale, path).points) for body in bodies]
 
 
-def _loaded(data: bytes, path: Path) -> Any:
-    """Return a mesh of one piece or several, its vertices merged."""
+def _load_mesh(data: bytes, path: Path) -> Any:
+    """Return a mesh of one piece or several, with merged vertices."""
     try:
         import trimesh  # of the extra hpop[arm]
     except ImportError:
@@ -99,23 +99,23 @@ def _loaded(data: bytes, path: Path) -> Any:
         hint = "write it with triangles alone, as STL"
         raise _error(path, f"it cannot be read ({printable(error)[:80]}); {hint}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
-        raise _error(path, "its corners must have three coordinates each")
+        raise _error(path, "its vertices must have three coordinates each")
     if not 0 < faces <= MOST_FACES:
         raise _error(
             path,
             f"expected 1 to {MOST_FACES:,} faces, found {faces:,}; decimate it (trimesh's simplify_quadric_decimation, "
-            "MeshLab and Blender do), or give its convex hull, a box or a cylinder if that is not too much"
+            "MeshLab and Blender do), or use its convex hull, a box or a cylinder if that is not too large"
             if faces
             else f"expected 1 to {MOST_FACES:,} faces, found none",
         )
     if not np.isfinite(vertices).all():
         raise _error(path, "its coordinates must be finite numbers")
-    joined = _joined(vertices, np.asarray(mesh.faces))
+    joined = _merge_vertices(vertices, np.asarray(mesh.faces))
     return trimesh.Trimesh(*joined, process=False)
 
 
-def _joined(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return corners (V, 3) and faces (F, 3) with each corner once, whatever its normals, and no face flat or twice."""
+def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return vertices (V, 3) and faces (F, 3) without duplicate vertices, flat faces and duplicate faces."""
     size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
     _, first, number = np.unique(np.rint(vertices / (SAME * size)), axis=0, return_index=True, return_inverse=True)
     corners = number.reshape(-1)[faces]
@@ -139,12 +139,12 @@ def _hull(points: FloatArray, path: Path) -> _Convex:
     try:
         found = ConvexHull(points)
     except (QhullError, ValueError):
-        raise _error(path, "it is flat, or has fewer than four corners: no solid") from None
+        raise _error(path, "it is flat, or has fewer than four vertices, so it is no solid") from None
     return _Convex(points[found.vertices], found.equations)
 
 
 def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
-    """Return the depth, m, of a mesh's surface in its convex hull, by the middles of its faces and their sides."""
+    """Return the largest depth, m, of a mesh's surface in its convex hull, at midpoints of faces and edges."""
     corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)] * scale  # (F, 3, 3)
     planes = _hull(corners.reshape(-1, 3), path).planes
     sides = 0.5 * (corners + np.roll(corners, 1, axis=1))
@@ -157,7 +157,7 @@ def _depth(mesh: Any, scale: FloatArray, path: Path) -> float:
 
 
 def _is_convex(piece: Any, scale: FloatArray, path: Path) -> bool:
-    """Return whether a piece of a mesh is a convex solid; pieces that share corners with others are not."""
+    """Return whether a piece of a mesh is a convex solid; a piece that shares vertices with others is not."""
     try:
         return _depth(piece, scale, path) <= DEEPEST
     except ModelError:

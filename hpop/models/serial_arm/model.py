@@ -19,7 +19,7 @@ from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
 from hpop.models.camera import FieldOfView, checked_field_of_view
-from hpop.models.files import is_record, path_of, record, without_places
+from hpop.models.files import is_record, path_of, record, without_paths
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers
 from hpop.models.serial_arm.collision import SAMPLES, ArmCollision, always_touching
@@ -80,13 +80,13 @@ class SerialArm(Model):
     def __post_init__(self) -> None:
         if not isinstance(self.tip, str):
             raise ModelError(f"the tip is the name of a link, got {shown(self.tip)}")
-        packages = _named("packages", self.packages, "folders")
+        packages = _checked_mapping("packages", self.packages, "folders")
         given = {"urdf": self.urdf, "srdf": self.srdf, **{f"package {name}": path for name, path in packages.items()}}
-        paths = {name: _path(name, value) for name, value in given.items() if value is not None or name != "srdf"}
-        fixed = _numbers("fixed", self.fixed, -MOST, "values, rad or m,")
+        paths = {name: _path_text(name, value) for name, value in given.items() if value is not None or name != "srdf"}
+        fixed = _checked_numbers("fixed", self.fixed, -MOST, "values, rad or m,")
         acceleration = self.acceleration
         if isinstance(acceleration, Mapping):
-            acceleration = _numbers("acceleration", acceleration, SLOWEST, "rad/s² or m/s²")
+            acceleration = _checked_numbers("acceleration", acceleration, SLOWEST, "rad/s² or m/s²")
         else:
             acceleration = real("acceleration", acceleration, SLOWEST, MOST, "rad/s² or m/s²", error=ModelError)
         arm = read_arm(
@@ -94,8 +94,8 @@ class SerialArm(Model):
             paths.get("srdf"),
             packages={name: paths[f"package {name}"] for name in packages},
             tip=self.tip,
-            camera=_pose("camera", self.camera),
-            base=_pose("base", self.base),
+            camera=_pose_matrix("camera", self.camera),
+            base=_pose_matrix("base", self.base),
             fixed=fixed,
             acceleration=acceleration,
         )
@@ -140,7 +140,7 @@ class SerialArm(Model):
 
     @cached_property
     def _identity(self) -> str:
-        return json.dumps(without_places(self.describe()), sort_keys=True)
+        return json.dumps(without_paths(self.describe()), sort_keys=True)
 
     # What it is made of
 
@@ -161,7 +161,7 @@ class SerialArm(Model):
 
     @cached_property
     def always_touching(self) -> frozenset[Pair]:
-        """Those pairs of ``apart`` that touch in each of 10,000 random states; none if an SRDF lists pairs."""
+        """Pairs of ``apart`` that touch in each of 10,000 random states; empty if an SRDF lists pairs."""
         return frozenset() if self.srdf is not None else always_touching(self.chain, self.parts, self._arm.apart)
 
     @property
@@ -180,7 +180,7 @@ class SerialArm(Model):
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """All states."""
+        """Names of the joints, which are all states."""
         return self.chain.names
 
     @cached_property
@@ -224,7 +224,7 @@ class SerialArm(Model):
         return self._kinematics.twist(body, states, rates)
 
     def twist_rate(self, body: str, states: States, rates: States, changes: States) -> Twist:
-        """Return the derivative of their twist."""
+        """Return the derivative of the twist of camera or tool."""
         return self._kinematics.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
@@ -248,7 +248,7 @@ class SerialArm(Model):
         return farthest, turned + 0.0 * farthest
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return one reach; joints without limits the shorter way round, joints that are NaN in b as they are in a."""
+        """Return one reach; a joint without limits takes the shorter direction, and a joint that is NaN in b stays."""
         given = States(**{n: np.where(np.isnan(getattr(b, n)), getattr(a, n), getattr(b, n)) for n in self.space.names})
         end = self.space.onward(a, given)
         moved = np.any([np.abs(getattr(end, n) - getattr(a, n)) > NEAR for n in self.space.names], axis=0)
@@ -273,7 +273,7 @@ class SerialArm(Model):
         return doubtful(self.chain, self._joint_law(law.kind), start, end)
 
     def _joint_law(self, kind: str) -> JointLaw:
-        """Return the law of some motions; a hold counts as the end of a reach that leads nowhere."""
+        """Return the law of a kind of motion; a hold counts as the end of a reach of length 0."""
         return self.laws.get(kind, self.laws["reach"])
 
     # Where it collides
@@ -303,15 +303,15 @@ SLOWEST = 1e-6
 WORDS = {"urdf": "URDF", "srdf": "SRDF"}
 
 
-def _path(name: str, given: Any) -> str:
-    """Return a path, or that of a record."""
+def _path_text(name: str, given: Any) -> str:
+    """Return a path as text, also from the record of a file."""
     path = path_of(given, WORDS.get(name, name)) if is_record(given) else given
     if not isinstance(path, str | os.PathLike) or not os.fspath(path):
         raise ModelError(f"{name} is the path of a file, got {shown(given)}")
     return str(os.fspath(path))
 
 
-def _pose(name: str, given: Any) -> FloatArray:
+def _pose_matrix(name: str, given: Any) -> FloatArray:
     """Return a pose (4, 4) from x, y, z, roll, pitch, yaw."""
     try:
         numbers = [
@@ -328,12 +328,12 @@ def _pose(name: str, given: Any) -> FloatArray:
     return pose_of(np.array(numbers[:3]), np.array(numbers[3:]))
 
 
-def _named(name: str, given: Any, what: str) -> dict[str, Any]:
+def _checked_mapping(name: str, given: Any, what: str) -> dict[str, Any]:
     if not isinstance(given, Mapping) or not all(isinstance(key, str) for key in given):
         raise ModelError(f"{name} gives {what} by name, such as {{'name': ...}}, got {shown(given)}")
     return dict(given)
 
 
-def _numbers(name: str, given: Any, least: float, what: str) -> dict[str, float]:
-    named = _named(name, given, what)
+def _checked_numbers(name: str, given: Any, least: float, what: str) -> dict[str, float]:
+    named = _checked_mapping(name, given, what)
     return {key: float(real(f"{name} of {key}", value, least, MOST, error=ModelError)) for key, value in named.items()}

@@ -30,7 +30,7 @@ MOST_SHOWN = 12
 
 
 class UrdfMesh(NamedTuple):
-    """Mesh file of a link in a URDF, with the scale (3,) of its coordinates."""
+    """Mesh file of a link in a URDF: the link, the file's name in the URDF, and the scale (3,) of its coordinates."""
 
     link: str
     name: str
@@ -40,7 +40,7 @@ class UrdfMesh(NamedTuple):
 class Geometry(NamedTuple):
     """Solid of a link.
 
-    shape  itself, or the file that has it
+    shape  shape, or the mesh file that holds it
     pose   (4, 4)  in the link's frame
     """
 
@@ -60,11 +60,12 @@ class Mimic(NamedTuple):
 class UrdfJoint:
     """Joint between a link and its parent.
 
-    kind    one of KINDS
-    origin  (4, 4)  its frame, which is the child's at value 0, in that of the parent
-    axis    (3,)    unit vector in its frame
-    low, high, speed  None if missing in the file; soft limits where these are tighter
-    mimic   the joint that it follows, or None
+    kind    type of the joint, one of KINDS
+    parent, child  names of the links
+    origin  (4, 4)  frame of the joint in the frame of the parent; at value 0 it is the frame of the child
+    axis    (3,)    unit vector in the joint's frame
+    low, high, speed  limits, None if missing in the file; soft limits where these are tighter
+    mimic   rule by which it follows another joint, or None
     doubt   oddity of its limits, in words, or ""
     """
 
@@ -85,11 +86,11 @@ class UrdfJoint:
 class Robot:
     """Robot as a tree of links.
 
-    file    that describes it
-    root    its first link
-    links   solids of each
+    file    the URDF
+    root    name of the link without a parent
+    links   solids of each link by name
     joints  by name
-    bare    links that can be seen, but have no solids
+    bare    names of links that are visible, but have no solids
     """
 
     file: XmlFile
@@ -114,13 +115,15 @@ class Robot:
 
 
 def read_urdf(path: str | os.PathLike[str]) -> Robot:
-    """Return the robot of a URDF; ModelError for another file, or one that cannot be trusted."""
+    """Return the robot of a URDF; ModelError for any other file, and for one that exceeds the bounds."""
     file = XmlFile(path, "URDF", "robot")
     file.refuse_xacro("arm.urdf")
     links, bare = {}, set()
     if file.root.find("link") is None:
         semantic = any(file.root.find(tag) is not None for tag in ("group", "group_state", "disable_collisions"))
-        what = "it is an SRDF: it has groups, states or pairs, but no <link>" if semantic else "it has no <link>"
+        what = (
+            "it is an SRDF: it has groups, states or pairs of links, but no <link>" if semantic else "it has no <link>"
+        )
         raise file.error(f"{what}; give the URDF, which has the links and joints")
     for element in file.root.findall("link"):
         name = file.name(element)
@@ -136,7 +139,7 @@ def read_urdf(path: str | os.PathLike[str]) -> Robot:
             raise file.error(f"two joints are called {shown(joint.name)}")
         for end in (joint.parent, joint.child):
             if end not in links:
-                raise file.error(f"joint {shown(joint.name)} names the link {shown(end)}, which there is not")
+                raise file.error(f"joint {shown(joint.name)} names the link {shown(end)}, which does not exist")
         joints[joint.name] = joint
     if len(links) > MOST_LINKS:
         raise file.error(f"expected at most {MOST_LINKS:,} links, found {len(links):,}")
@@ -149,15 +152,15 @@ def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, UrdfJ
     for joint in joints.values():
         if joint.child in above:
             raise file.error(
-                f"the link {shown(joint.child)} has two parents, by joints {shown(above[joint.child].name)} and "
-                f"{shown(joint.name)}; arms with closed loops are not planned for"
+                f"the link {shown(joint.child)} has two parent joints, {shown(above[joint.child].name)} and "
+                f"{shown(joint.name)}; arms with closed loops are not supported"
             )
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if not roots:
         raise file.error(
-            f"each link has a parent: joints lead in a circle, {_circle(above, next(iter(links)))}; the first link of "
-            "an arm is no joint's child"
+            f"each link has a parent, so the joints form a circle, {_circle(above, next(iter(links)))}; the root link "
+            "of an arm must not be the child of a joint"
         )
     if len(roots) > 1:
         named = ", ".join(map(shown, roots[:8]))
@@ -179,7 +182,7 @@ def _root(file: XmlFile, links: Mapping[str, object], joints: Mapping[str, UrdfJ
 
 
 def _circle(above: Mapping[str, UrdfJoint], link: str) -> str:
-    """Return the links of a circle above a link, from parent to child, as text."""
+    """Return, as text, the links of a circle that contains a link, from parent to child."""
     passed: list[str] = []
     while link not in passed:
         passed.append(link)
@@ -206,9 +209,9 @@ def _joint(file: XmlFile, element: Element) -> UrdfJoint:
         bounds |= {key: bounds[key] or 0.0 for key in ("lower", "upper")}
     soft, doubt = element.find("safety_controller"), ""
     if soft is not None and kind in ("revolute", "prismatic"):
-        within = _soft(file, what, soft, bounds)
+        within = _soft_limits(file, what, soft, bounds)
         if None not in within.values() and within["lower"] >= within["upper"]:  # type: ignore[operator]  # not None
-            doubt = f"the soft limits of {what} leave it no room within its limits, and are left out"
+            doubt = f"the soft limits of {what} exclude all values within its limits, and are ignored"
         else:
             bounds |= within
     axis = np.array([1.0, 0.0, 0.0])
@@ -230,7 +233,7 @@ def _joint(file: XmlFile, element: Element) -> UrdfJoint:
     return UrdfJoint(name, kind, parent, child, origin, axis, low, high, speed, follows, doubt)
 
 
-def _soft(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | None]) -> dict[str, float | None]:
+def _soft_limits(file: XmlFile, what: str, soft: Element, hard: Mapping[str, float | None]) -> dict[str, float | None]:
     """Return the tighter of the hard limits and those of a safety_controller, as in MoveIt.
 
     A missing attribute sets no limit.
@@ -291,13 +294,15 @@ def _shape(file: XmlFile, link: str, what: str, element: Element) -> Shape | Urd
 class Semantics:
     """Contents of an SRDF.
 
+    file      the SRDF
     states    values of joints, rad or m, by the name of the state; "group/name" where groups differ in a name
     groups    names of the groups that it defines
-    grouped   the state and the group of each set of values
-    loose     names of joints that place the robot in the world: no URDF has those
-    disabled  pairs of links that never collide, or always do, each in alphabetical order
+    grouped   state and group of each set of values
+    loose     names of joints that place the robot in the world, which no URDF has
     passive   joints that are not driven
+    disabled  pairs of links without collision test (they never collide, or always), each in alphabetical order
     lonely    links without collision tests, except for the pairs in ``enabled``
+    enabled   pairs of links with a collision test in spite of ``lonely``
     """
 
     file: XmlFile
@@ -322,7 +327,7 @@ def read_srdf(path: str | os.PathLike[str]) -> Semantics:
     file.refuse_xacro("arm.srdf")
     root = file.root
     if root.find("link") is not None:
-        raise file.error("it is a URDF, for it has links; an SRDF has groups, states by name, and pairs of links")
+        raise file.error("it is a URDF, because it has links; an SRDF has groups, named states, and pairs of links")
     disabled, enabled = (
         frozenset(pair_of(file.name(pair, "link1"), file.name(pair, "link2")) for pair in root.findall(tag))
         for tag in ("disable_collisions", "enable_collisions")

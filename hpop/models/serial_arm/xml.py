@@ -1,6 +1,6 @@
-"""XML from untrusted files: elements and attributes of bounded size, without document types or entities.
+"""Reader of XML from untrusted files: elements and attributes of bounded size, without document types or entities.
 
-An entity may stand for a thousand others, or for a file of the computer that reads it; neither URDF nor SRDF needs one.
+An entity may expand to a thousand others, or include a local file; neither URDF nor SRDF needs entities.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ NEARLY = 1e-11
 
 
 class XmlFile:
-    """XML file, and error messages about it.
+    """XML file, with methods that check its attributes and raise errors that name the file.
 
     path  of the file
     data  its bytes
-    root  its elements
+    root  its root element
     """
 
     def __init__(self, path: str | os.PathLike[str], what: str, tag: str) -> None:
@@ -47,19 +47,22 @@ class XmlFile:
             raise self.error(f"expected <{tag}> as its outermost element, got <{printable(self.root.tag)[:80]}>")
 
     def error(self, said: str) -> ModelError:
-        """Return an error about this file."""
+        """Return a ModelError about this file."""
         return ModelError(f"{self.what} {shown(str(self.path), 400)}: {said}")
 
     def refuse_xacro(self, expanded: str) -> None:
-        """Raise ModelError for xacro: its macros and includes are not expanded here."""
+        """Raise ModelError if the file is xacro, whose macros and includes are not expanded here.
+
+        expanded  file name for the suggested command
+        """
         if any(element.tag.startswith("xacro:") for element in self.root.iter()):
             raise self.error(
-                f"it is xacro, which has to be expanded first: xacro {printable(self.path.name)[:80]} > {expanded} (a "
+                f"it is xacro; expand it first: xacro {printable(self.path.name)[:80]} > {expanded} (a "
                 "command of ROS, and of pip install xacro)"
             )
 
     def name(self, element: Element, attribute: str = "name") -> str:
-        """Return an attribute that names something."""
+        """Return an attribute that holds a name."""
         given = element.get(attribute)
         if not given or len(given) > LONGEST_NAME:
             raise self.error(
@@ -86,7 +89,9 @@ class XmlFile:
         builder, parser, nested, elements = TreeBuilder(), expat.ParserCreate(), 0, 0
 
         def refuse(*_: Any) -> None:
-            raise self.error("it has a document type or entities, which are not read; write out what they stand for")
+            raise self.error(
+                "it has a document type or entities, which are not supported; replace them by their contents"
+            )
 
         def start(tag: str, attributes: dict[str, str]) -> None:
             nonlocal nested, elements
@@ -109,7 +114,7 @@ class XmlFile:
         except (expat.ExpatError, ValueError, LookupError) as error:
             if isinstance(error, ModelError):
                 raise
-            raise self.error(f"it is not XML that can be read ({printable(error)[:80]})") from None
+            raise self.error(f"it cannot be read as XML ({printable(error)[:80]})") from None
         return builder.close()
 
 
@@ -152,7 +157,7 @@ def pose_of(xyz: FloatArray, rpy: FloatArray) -> FloatArray:
 
 
 def exact(value: float) -> float:
-    """Return 0, 1 or -1 for a value so near that no pose is off by 1e-10 m; any other number as it is.
+    """Return 0, 1 or -1 for a value so near that no pose changes by more than 1e-10 m; any other number unchanged.
 
     >>> exact(math.cos(1.57079632679)), exact(0.5)
     (0.0, 0.5)

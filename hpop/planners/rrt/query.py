@@ -11,7 +11,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
-from hpop.models.driven import NODES, ahead, driven
+from hpop.models.driven import NODES, driven, states_after
 from hpop.motions import States
 from hpop.trajectories.trajectory import Trajectory
 
@@ -226,7 +226,7 @@ def _ends(model: Wheeled, base: Base, wheels: FloatArray, lasts: FloatArray) -> 
     still = np.zeros(acceleration.size)
     columns = {"yaw": yaw, "speed": speed, "turn_rate": turn_rate}
     begins = States(x=still, y=still, clock=still, **{name: c[:, :-1].ravel() for name, c in columns.items()})
-    reached = ahead(begins, acceleration.ravel(), turn_acceleration.ravel(), np.tile(lasts, len(wheels)))
+    reached = states_after(begins, acceleration.ravel(), turn_acceleration.ravel(), np.tile(lasts, len(wheels)))
     x, y = (column.reshape(acceleration.shape).sum(axis=1) for column in (reached.x, reached.y))
     return np.stack([base.x + x, base.y + y, yaw[:, -1], speed[:, -1], turn_rate[:, -1]], axis=1)
 

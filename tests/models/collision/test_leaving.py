@@ -8,7 +8,7 @@ import shapely
 
 import hpop
 from hpop.errors import QueryError
-from hpop.models.collision.leaving import Leaving, alone, touched
+from hpop.models.collision.leaving import Leaving, touched, world_of_area
 from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.problems.verify import verify
@@ -84,7 +84,7 @@ def test_rrt_refuses_a_start_in_contact_and_says_which_planners_do_not():
 def test_a_move_towards_somebody_in_contact_is_not_free_and_one_along_the_tangent_is():
     person = Person(0.53, 0.0)
     body = shapely.Point(0.53, 0).buffer(0.25)
-    leaving = Leaving(ROUND.parts, (0.53, 0.0), PlanarCollision(ROUND.parts, alone(body)))
+    leaving = Leaving(ROUND.parts, (0.53, 0.0), PlanarCollision(ROUND.parts, world_of_area(body)))
     world = HALL.with_content(people=[person])
     angles = np.radians([0.0, 45.0, 89.0, 90.0, 91.0, 135.0, 180.0])
     zero = 0.0 * angles

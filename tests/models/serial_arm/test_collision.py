@@ -160,7 +160,7 @@ def test_the_judge_says_what_python_fcl_says_at_every_step_of_1_mm(seed):
     motions = arm.motions(rows[:-1], rows[:-1] + 0.1 * (rows[1:] - rows[:-1]))
     found = judge.motions_free(motions)
     for i in range(len(motions)):
-        steps = judge._along(motions, i)
+        steps = judge._steps_along(motions, i)
         assert steps.moved.max(initial=0.0) <= 1e-3
         touching = False
         for a, b in judge._pairs:

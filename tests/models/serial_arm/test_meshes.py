@@ -142,7 +142,7 @@ def test_a_package_is_a_folder_that_is_given(tmp_path):
     (tmp_path / "robot").mkdir()
     (tmp_path / "meshes").mkdir()
     BOX.export(tmp_path / "meshes/box.stl")
-    with pytest.raises(ModelError, match=r"in the package 'parts'; say in packages where that is, as {parts: FOLDER}"):
+    with pytest.raises(ModelError, match=r"in the package 'parts'; give its folder in packages, as {parts: FOLDER}"):
         with_mesh(tmp_path / "robot", "package://parts/box.stl")
     arm = with_mesh(tmp_path / "robot", "package://parts/box.stl", packages={"parts": tmp_path / "meshes"})
     assert len(jibs(arm)) == 1
@@ -154,7 +154,7 @@ def test_a_package_is_a_folder_that_is_given(tmp_path):
 def test_no_file_is_read_from_outside_the_folder(tmp_path, name):
     BOX.export(tmp_path / "box.stl")
     (tmp_path / "robot").mkdir()
-    with pytest.raises(ModelError, match=r"is not in the folder|must be a file, or in a package"):
+    with pytest.raises(ModelError, match=r"is not in the folder|must be the path of a file, or package"):
         with_mesh(tmp_path / "robot", name)
 
 

@@ -204,7 +204,7 @@ def test_a_front_and_the_files_of_its_arm_are_found_where_both_were_moved(scenar
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     shutil.move(tmp_path / "robot", here / "robot")
-    moved = files.found_from(str(here), files.seen_from(str(tmp_path), problem.model.describe()))
+    moved = files.with_absolute_paths(str(here), files.with_relative_paths(str(tmp_path), problem.model.describe()))
     assert make_model(moved) == problem.model
     shutil.move(here / "robot", tmp_path / "robot")
     front.save(tmp_path / "front.json")

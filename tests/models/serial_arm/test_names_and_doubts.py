@@ -46,7 +46,7 @@ def test_a_state_of_an_unknown_group_is_noted(srdf):
 
 def test_pairs_of_links_that_are_not_there_are_noted_with_what_was_meant(srdf):
     (note,) = arm6(srdf=srdf('link2="wrist"', 'link2="wirst"')).notes
-    assert "'wirst', which the URDF does not have: is it another's? Did you mean 'wrist'?" in note
+    assert "'wirst', which the URDF does not have: is it the SRDF of another robot? Did you mean 'wrist'?" in note
 
 
 def test_joints_by_which_a_robot_stands_in_the_world_are_no_strangers(srdf):
@@ -56,7 +56,7 @@ def test_joints_by_which_a_robot_stands_in_the_world_are_no_strangers(srdf):
 
 
 def test_urdf_and_srdf_are_not_taken_for_each_other():
-    with pytest.raises(ModelError, match=r"SRDF '.*arm6.urdf': it is a URDF, for it has links"):
+    with pytest.raises(ModelError, match=r"SRDF '.*arm6.urdf': it is a URDF, because it has links"):
         arm6(srdf=HERE / "arm6.urdf")
     with pytest.raises(ModelError, match=r"URDF '.*arm6.srdf': it is an SRDF.*give the URDF"):
         hpop.SerialArm.from_urdf(HERE / "arm6.srdf", tip="tool", acceleration=1.0)

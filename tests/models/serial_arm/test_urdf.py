@@ -75,7 +75,7 @@ def test_links_in_a_circle_are_called_so(tmp_path):
     joints = "".join(
         f'<joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>' for a, b in ends
     )
-    with pytest.raises(ModelError, match="each link has a parent: joints lead in a circle, 'a' > 'b' > 'c' > 'a'; the"):
+    with pytest.raises(ModelError, match="each link has a parent, so the joints form a circle, 'a' > 'b' > 'c' > 'a'; the"):
         made(tmp_path, f"<robot>{links}{joints}</robot>")
 
 
@@ -140,7 +140,7 @@ def test_a_joint_of_the_chain_that_is_fixed_moves_no_more(tmp_path):
     poses = [arm.pose("tool", arm.space.state(rows | extra)) for arm, extra in ((free, {"out": 0.1}), (fixed, {}))]
     np.testing.assert_allclose([p.x[0] for p in poses[:1]], [poses[1].x[0]], atol=1e-12)
     np.testing.assert_allclose([p.z[0] for p in poses[:1]], [poses[1].z[0]], atol=1e-12)
-    with pytest.raises(ModelError, match=r"'outer', which there is not; its joints are 'lift', .*Did you mean 'out'"):
+    with pytest.raises(ModelError, match=r"'outer', which does not exist; its joints are 'lift', .*Did you mean 'out'"):
         made(tmp_path, fixed={"outer": 0.1})
 
 
@@ -219,7 +219,7 @@ def test_soft_limits_that_leave_no_room_are_left_out_and_told(tmp_path):
     controller = '<safety_controller k_velocity="40" soft_lower_limit="0" soft_upper_limit="0"/>'
     arm = made(tmp_path, CRANE.replace('<limit lower="-1.5"', controller + '<limit lower="-1.5"'))
     assert (arm.space.low[-1], arm.space.high[-1]) == (-1.5, 2.0)
-    assert arm.notes == ("the soft limits of joint 'tilt' leave it no room within its limits, and are left out",)
+    assert arm.notes == ("the soft limits of joint 'tilt' exclude all values within its limits, and are ignored",)
 
 
 def test_soft_limits_are_those_of_the_panda(shared_data):

@@ -16,7 +16,7 @@ from hpop.criteria import Clearance, Length, OrientationRetention, Turns
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
-from hpop.models.driven import Drive, ahead
+from hpop.models.driven import Drive, states_after
 from hpop.motions import States
 from hpop.planners import judgement
 from hpop.planners.programs.polyline import Polyline
@@ -98,7 +98,7 @@ def test_the_law_in_the_program_is_the_law_of_the_trajectory():
         turn_rate=rng.uniform(0, 1.5, 50),
         clock=np.zeros(50),
     )
-    end = ahead(start, rng.uniform(0, 1, 50), rng.uniform(0, 1, 50), np.full(50, 0.3))
+    end = states_after(start, rng.uniform(0, 1, 50), rng.uniform(0, 1, 50), np.full(50, 0.3))
     inside, law = Forward(sign=1.0), Drive()
     for share in (0.1, 0.5, 0.8):
         for name in ("x", "y", "yaw"):

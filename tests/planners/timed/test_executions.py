@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.base.options import LEAST
 from hpop.models import DifferentialDrive, PanTilt
-from hpop.models.execution import needed_about
+from hpop.models.execution import clearance_radius
 from hpop.motions import States
 from hpop.planners.lattice import Lattice
 from hpop.planners.roadmap import Roadmap
@@ -126,7 +126,9 @@ def test_nobody_is_touched_by_what_is_executed(seed):
         stopped = provenance.get("people_who_stop", ())
         assert all(meets_the_standing_robot(problem, i) for i in stopped)
         assert not stopped or any("taken to stop" in note for note in found.notes)
-        people = with_stops(problem.world.content.people, stopped, problem.start[:2], needed_about(problem.model, 0.0))
+        people = with_stops(
+            problem.world.content.people, stopped, problem.start[:2], clearance_radius(problem.model, 0.0)
+        )
         among = replace(problem, world=problem.world.with_content(people=people))
         assert trajectory.punctual
         assert gaps(among, trajectory).min() >= 0.0

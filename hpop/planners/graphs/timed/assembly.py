@@ -14,7 +14,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import DEFAULT_QUANTUM, Criterion, index_of_role, make_criterion
 from hpop.errors import OptionError
-from hpop.models.execution import Ramps, needed_about
+from hpop.models.execution import Ramps, clearance_radius
 from hpop.motions import States
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
@@ -187,7 +187,7 @@ class _Assembly:
         model, spending = self.arcs.inner.model, self.space.spending
         people = self.moving_people.people
         if self.people_stop:
-            (start, *_), reach = self.starts, needed_about(model, self.options.margin)
+            (start, *_), reach = self.starts, clearance_radius(model, self.options.margin)
             people = tuple(yielding(person, (start.x, start.y), reach, start.time) for person in people)
         return Safety.of(self.moving_people, model, self.options, self.horizon, self.starts, spending, people)
 

@@ -13,7 +13,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.text import some
 from hpop.errors import QueryError
-from hpop.models.execution import needed_about
+from hpop.models.execution import clearance_radius
 from hpop.planners.graphs.assemble import ROUNDED, Plans
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.timed.assembly import timed_graph
@@ -178,7 +178,7 @@ class Timing:
     def _at_start(self) -> tuple[tuple[float, float], float]:
         """Position, m, at which plans begin, and the radius, m, that the robot needs there."""
         model, start = self.timed.arcs.inner.model, self.departure
-        return (start.x, start.y), needed_about(model, self.options.margin)
+        return (start.x, start.y), clearance_radius(model, self.options.margin)
 
     @property
     def _touching(self) -> tuple[str, ...]:
