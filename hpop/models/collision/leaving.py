@@ -105,7 +105,7 @@ class LeavingCollision(PlanarCollision):
     left  one test for each of these people
     """
 
-    world_with_leaving: tuple[Leaving, ...] = ()
+    left: tuple[Leaving, ...] = ()
 
     @property
     def yaw_matters(self) -> bool:
@@ -138,14 +138,14 @@ def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
     """Return the collision test of parts in a world; people in contact at the start may be left."""
     if not world.content.left:
         return PlanarCollision(parts, world.for_robots)
-    world_with_leaving = [
+    tests = [
         Leaving(
             parts, (world.content.people[i].x, world.content.people[i].y), PlanarCollision(parts, world_of_area(body))
         )
         for i, body in world.content.bodies.items()
         if i in world.content.left
     ]
-    return LeavingCollision(parts, world.for_robots, tuple(world_with_leaving))
+    return LeavingCollision(parts, world.for_robots, tuple(tests))
 
 
 def touched(parts: tuple[Part, ...], world: World, state: States) -> tuple[int, ...]:

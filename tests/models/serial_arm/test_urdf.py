@@ -75,7 +75,8 @@ def test_links_in_a_circle_are_called_so(tmp_path):
     joints = "".join(
         f'<joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>' for a, b in ends
     )
-    with pytest.raises(ModelError, match="each link has a parent, so the joints form a circle, 'a' > 'b' > 'c' > 'a'; the"):
+    circle = "each link has a parent, so the joints form a circle, 'a' > 'b' > 'c' > 'a'; the"
+    with pytest.raises(ModelError, match=circle):
         made(tmp_path, f"<robot>{links}{joints}</robot>")
 
 
