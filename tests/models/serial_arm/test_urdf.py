@@ -57,7 +57,7 @@ WRONG = {
     "a sphere of no size": ('<sphere radius="0.03"/>', '<sphere radius="0"/>', "radius of .* must be above 0 m"),
     "a document type": ("<robot", ENTITY + "<robot", "document type or entities"),
     "macros": ("<link name=", '<xacro:include filename="x"/><link name=', "xacro arm.urdf > arm.urdf"),
-    "no XML": ("</robot>", "", "not XML"),
+    "no XML": ("</robot>", "", "be read as XML"),
     "another root": ("robot", "gazebo", "expected <robot>"),
 }
 
