@@ -223,10 +223,10 @@ def unknown_name_notes(robot: Robot, semantics: Semantics) -> Iterator[str]:
     """Yield notes on links, joints and groups in an SRDF that neither the URDF nor the SRDF defines."""
     links = {link for pair in semantics.disabled | semantics.enabled for link in pair} | semantics.lonely
     if strange := sorted(links - robot.links.keys()):
-        yield _unknown_note("excludes collisions of links named", strange, robot.links)
+        yield _unknown_note("says which links never collide also of", strange, robot.links)
     joints = {joint for values in semantics.states.values() for joint in values} - semantics.loose
     if strange := sorted(joints - robot.joints.keys()):
-        yield _unknown_note("has states with values of joints named", strange, robot.joints)
+        yield _unknown_note("gives, in its states, values of the joints", strange, robot.joints)
     for state, group in sorted(semantics.grouped):
         if group not in semantics.groups:
             near = did_you_mean(group, semantics.groups)
