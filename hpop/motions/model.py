@@ -24,6 +24,7 @@ COLLISION_DEFAULTS: dict[str, Any] = {
     "least_clearance": None,
     "is_uncompiled": False,
     "posture_matters": False,
+    "turns_compose": False,
     "differs": lambda collision, before, x, y, within: np.ones(x.shape, dtype=np.bool_),
 }
 """Values of a collision's optional members."""
@@ -36,13 +37,12 @@ class Collision(Protocol):
 
     clearance        method of states (N,): distance (N,), m, of the whole robot from all of these; None
     least_clearance  method of motions (M,) of uncoupled laws and a distance: the least clearance (M,), m, along each,
-                     at
-                     most that distance; None to sample ``clearance`` instead
+                     at most that distance; None to sample ``clearance`` instead
     is_uncompiled    whether kernels must be compiled at the first call; False
     posture_matters  whether collisions depend on more than x, y and yaw, in the plane; False
+    turns_compose    whether a turn in place is free exactly where its parts are; False
     differs          in the plane, method of the collision in an earlier world, positions (P,) and a distance, m:
-                     whether
-                     within it the robot's collisions may differ from the earlier ones (P,); all may
+                     whether within it the robot's collisions may differ from the earlier ones (P,); all may
     """
 
     def states_free(self, states: States) -> BoolArray:
@@ -92,6 +92,9 @@ class PlaneCollision(Collision, Protocol):
 
     @property
     def posture_matters(self) -> bool: ...
+
+    @property
+    def turns_compose(self) -> bool: ...
 
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether each position (P,) is free at every yaw, and so is every turn there."""

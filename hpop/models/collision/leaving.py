@@ -112,6 +112,11 @@ class LeavingCollision(PlanarCollision):
         """True if a position that is not :meth:`clear` can be free at some yaw: contact is left along headings."""
         return True
 
+    @property
+    def turns_compose(self) -> bool:
+        """False, because a turn that leaves contact may be free where a part of it is not."""
+        return False
+
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether the circles swept by the parts about positions (P,) are free, also of people in contact."""
         free = super().clear(x, y)

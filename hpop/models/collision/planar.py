@@ -88,6 +88,11 @@ class PlanarCollision:
         """True if collisions depend on joints that carry parts, beside x, y and yaw."""
         return any(part.on for part in self.parts)
 
+    @property
+    def turns_compose(self) -> bool:
+        """True, because a turn sweeps the areas of its parts."""
+        return True
+
     def clear(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """Return whether the circles that the parts sweep about positions (P,) are free.
 

@@ -119,7 +119,49 @@ def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: N
 
 
 def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
-    """Mark the turns (P, H, H - 1) to the other headings that are free."""
+    """Mark the turns (P, H, H - 1) to the other headings that are free.
+
+    Where a collision test says that turns compose, only turns between neighbouring headings are checked: a longer turn
+    is free if all of these are that it passes.
+    """
+    if not lattice.collision.turns_compose:
+        return _each_turn_free(lattice, others)
+    free = lattice.free[lattice.cells]  # (P, H)
+    count = lattice.headings.count
+    onward = (np.arange(count) + 1) % count
+    sectors = free & free[:, onward]  # from each heading to the next one counter-clockwise
+    sure = lattice.clear[lattice.cells]
+
+    def blocked(part: slice) -> tuple[IntArray, IntArray]:
+        place, heading = np.nonzero(sectors[part] & ~sure[part, None])
+        first = (place + part.start) * lattice.width
+        tails, heads = (first + lattice.station_in[at] for at in (heading, onward[heading]))
+        wrong = ~lattice.collision.motions_free(lattice.motions("turn", tails, heads))
+        return place[wrong] + part.start, heading[wrong]
+
+    for at in lattice.spending.each(blocked, blocks(len(free), count), lattice.doing):
+        sectors[at] = False
+    passed = _passed_sectors(lattice, others).reshape(-1, count).T.astype(np.float32)  # (H, H * (H - 1))
+    turns = np.empty((len(free), *others.shape), np.bool_)
+    for part in blocks(len(free), count * count):
+        turns[part] = ((~sectors[part]).astype(np.float32) @ passed == 0).reshape(-1, *others.shape)
+    return turns
+
+
+def _passed_sectors(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
+    """Return the sectors (H, H - 1, H) that turns pass: sector h lies between headings h and h + 1."""
+    count = len(others)
+    a = np.repeat(np.arange(count), count - 1)
+    b = others.ravel()
+    motions = lattice.motions("turn", lattice.station_in[a], lattice.station_in[b])
+    counter_clockwise = motions.end.yaw > motions.start.yaw
+    first, last = np.where(counter_clockwise, a, b), np.where(counter_clockwise, b, a)
+    passed: BoolArray = (np.arange(count) - first[:, None]) % count < ((last - first) % count)[:, None]
+    return passed.reshape(*others.shape, count)
+
+
+def _each_turn_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
+    """Mark the turns (P, H, H - 1) to the other headings that are free, checking each of them."""
     count = lattice.headings.count
     free = lattice.free[lattice.cells]
     possible = free[:, :, None] & free[:, others]
