@@ -110,7 +110,7 @@ class TimedDriveGraph:
         arcs = before.timed.arcs if before is not None and before.untimed.query.space is untimed.query.space else None
         at = commit.time - now.since
         begin = max(0, math.floor((at - EARLIER) / options.tick))
-        clear = Safety.of(MovingPeople.of(space.world), space.model, options, 0, (), space.spending)
+        clear = Safety.of(MovingPeople.of(space.world), space.model, options, (), space.spending)
         near = tuple[tuple[int, float], ...]()
         if not is_far and clear.near(_start(commit.state, at)):
             # Places soon after the commit belong to the same query: the robot may still be leaving there.

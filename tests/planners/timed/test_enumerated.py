@@ -30,6 +30,8 @@ TICKS = (0.4, 0.2, 2, 5, 7, 1)  # m, s, then ticks of a move, a quarter turn, a 
 ROUND = GridRobot(DifferentialDrive(radius=0.1, **PACE), *TICKS)
 CORNERS = ((0.15, 0.08), (-0.15, 0.08), (-0.15, -0.08), (0.15, -0.08))
 LONG = GridRobot(DifferentialDrive(footprint=CORNERS, **PACE), *TICKS)
+CREEPS = {"speed": 0.2, "acceleration": 0.5, "turn_rate": math.pi / 4, "turn_acceleration": math.pi / 2.4}
+SLOW = GridRobot(DifferentialDrive(radius=0.1, **CREEPS), *(0.4, 0.2, 10, 15, 25, 1))
 STRAY, SLACK, LEAVING, SOON = 0.05, 0.2, 5.0, 1.0  # m: v²/8a; s: as documented
 SIGMAS, RISK = 1.6449, 0.05
 PIECE = 0.5  # s: a person counts as present until the end of a piece of a motion, with its largest uncertainty
@@ -120,7 +122,7 @@ def gap(
     px, py = (np.broadcast_to(column, times.shape) for column in person.at(np.maximum(times, 0.0)))
     x, y = px - drive.x, py - drive.y
     apart = np.hypot(x, y)
-    if case.robot is ROUND:
+    if case.robot is not LONG:
         found = apart - 0.1
     else:
         cos, sin = np.cos(drive.yaw), np.sin(drive.yaw)
@@ -222,6 +224,8 @@ def faults(case: Case, drive: Drive, people: Sequence[Person]) -> Iterator[str]:
         near = sum(w * risk(case, drive, one, times, case.margin) for w, one in hypotheses) > most
         if case.margin and near.any():
             first = int(np.argmax(near))
+            if times[near][-1] > LEAVING + PIECE + SLACK:
+                yield f"leaves the margin of {person.name} only at {times[near][-1]:.2f} s"
             if not is_prefix(near[first:]) or times[first] > SOON:
                 yield f"is within the margin of {person.name} at {times[near][-1]:.2f} s"
 
@@ -235,7 +239,7 @@ def sampled(trajectory: Trajectory) -> Drive:
 def stopped(case: Case, people: Sequence[Person], names: str) -> tuple[Person, ...]:
     """Return the people; those named stop 2 cm before the space that the robot needs at its start, or at once."""
     x, y = (case.robot.step * i for i in case.start[:2])
-    reach = 0.1 if case.robot is ROUND else math.hypot(*CORNERS[0])
+    reach = 0.1 if case.robot is not LONG else math.hypot(*CORNERS[0])
     found = []
     for person in people:
         if repr(person.name) in names and not person.futures:
@@ -301,6 +305,9 @@ CASES = {
     "stands beside with an overlap, and walks on": Case((person(0.0, 0.18, 0.3, 0.0),)),
     "stands in the margin": Case((person(0.0, 0.3, until=3.0),), margin=0.25),
     "walks up and stays in the margin": Case((person(0.0, 0.6, 0.0, -0.3, until=0.6, afterwards="stays"),), margin=0.3),
+    "stays for good where a slow robot starts": Case(
+        (person(0.54, -0.25, 0.1, until=0.6, afterwards="stays"),), SLOW, 0.5, None, (0, 0, 0), (4, 2), (5, 3), 92
+    ),
     "is uncertain, and crosses": Case((person(0.8, 0.65, 0.0, -0.4, spread=0.03, growth=0.03),)),
     "stands with a chance of contact": Case((person(0.25, 0.0, until=3.0, spread=0.05),)),
     "stands behind with a chance of contact": Case((person(-0.23, 0.0, until=3.0, spread=0.05),)),
@@ -318,6 +325,7 @@ CASES = {
 FEW = (
     "crosses with a margin",
     "stands with an overlap",
+    "stays for good where a slow robot starts",
     "stands with a chance of contact",
     "stands behind a long robot",
 )

@@ -102,8 +102,8 @@ class _Assembly:
 
     @cached_property
     def horizon(self) -> int:
-        """The tick from which on no cost changes, or that of the latest arrival."""
-        settled, arrive_by = self.moving_people.settled, self.options.arrive_by
+        """The tick from which on no cost and no blocked arc changes, or that of the latest arrival."""
+        settled, arrive_by = self.safety.settled(self.moving_people.settled), self.options.arrive_by
         last = settled + SLACK  # until then a person may be in the way of a plan that deviates from the clock
         last = last if arrive_by is None else min(last, arrive_by)
         if not last / self.clock.tick + 2 < MAX_TICKS:
@@ -189,7 +189,7 @@ class _Assembly:
         if self.people_stop:
             (start, *_), reach = self.starts, clearance_radius(model, self.options.margin)
             people = tuple(yielding(person, (start.x, start.y), reach, start.time) for person in people)
-        return Safety.of(self.moving_people, model, self.options, self.horizon, self.starts, spending, people)
+        return Safety.of(self.moving_people, model, self.options, self.starts, spending, people)
 
     @cached_property
     def starts(self) -> tuple[Start, ...]:
@@ -264,7 +264,9 @@ class _Assembly:
         legs, tails = arcs.legs(rows), arcs.tails[rows]
         first = int(np.searchsorted(rows, arcs.tails.size - arcs.copied.size))
         ends = np.isin(self.plain.heads[rows], self.goals)
-        blocked = self.safety.blocked([*legs, *arrivals(legs, ends, arcs.durations[rows], self.ramps.half)], first)
+        blocked = self.safety.blocked(
+            [*legs, *arrivals(legs, ends, arcs.durations[rows], self.ramps.half)], first, self.horizon
+        )
         wanted = self.closed[rows]
         wanted[blocked.rows] = True
         presence = replace(self.presence, x=states.x, y=states.y) if self.headed else self.presence
@@ -305,7 +307,7 @@ class _Assembly:
             stays=_frozen(self.stays),
             standing={j: _frozen(table) for j, table in zip(self.timed, stood.tables, strict=True)},
             rate=np.where(worst, np.ceil(rate - WHOLE), np.rint(rate * RATE)).astype(np.int64),
-            cut=_frozen(self.safety.cut(states.x, states.y)),
+            cut=_frozen(self.safety.cut(states.x, states.y, self.horizon)),
             hold=None if self.hold is None else max(1, self.clock.up_to(self.hold)),
             arrive_by=None if options.arrive_by is None else self.clock.within(options.arrive_by),
         )

@@ -84,7 +84,6 @@ class Safety:
     parts    of the robot
     people   hypotheses of the moving people
     clock
-    horizon  H
     margin   m
     starts   where plans begin; empty if the robot comes from outside every person's margin
     stray    m  largest deviation of executions along their path
@@ -93,7 +92,6 @@ class Safety:
     parts: Sequence[Part]
     people: tuple[Person, ...]
     clock: TickClock
-    horizon: int
     margin: float
     starts: tuple[Start, ...]
     stray: float
@@ -105,7 +103,6 @@ class Safety:
         moving_people: MovingPeople,
         model: Any,
         options: TimeOptions,
-        horizon: int,
         starts: tuple[Start, ...],
         spending: Spending,
         people: Sequence[Person] | None = None,
@@ -115,7 +112,7 @@ class Safety:
         people = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
         stray = 0.0 if ramps is None else ramps.stray  # if unknown, each execution is checked
-        return cls(model.platform, people, TickClock(options.tick), horizon, options.margin, starts, stray, spending)
+        return cls(model.platform, people, TickClock(options.tick), options.margin, starts, stray, spending)
 
     @cached_property
     def reach(self) -> float:
@@ -193,12 +190,25 @@ class Safety:
     @cached_property
     def _left_by(self) -> int:
         """Tick by which a robot must have left the people about its start."""
-        return self.clock.up_to(max((start.time for start in self.starts), default=0.0) + LEAVING)
+        return self.clock.up_to(self._leaves_until)
 
-    def cut(self, x: FloatArray, y: FloatArray) -> BoolArray:
-        """Mark ticks (P, H + 1) from which the robot must not stand at places (P,) until the next tick."""
-        cut = np.zeros((x.size, self.horizon + 1), dtype=bool)
-        ticks = np.arange(self.horizon + 1)
+    @property
+    def _leaves_until(self) -> float:
+        """Time, s, by which a robot must have left the people about its start."""
+        return max((start.time for start in self.starts), default=0.0) + LEAVING
+
+    def settled(self, seconds: float) -> float:
+        """Return the time, s, from which on no tick is blocked or cut anew, if people are settled from a time on, s.
+
+        Until it may leave no more, a robot may be near people who stay about its start.
+        """
+        stays = any(person.there(seconds + SLACK) > 0 for person in self.about_start)
+        return max(seconds, self._leaves_until) if stays else seconds
+
+    def cut(self, x: FloatArray, y: FloatArray, horizon: int) -> BoolArray:
+        """Mark ticks (P, H + 1), up to a horizon, from which the robot must not stand at places (P,) for a tick."""
+        cut = np.zeros((x.size, horizon + 1), dtype=bool)
+        ticks = np.arange(horizon + 1)
         lasts = np.ones_like(ticks)
         places = KDTree(np.stack([x, y], axis=1))
         for person in self.people:
@@ -215,27 +225,27 @@ class Safety:
                 cut[own, tick] |= to_segments(*relative) < near[tick] - TOUCH
         return self._widened(cut)
 
-    def blocked(self, legs: Sequence[LegMotions], first: int) -> BlockedArcs:
-        """Return the ticks at which arcs are blocked; arcs from ``first`` on begin a plan."""
+    def blocked(self, legs: Sequence[LegMotions], first: int, horizon: int) -> BlockedArcs:
+        """Return the ticks, up to a horizon, at which arcs are blocked; arcs from ``first`` on begin a plan."""
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):
             for person in self.people:
-                for own, tick in self._near(pieces, person):
+                for own, tick in self._near(pieces, person, horizon):
                     part = pieces.take(own)
                     hit = self._hits(part, tick + part.after, person)
                     if person in self.about_start:
                         hit &= ~self._leaves(part, tick + part.after, person)
                     rows.append(part.row[hit])
                     ticks.append(tick[hit])
-        blocked = BlockedArcs.of(np.concatenate(rows), np.concatenate(ticks), self.horizon)
+        blocked = BlockedArcs.of(np.concatenate(rows), np.concatenate(ticks), horizon)
         table = self._widened(blocked.table)
         begins = blocked.rows >= first
         table[begins, 0] = blocked.table[begins, 0]
         return BlockedArcs(blocked.rows, table)
 
-    def _near(self, pieces: MotionPieces, person: Person) -> Iterator[tuple[IntArray, IntArray]]:
+    def _near(self, pieces: MotionPieces, person: Person, horizon: int) -> Iterator[tuple[IntArray, IntArray]]:
         """Yield pieces, with the ticks at which their arcs depart, that may be near a person."""
-        seconds = self.clock.seconds(np.arange(self.horizon + 1))
+        seconds = self.clock.seconds(np.arange(horizon + 1))
         need = self.needed(person, seconds, self.margin)
         near = float(self._axis(person, need).max()) + self.stray
         (ax, ay), (bx, by) = pieces.start, pieces.end
