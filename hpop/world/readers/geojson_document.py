@@ -98,7 +98,7 @@ def read_document(content: bytes, path: str | Path) -> GeoJsonDocument:
     features: list[Feature] = []
     declared: str | None = None
     elsewhere = False
-    notes = []
+    notes: list[str] = []
     for text in texts:
         found = _features(text, path, several=len(texts) > 1)
         own, said = placement.declared_by(text, found, path) if isinstance(text, dict) else (None, ())
